@@ -16,11 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.analysis.results import progress
-from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
-from soft_continuum.mechanics.arm import Arm, ArmError, SECOND_ORDER
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import ArmError, SECOND_ORDER
+from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.either import AnyArm, Solver, State, statics_of
-from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialArm, SpatialStatics
 
 CONTINUUM_BODIES = 100  # of the second-order chain, which is then within 1e-5 of the rod
 Step = tuple[tuple[bool, ...], Array]
@@ -60,8 +58,7 @@ def converge(arm: AnyArm, bending_angles: Sequence[float], tolerance: float, mos
         raise ArmError(f'with {every - 1} spacers the bodies of a segment are multiples of '
                        f'{every}, so up to {most} bodies there is nothing to compare; needed: '
                        f'{2 * every} and more')
-    steps = (_steps(arm, bending_angles) if isinstance(arm, Arm)
-             else _steps_in_space(arm, bending_angles, jamming))
+    steps = _steps(arm, bending_angles, jamming)
     angles = np.array([_angles(arm.with_bodies(n), steps)
                        for n in progress(bodies.tolist(), 'bodies per segment')])
     rod = _angles(replace(arm, discretisation=SECOND_ORDER,
@@ -75,33 +72,19 @@ def converge(arm: AnyArm, bending_angles: Sequence[float], tolerance: float, mos
                        int(bodies[first]) if first < below.size else None)
 
 
-def _steps(arm: Arm, bending_angles: Sequence[float]) -> list[Step]:
-    """Return by which tendon each segment is bent in turn."""
-    model = Statics(arm)
-    state, steps = model.chain.straight(), list[Step]()
-    for segment, angle in enumerate(bending_angles):
-        bent = model.bend(state, segment, angle)
-        carries = np.arange(2) == (RIGHT if bent.tensions[RIGHT] >= bent.tensions[LEFT] else LEFT)
-        steps.append((_only(segment, arm), np.where(carries, bent.pulls - state.pulls, np.nan)))
-        state = bent
-    return steps
-
-
-def _steps_in_space(arm: SpatialArm, bending_angles: Sequence[float], jamming: bool) -> list[Step]:
+def _steps(arm: AnyArm, bending_angles: Sequence[float], jamming: bool) -> list[Step]:
     """Return by which tendons the segments are bent, in turn or all at once."""
-    statics = SpatialStatics(arm)
-    state, steps = statics.chain.straight(), list[Step]()
-    wanted = np.column_stack([np.zeros(len(arm.segments)), bending_angles])
-    for soft in ([_only(s, arm) for s in range(len(arm.segments))] if jamming
-                 else [(True,) * len(arm.segments)]):
-        fit = pulls_for_bending(statics, state, wanted, soft)
-        steps.append((soft, np.where(fit.pulls == SLACK, np.nan, fit.pulls - state.pulls)))
-        state = fit.state
+    statics: Solver = statics_of(arm)
+    segments = range(len(arm.segments))
+    state: State = statics.chain.straight()
+    steps: list[Step] = []
+    wanted = np.column_stack([np.zeros(len(segments)), bending_angles])
+    for soft in ([tuple(i == s for i in segments) for s in segments] if jamming
+                 else [(True,) * len(segments)]):
+        held = statics.hold(state, wanted, soft)
+        steps.append((soft, np.where(held.pulls == SLACK, np.nan, held.pulls - state.pulls)))
+        state = held.state
     return steps
-
-
-def _only(segment: int, arm: AnyArm) -> tuple[bool, ...]:
-    return tuple(i == segment for i in range(len(arm.segments)))
 
 
 def _angles(arm: AnyArm, steps: Sequence[Step]) -> Array:

@@ -77,7 +77,7 @@ def identify(described: Values, unknowns: Sequence[Unknown], shapes: Sequence[Me
 
     @lru_cache(1)  # derivatives are asked for where it was
     def misses(*values: float) -> list[Array]:
-        return [_misses(statics_at(shape.payload, *values), shape).ravel() for shape in shapes]
+        return [_misses(statics_at(shape.payload, *values), shape) for shape in shapes]
 
     def tried(scaled: Array) -> list[Array]:
         try:
@@ -121,8 +121,13 @@ def _size(change: Array) -> float:
 
 
 def _misses(statics: Solver, shape: MeasuredShape) -> Array:
-    """Return by how much the moving points of a shape are missed, (points, axes), m."""
-    return shape.misses(simulate_steps(statics, shape.steps, shape.name)[-1])
+    """Return by how much the coordinates that were measured of a shape are missed, m."""
+    misses = shape.misses(_points(statics, shape))
+    return misses[np.isfinite(misses)]
+
+
+def _points(statics: Solver, shape: MeasuredShape) -> Array:
+    return simulate_steps(statics, shape.steps, shape.name)[-1].poses[:, :3]
 
 
 def _judged(described: Values, unknowns: tuple[Unknown, ...], values: Array,
@@ -168,8 +173,7 @@ def _refuse(unknowns: tuple[Unknown, ...], direction: Array, spread: float) -> N
 def shape_error(described: Values, shape: MeasuredShape) -> Array:
     """Return the distances (m) of the moving points of a shape from where the model has them."""
     statics = _statics({**described, 'arm.discretisation': SECOND_ORDER}, shape.payload)
-    distances: Array = np.linalg.norm(_misses(statics, shape), axis=1)
-    return distances
+    return shape.errors(_points(statics, shape))
 
 
 def without(shapes: Sequence[MeasuredShape], names: Sequence[str]) -> list[MeasuredShape]:

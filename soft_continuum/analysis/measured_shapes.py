@@ -16,7 +16,6 @@ jamming there is no segment that was soft: all were.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, overload, Protocol, TypeVar
 
 import numpy as np
 
@@ -27,23 +26,18 @@ from soft_continuum.analysis.delimited import (
     read_table,
     Table,
 )
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, Equilibrium
+from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.either import AnyArm, Solver, State
-from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
+from soft_continuum.mechanics.errors import StaticsError
 
 BASE_TOLERANCE = 0.005  # m: the base disc cannot be further from where the frame has it
 BENT_LENGTH = 0.75  # of a segment, straight from end to end when it is bent by about 150 degrees
 MAX_SHAPES = 100
 MAX_STEPS = 100  # of one shape
-Loaded = TypeVar('Loaded', bound=AnyArm)
 
 SHAPE = Quantity('shape', ('shape', 'form'))
 SEGMENT = Quantity('segment', ('segment',))
-RIGHT_AND_LEFT = (
-    Quantity('right', ('right', 'rechts'), 'm'),
-    Quantity('left', ('left', 'links'), 'm'),
-)
+IN_GERMAN = {'right': ('rechts',), 'left': ('links',)}
 OPTIONAL = (
     Quantity('angle', ('angle', 'winkel'), 'rad', required=False),
     Quantity('payload', ('payload', 'nutzlast'), 'kg', required=False),
@@ -67,21 +61,13 @@ class Step:
         return tuple(self.segment in (None, i) for i in range(segments))
 
 
-class HasPoints(Protocol):
-    """A state, or what a model predicts."""
-
-    @property
-    def points(self) -> Array:
-        """Bottom and top centre of every disc, base first, m; x and z, or x, y, z, come first."""
-
-
 @dataclass(frozen=True, eq=False)
 class MeasuredShape:
     """
     One shape: its steps, and the calculation points that were measured.
 
-    numbers: (m,) of the points, 0 for the bottom of the base disc.  positions: (m, 2), x and z, or
-    (m, 3) in space, m.  payload: kg.
+    numbers: (m,) of the points, 0 for the bottom of the base disc.  positions: (m, 3), m; nan for
+    what was not measured, as y of a planar arm.  payload: kg.
     """
 
     name: str
@@ -98,13 +84,22 @@ class MeasuredShape:
     @property
     def coordinates(self) -> int:
         """How many coordinates of moving points were measured."""
-        return len(self.moving) * int(self.positions.shape[1])
+        return int(np.isfinite(self.positions[self.moving]).sum())
 
-    def misses(self, state: HasPoints) -> Array:
-        """Return by how much the moving points of a state miss those measured, (m, 2 or 3), m."""
-        there = state.points[[self.numbers[row] for row in self.moving]]
-        found: Array = there[:, :self.positions.shape[1]] - self.positions[self.moving]
-        return found
+    def misses(self, points: Array) -> Array:
+        """
+        Return by how much the moving points miss those measured, (m, 3), m; nan: not measured.
+
+        points: bottom and top centre of every disc, base first, (2 * discs, 3), m.
+        """
+        there = points[[self.numbers[row] for row in self.moving]]
+        missed: Array = there - self.positions[self.moving]
+        return missed
+
+    def errors(self, points: Array) -> Array:
+        """Return how far, in m, the moving points are from those measured, as far as known."""
+        distances: Array = np.linalg.norm(np.nan_to_num(self.misses(points)), axis=1)
+        return distances
 
 
 def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: bool = True,
@@ -112,22 +107,18 @@ def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: boo
     """
     Read the shapes of a points file and a pulls file, in the order of the points file.
 
-    jamming: of an arm in space, whether one segment was soft at a time.  decimal: the mark, where
+    jamming: whether one segment was soft at a time.  decimal: the mark, where
     the numbers allow both.  Raises MeasurementError naming file, line and remedy.
     """
     axes = arm.axes
     measured = _read_points(read_table(points, (
         SHAPE, Quantity('point', ('point', 'punkt')),
         *(Quantity(axis, (axis,), 'm') for axis in axes)), decimal=decimal), axes, arm)
-    tendons: tuple[Quantity, ...] = RIGHT_AND_LEFT
-    named: dict[str, str] = {}
-    if not isinstance(arm, Arm):
-        tendons = tuple(Quantity(name, (name,), 'm') for name in arm.tendon_names)
-        named = {name: name for name in arm.tendon_names}
+    tendons = [Quantity(name, (name, *IN_GERMAN.get(name, ())), 'm') for name in arm.tendon_labels]
     pulled = _read_pulls(
-        read_table(pulls, (SHAPE, *((SEGMENT,) if jamming else ()), *tendons, *OPTIONAL), named,
-                   decimal=decimal),
-        [tendon.name for tendon in tendons], arm, jamming)
+        read_table(pulls, (SHAPE, *((SEGMENT,) if jamming else ()), *tendons, *OPTIONAL),
+                   {name: name for name in arm.tendon_labels if name not in IN_GERMAN},
+                   decimal=decimal), arm, jamming)
     for name in measured:
         if name not in pulled:
             raise MeasurementError(f'{pulls}: has no rows for shape {name!r} of {points}; it has '
@@ -135,10 +126,13 @@ def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: boo
     if len(measured) > MAX_SHAPES:
         raise MeasurementError(f'{points}: has {len(measured)} shapes; at most {MAX_SHAPES} are '
                                'computed: divide it among several files')
-    return tuple(
-        MeasuredShape(name, pulled[name][0], tuple(rows), np.array(list(rows.values())),
-                      pulled[name][1])
-        for name, rows in measured.items())
+    shapes = []
+    for name, rows in measured.items():
+        positions = np.full((len(rows), 3), np.nan)
+        positions[:, arm.pose_axes[:3]] = list(rows.values())
+        shapes.append(MeasuredShape(name, pulled[name][0], tuple(rows), positions,
+                                    pulled[name][1]))
+    return tuple(shapes)
 
 
 def _read_points(table: Table, axes: str, arm: AnyArm
@@ -203,7 +197,7 @@ def _check_lengths(where: str, rows: Mapping[int, tuple[float, ...]], arm: AnyAr
                 'as --params-file, or correct the points')
 
 
-def _read_pulls(table: Table, tendons: Sequence[str], arm: AnyArm, jamming: bool
+def _read_pulls(table: Table, arm: AnyArm, jamming: bool
                 ) -> dict[str, tuple[tuple[Step, ...], float]]:
     names = table.column('shape')
     segments = (table.column('segment').whole_numbers() if jamming else [None] * len(names.cells))
@@ -215,7 +209,8 @@ def _read_pulls(table: Table, tendons: Sequence[str], arm: AnyArm, jamming: bool
     payload: dict[str, float] = {}
     for name, segment, angle, mass, pulls, line in zip(
             names.cells, segments, angles, payloads,
-            zip(*(_pulls(table.column(t)) for t in tendons), strict=True), names.lines,
+            zip(*(_pulls(table.column(t)) for t in arm.tendon_labels), strict=True),
+            names.lines,
             strict=True):
         where = f'{table.path}, line {line}'
         if segment is not None and not 1 <= segment <= len(arm.segments):
@@ -243,34 +238,13 @@ def _pulls(column: Column) -> list[float]:
     return [SLACK if s else value for s, value in zip(slack, values, strict=True)]
 
 
-def seen_from_the_side(points: Array) -> Array:
-    """Return x and z (2, m) of points (m, 2) of a plane or (m, 3) in space."""
-    return points[:, [0, -1]].T
-
-
-def loaded(arm: Loaded, shape: MeasuredShape) -> Loaded:
-    """Return the arm with the payload of a shape besides its own."""
-    return replace(arm, payload=arm.payload + shape.payload)
-
-
 def sliding(start: State, step: Step) -> tuple[int, ...]:
     """Return where the tendons slide in a step: 1 to the base, -1 to the tip, 0 slack."""
     return tuple(0 if pull == SLACK else 1 if pull > before else -1
                  for pull, before in zip(step.pulls, start.pulls.tolist(), strict=True))
 
 
-@overload
-def simulate_steps(statics: Statics, steps: Sequence[Step], name: str = ''
-                   ) -> list[Equilibrium]:
-    ...
-
-
-@overload
 def simulate_steps(statics: Solver, steps: Sequence[Step], name: str = '') -> list[State]:
-    ...
-
-
-def simulate_steps(statics: Solver, steps: Sequence[Step], name: str = '') -> Any:
     """
     Return the equilibrium after each step, from the straight arm.
 

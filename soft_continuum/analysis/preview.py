@@ -10,9 +10,8 @@ import numpy as np
 import scipy
 
 from soft_continuum.analysis.figures import finish_panels, new_panels
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.either import AnyArm, State, statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 if TYPE_CHECKING:
@@ -29,17 +28,10 @@ def bent(arm: AnyArm, bending_angles: Sequence[float], directions: Sequence[floa
     bending_angles, directions: (segments,) rad; no directions: all 0.  jamming: whether segments
     are set one after the other, or all at once.  Raises StaticsError where no tendons hold it.
     """
-    if isinstance(arm, Arm):
-        from soft_continuum.mechanics.inverse import set_shape
-        from soft_continuum.mechanics.statics import Statics
-        return set_shape(Statics(arm), bending_angles)
-    from soft_continuum.mechanics.spatial import inverse, SpatialStatics
-    statics = SpatialStatics(arm)
-    bending = bending_vectors(arm, bending_angles, directions)
-    if jamming:
-        return inverse.set_shape(statics, bending)
-    return inverse.pulls_for_bending(
-        statics, statics.chain.straight(), bending, [True] * len(bending)).state
+    from soft_continuum.mechanics.spatial.inverse import set_shape
+    state: State = set_shape(statics_of(arm), bending_vectors(arm, bending_angles, directions),
+                             jamming=jamming)
+    return state
 
 
 def preview_figure(path: str | Path, states: Sequence[tuple[str, State]]) -> None:

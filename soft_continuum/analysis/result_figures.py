@@ -15,7 +15,7 @@ from soft_continuum.analysis.convergence import Convergence
 from soft_continuum.analysis.curves import Curve
 from soft_continuum.analysis.figures import DPI, finish_panels, new_figure, new_panels
 from soft_continuum.analysis.identification import Identification
-from soft_continuum.analysis.measured_shapes import MeasuredShape, seen_from_the_side
+from soft_continuum.analysis.measured_shapes import MeasuredShape
 from soft_continuum.analysis.validation import (
     CONSTANT_CURVATURE,
     CORRECTED,
@@ -112,21 +112,20 @@ def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> No
     shapes = list(dict.fromkeys(p.shape for p in predictions))
     columns = min(MAX_PANELS, len(shapes))
     rows = -(-len(shapes) // columns)
-    drawn = np.concatenate(
-        [*(seen_from_the_side(s.positions) for s in shapes), *(p.side for p in predictions)], 1)
-    width, height = np.ptp(drawn, axis=1)
+    drawn = np.concatenate([*(s.positions for s in shapes), *(p.points for p in predictions)])
+    width, _, height = np.ptp(drawn, axis=0)
     tall = min(2.0, max(0.4, height / max(width, 1e-3)))
     width, height = 3.9 * columns, (3.5 * tall + 1.0) * rows
     figure = new_figure(width, height + 3.6)
     above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[height, 3.0]).ravel()
     panels = new_panels(rows, columns, width, height, above)[1]
     for axes, shape in zip(panels, shapes, strict=False):
-        axes.plot(*(1e3 * seen_from_the_side(shape.positions)), 'o-', color='0.0',
+        axes.plot(*(1e3 * shape.positions[:, ::2].T), 'o-', color='0.0',
                   markersize=4.5, linewidth=0.8, label='measured')
         for prediction in predictions:
             if prediction.shape is shape:
                 marker, size, line = MODEL_STYLES[prediction.model]
-                axes.plot(*(1e3 * prediction.side), marker=marker, linestyle=line,
+                axes.plot(*(1e3 * prediction.points[:, ::2].T), marker=marker, linestyle=line,
                           color='0.35', markersize=size, markerfacecolor='none', linewidth=0.8,
                           label=prediction.model)
         axes.set_title(shape.name, parse_math=False)

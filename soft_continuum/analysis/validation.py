@@ -9,25 +9,18 @@ base disc, which cannot move, does not count.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from soft_continuum.analysis.measured_shapes import (
-    loaded,
-    MeasuredShape,
-    seen_from_the_side,
-    simulate_steps,
-    Step,
-)
+from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps, Step
 from soft_continuum.analysis.results import progress
-from soft_continuum.mechanics import constant_curvature, LEFT, RIGHT
-from soft_continuum.mechanics.arm import Arm, ArmError
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, statics_of
-from soft_continuum.mechanics.spatial import constant_curvature as in_space
-from soft_continuum.mechanics.spatial import SpatialArm
-from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
+from soft_continuum.mechanics.arm import ArmError
+from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.either import AnyArm, arc_pulls, Solver, statics_of
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.spatial import constant_curvature
+from soft_continuum.mechanics.spatial.directions import hinged
 
 CONSTANT_CURVATURE = 'constant curvature'
 WITHOUT_GRAVITY = 'chain, no gravity'
@@ -40,10 +33,10 @@ class Prediction:
     """
     One shape by one model.
 
-    points: (2 * discs, 3), x, z in m and tangent in rad, or in space x, y, z in m.  slack: of each
-    step, whether no tendon was taut at its end.  jumped: whether the arm went over to another
-    equilibrium on the way.  needed: of each step, tendon and its pull (m) that bend the segment to
-    the angle that was set; None where no angle was given or no tendon can, and in space.
+    points: (2 * discs, 3), m.  slack: of each step, whether no tendon was taut at its end.
+    jumped: whether the arm went over to another equilibrium on the way.  needed: of each step,
+    tendon and its pull (m) that bend the segment to the angle that was set; None where no angle
+    was given, no tendon can, or an angle does not tell how a segment bends.
     """
 
     model: str
@@ -56,18 +49,12 @@ class Prediction:
     @property
     def errors(self) -> Array:
         """Distance (m) of the measured points, without those of the base disc."""
-        distances: Array = np.linalg.norm(self.shape.misses(self), axis=1)
-        return distances
-
-    @property
-    def side(self) -> Array:
-        """All points as seen from the side, x and z, (2, 2 * discs), m."""
-        return seen_from_the_side(self.points[:, :self.shape.positions.shape[1]])
+        return self.shape.errors(self.points)
 
     @property
     def relative_errors(self) -> Array:
         """Errors over the distance of the measured point from the base."""
-        from_base: Array = np.linalg.norm(self.shape.positions[self.shape.moving], axis=1)
+        from_base: Array = self.shape.errors(np.zeros_like(self.points))
         return self.errors / from_base
 
     @property
@@ -85,8 +72,7 @@ def predict(shapes: Sequence[MeasuredShape], arm: AnyArm, corrected: AnyArm | No
     """
     predictions = []
     for shape in progress(shapes, 'shapes'):
-        predictions.append(_constant_curvature(shape, arm) if isinstance(arm, Arm)
-                           else _arcs_in_space(shape, arm))
+        predictions.append(_constant_curvature(shape, arm))
         predictions.append(_chain(WITHOUT_GRAVITY, shape, arm.without_gravity()))
         predictions.append(_chain(WITH_GRAVITY, shape, arm))
         if corrected is not None:
@@ -94,76 +80,59 @@ def predict(shapes: Sequence[MeasuredShape], arm: AnyArm, corrected: AnyArm | No
     return tuple(predictions)
 
 
-def _constant_curvature(shape: MeasuredShape, arm: Arm) -> Prediction:
-    angles, aimed, needed = np.zeros(len(arm.segments)), np.zeros(len(arm.segments)), []
-    for step in shape.steps:
-        assert step.segment is not None  # in the plane
-        angles[step.segment] = 0.0
-        others = constant_curvature.pulls(arm, angles.tolist())
-        angles[step.segment] = _arc_angle(arm, step, others)
-        aimed[step.segment] = step.angle if np.isfinite(step.angle) else angles[step.segment]
-        tendon = RIGHT if aimed[step.segment] > 0.0 else LEFT
-        needed.append((tendon, constant_curvature.pulls(arm, aimed.tolist())[tendon])
-                      if np.isfinite(step.angle) else None)
-    slack = tuple(step.pulls == (SLACK, SLACK) for step in shape.steps)
-    return Prediction(CONSTANT_CURVATURE, shape,
-                      constant_curvature.poses(arm, angles.tolist()), slack, False, tuple(needed))
-
-
-def _arcs_in_space(shape: MeasuredShape, arm: SpatialArm) -> Prediction:
+def _constant_curvature(shape: MeasuredShape, arm: AnyArm) -> Prediction:
     """Return arcs with the pulls of the tendons; straight ones where these say too little."""
     bending = np.zeros((len(arm.segments), 2))
+    aimed, needed = bending.copy(), []
     for step in shape.steps:
-        soft = step.soft(len(arm.segments))
-        bending[list(soft)] = 0.0
+        soft = np.array(step.soft(len(arm.segments)))
+        bending[soft] = aimed[soft] = 0.0
         with suppress(ArmError):
-            bending = in_space.bending(
-                arm, [pull if pull > SLACK else np.nan for pull in step.pulls], bending, soft)
+            bending = arm.arc_bending(step.pulls, bending, soft.tolist())
+        before = arc_pulls(arm, aimed)
+        wanted = _wanted(arm, step)
+        aimed[soft] = bending[soft] if wanted is None else wanted[soft]
+        pulls = arc_pulls(arm, aimed)
+        most = len(pulls) - 1 - int(np.argmax((pulls - before)[::-1]))
+        needed.append(None if wanted is None else (most, float(pulls[most])))
     slack = tuple(set(step.pulls) == {SLACK} for step in shape.steps)
-    return Prediction(CONSTANT_CURVATURE, shape, in_space.poses(arm, bending)[0], slack, False,
-                      (None,) * len(shape.steps))
+    return Prediction(CONSTANT_CURVATURE, shape, constant_curvature.poses(arm, bending)[0], slack,
+                      False, tuple(needed))
 
 
-def _arc_angle(arm: Arm, step: Step, others: tuple[float, float]) -> float:
-    """Return the smallest bending angle (rad) that the tendons of a step allow."""
-    assert step.segment is not None  # in the plane
-    segment = arm.segments[step.segment]
-    limit = segment.bending_angle_limit
-    bounds = []
-    for tendon, sign in ((RIGHT, 1.0), (LEFT, -1.0)):
-        pull = step.pulls[tendon] - others[tendon]
-        try:
-            angle = constant_curvature.bending_angle(segment, pull) if pull != -np.inf else -limit
-        except ArmError:  # paid out or pulled in beyond the limit
-            angle = -limit if pull < 0.0 else limit
-        bounds.append(sign * angle)
-    least, most = bounds
-    return float(np.clip(0.0, least, most)) if least <= most else 0.5 * (least + most)
+def _wanted(arm: AnyArm, step: Step) -> Array | None:
+    """Return the bending (segments, 2), rad, of the angle that was set, if it tells one."""
+    if step.segment is None or not np.isfinite(step.angle) or not hinged(arm):
+        return None
+    wanted = np.zeros((len(arm.segments), 2))
+    wanted[step.segment] = step.angle * arm.bending_axes[step.segment]
+    return wanted
 
 
 def _chain(model: str, shape: MeasuredShape, arm: AnyArm) -> Prediction:
-    statics = statics_of(loaded(arm, shape))
+    statics: Solver = statics_of(replace(arm, payload=arm.payload + shape.payload))
     try:
         states = simulate_steps(statics, shape.steps, shape.name)
     except StaticsError as error:
         raise StaticsError(f'{model}: {error}', error.state) from None
     return Prediction(
-        model, shape, states[-1].points,
+        model, shape, states[-1].poses[:, :3],
         tuple(not np.any(np.nan_to_num(state.tensions) > 0.0) for state in states),
         any(state.jumped for state in states),
-        _needed(statics, shape) if isinstance(statics, Statics) else (None,) * len(states))
+        _needed(statics, shape))
 
 
-def _needed(statics: Statics, shape: MeasuredShape) -> tuple[tuple[int, float] | None, ...]:
+def _needed(statics: Solver, shape: MeasuredShape) -> tuple[tuple[int, float] | None, ...]:
     """Return tendon and pull for the angle of each step, as far as a tendon holds it there."""
     state, needed = statics.chain.straight(), []
     for step in shape.steps:
-        if step.segment is None or not np.isfinite(step.angle):
+        wanted = _wanted(statics.chain.arm, step)
+        if wanted is None:
             break
         try:
-            state = statics.bend(state, step.segment, step.angle)
+            state = statics.hold(state, wanted, step.soft(len(wanted))).state
         except StaticsError:
             break
-        tendon = RIGHT if state.tensions[RIGHT] >= state.tensions[LEFT] else LEFT
-        needed.append((tendon, float(statics.commanded_pulls(state)[tendon])))
+        most = int(np.argmax(state.tensions))
+        needed.append((most, float(statics.commanded_pulls(state)[most])))
     return (*needed, *[None] * (len(shape.steps) - len(needed)))

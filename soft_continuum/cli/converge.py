@@ -12,7 +12,7 @@ from soft_continuum.analysis.result_figures import convergence_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, whole_number_in
 from soft_continuum.cli.common import any_described_arm, run_verb
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.parameters.arm import check_actuation
 
 NAME = 'converge'
 USUAL_BODIES, USUAL_SPANS = 16, 4
@@ -36,11 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     values, arm = any_described_arm(options)
+    check_actuation(arm, values)
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     if not options.gravity:
         arm = arm.without_gravity()
     most = options.most or max(USUAL_BODIES, USUAL_SPANS * (arm.spacers + 1))
-    jamming = isinstance(arm, Arm) or bool(values['arm.jamming'])
+    jamming = bool(values['arm.jamming'])
     found = converge(arm, [np.radians(options.angle)] * len(arm.segments), options.tolerance,
                      most, jamming)
     segments = range(1, len(arm.segments) + 1)

@@ -16,7 +16,6 @@ from soft_continuum import version
 from soft_continuum.analysis.results import reserve_outputs, ResultError
 from soft_continuum.arguments import FAILED, NO_NODES, number_in, Parser
 from soft_continuum.cli.common import run_verb
-from soft_continuum.mechanics.arm import Arm as PlanarArm
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -67,12 +66,10 @@ def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
     """Set and measure one shape after the other; write all of them after each."""
     title = _title(arm.is_simulated)
     description, jamming = arm.description, arm.has_jamming
-    planar = isinstance(description, PlanarArm)
     axes = description.axes
-    tendons = [t.removesuffix('_tendon') if planar else t for t in description.tendon_names]
     points = [title, f'shape,point,{",".join(f"{axis} [mm]" for axis in axes)},deviation [mm]']
     pulls = [title, ','.join(['shape', *(['segment'] if jamming else []),
-                              *(f'{t} [mm]' for t in tendons)])]
+                              *(f'{t} [mm]' for t in description.tendon_labels)])]
     for name in names:
         print(f'{name} ...', flush=True)
         steps, discs = _set_and_measure(arm, name, options.duration, jamming)

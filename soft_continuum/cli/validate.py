@@ -15,8 +15,9 @@ from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.analysis.validation import predict, Prediction
 from soft_continuum.arguments import given_path
 from soft_continuum.cli.common import any_described_arm, run_verb, shapes_parser
-from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.spatial.directions import hinged
 from soft_continuum.parameters.arm import any_arm_from_parameters
 from soft_continuum.parameters.files import load_description
 
@@ -59,11 +60,11 @@ def _run(options: argparse.Namespace) -> None:
     for prediction in predictions:
         if prediction.jumped:
             print(f'{prediction.shape.name}, {prediction.model}: the arm snaps over on the way')
-    if isinstance(arm, Arm):
+    if hinged(arm):
         print('\nPulls at the end of each step in mm, of the tendon that carries: as measured, '
               'and as needed for\nthe angle that was set. "-": no angle was given, or no tendon '
               'holds it.\n')
-        print(_pulls(predictions))
+        print(_pulls(predictions, arm.tendon_labels))
     validation_figure(figure, predictions)
     _write_errors(listing, predictions, arm)
     print(f'\nFigure: {figure}\nError of each point: {listing}')
@@ -87,25 +88,24 @@ def _summary(predictions: Sequence[Prediction], arm: AnyArm) -> str:
     return text_table(head, rows, left=2)
 
 
-def _pulls(predictions: Sequence[Prediction]) -> str:
+def _pulls(predictions: Sequence[Prediction], tendons: Sequence[str]) -> str:
+    def pull(tendon: int, by: float) -> str:
+        return f'{tendons[tendon]} {1e3 * by:.2f}'
+
     models = list(dict.fromkeys(p.model for p in predictions))
     rows = []
     for shape in dict.fromkeys(p.shape for p in predictions):
         needed = {p.model: p.needed for p in predictions if p.shape is shape}
         for k, step in enumerate(shape.steps):
-            actual = ', '.join(_pull(t, p) for t, p in enumerate(step.pulls) if np.isfinite(p))
+            actual = ', '.join(pull(t, p) for t, p in enumerate(step.pulls) if np.isfinite(p))
             cells = []
             for model in models:
                 found = needed[model][k]
-                cells.append('-' if found is None else _pull(*found))
+                cells.append('-' if found is None else pull(*found))
             segment = '' if step.segment is None else str(step.segment + 1)
             rows.append([shape.name if k == 0 else '', segment, actual or 'slack',
                          *cells])
     return text_table(['shape', 'segment', 'measured', *models], rows)
-
-
-def _pull(tendon: int, pull: float) -> str:
-    return f'{("right", "left")[tendon]} {1e3 * pull:.2f}'
 
 
 def _write_errors(path: Path, predictions: Sequence[Prediction], arm: AnyArm) -> None:
@@ -120,6 +120,6 @@ def _write_errors(path: Path, predictions: Sequence[Prediction], arm: AnyArm) ->
                 number = p.shape.numbers[row]
                 writer.writerow([
                     p.shape.name, p.model, segment + 1, number + 1,
-                    *(f'{1e3 * value:.3f}' for value in p.points[number, :len(arm.axes)]),
+                    *(f'{1e3 * value:.3f}' for value in p.points[number, arm.pose_axes[:3]]),
                     f'{1e3 * error:.3f}', f'{100 * relative:.3f}',
                     f'{100 * error / arm.length:.3f}'])

@@ -4,23 +4,28 @@
 
 import argparse
 from collections.abc import Sequence
+from math import prod
 import sys
 from time import monotonic
 
 from soft_continuum.analysis.result_figures import workspace_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.analysis.workspace import bends, furthest_apart, Reach, reach, shapes
+from soft_continuum.analysis.workspace import bendings, furthest_apart, Reach, reach
 from soft_continuum.arguments import FOR_ANALYSIS, Parser, whole_number_in
 from soft_continuum.cli.common import any_described_arm, run_verb
-from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.spatial.directions import hinged
 from soft_continuum.mechanics.statics import warm_up
+from soft_continuum.parameters.arm import check_actuation
 
 NAME = 'workspace'
-MAX_SHAPES, MAX_IN_SPACE = 50000, 5000
-"""Shapes that may be asked for: some minutes."""
-USUAL_SHAPES, USUAL_IN_SPACE = 2000, 400
-"""Shapes that are computed if nothing is asked for: some seconds, in space about a minute."""
+MAX_SHAPES, MAX_TIME = 50000, 100.0
+"""Shapes that may be asked for, if they take so long (s) at most."""
+USUAL_SHAPES, USUAL_TIME = 2000, 8.0
+"""Shapes that are computed if nothing is asked for, the same."""
+MOST_ANGLES = 101
 USUAL_DIRECTIONS = 6
 
 
@@ -29,10 +34,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(NAME, 'Where the tip can go, with and without gravity, when segments are '
                     'set from the base on or from the tip on; without jamming, when all are set '
                     'at once.', *FOR_ANALYSIS)
-    parser.add_argument('--per-segment', type=whole_number_in(2, 101), metavar='N',
+    parser.add_argument('--per-segment', type=whole_number_in(2, MOST_ANGLES), metavar='N',
                         help='bending angles between the limits of each segment (default: 11, '
                         f'fewer where that would be more than {USUAL_SHAPES} shapes, in space '
-                        f'{USUAL_IN_SPACE})')
+                        f'{_limit(SpatialArm, USUAL_SHAPES, USUAL_TIME)})')
     parser.add_argument('--directions', type=whole_number_in(3, 72), metavar='N',
                         help='of an arm in space: directions in which each segment is bent '
                         f'(default: {USUAL_DIRECTIONS})')
@@ -41,14 +46,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     values, arm = any_described_arm(options)
-    if isinstance(arm, Arm) and options.directions:
+    check_actuation(arm, values)
+    if hinged(arm) and options.directions:
         raise ArmError('a planar arm bends in its plane; leave out --directions')
     directions = options.directions or USUAL_DIRECTIONS
-    jamming = isinstance(arm, Arm) or bool(values['arm.jamming'])
+    jamming = bool(values['arm.jamming'])
     angles = options.per_segment or default_angles(arm, directions)
-    count, most = shapes(arm, angles, directions), _limit(arm, MAX_SHAPES, MAX_IN_SPACE)
+    count, most = _shapes(arm, angles, directions), _limit(arm, MAX_SHAPES, MAX_TIME)
     if count > most:
-        raise ArmError(f'{bends(arm, angles, directions)} bendings in each of '
+        raise ArmError(f'{max(map(len, bendings(arm, angles, directions)))} bendings in each of '
                        f'{len(arm.segments)} segments are {count} shapes; '
                        f'{_remedy(arm, directions, most)}')
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
@@ -88,36 +94,42 @@ def _table(reaches: Sequence[tuple[str, Reach]], axes: str) -> str:
         f'hull cm^{len(axes)}', 'apart mm'], rows)
 
 
-def _limit(arm: AnyArm, in_plane: int, in_space: int) -> int:
-    return in_plane if isinstance(arm, Arm) else in_space
+def _limit(arm: AnyArm | type[SpatialArm], shapes: int, time: float) -> int:
+    return min(shapes, round(time / arm.bend_time))
+
+
+def _shapes(arm: AnyArm, angles: int, directions: int) -> int:
+    return prod(map(len, bendings(arm, angles, directions)))
 
 
 def _most_angles(arm: AnyArm, directions: int, count: int) -> int:
-    """Return the angles of each segment that make no more than ``count`` shapes; 0 for none."""
-    fitting = int((count + 0.5)**(1.0 / len(arm.segments)))
-    return fitting if isinstance(arm, Arm) else 2 * ((fitting - 1) // directions)
+    """Return the fewest angles of each segment that make most shapes up to ``count``; 0: none."""
+    shapes = {n: _shapes(arm, n, directions) for n in range(MOST_ANGLES, 1, -1)}
+    fitting = [(of, -n) for n, of in shapes.items() if of <= count]
+    return -max(fitting, default=(0, 0))[1]
 
 
 def default_angles(arm: AnyArm, directions: int = USUAL_DIRECTIONS) -> int:
     """Return the bending angles of each segment that make no more than the usual shapes."""
     return max(2, min(11, _most_angles(
-        arm, directions, _limit(arm, USUAL_SHAPES, USUAL_IN_SPACE))))
+        arm, directions, _limit(arm, USUAL_SHAPES, USUAL_TIME))))
 
 
 def _remedy(arm: AnyArm, directions: int, most: int) -> str:
     fitting = _most_angles(arm, directions, most)
     if fitting > 1:
         return f'--per-segment {fitting} is the most that is practical'
-    fewer = '' if isinstance(arm, Arm) or directions == 3 else '; try --directions 3'
+    fewer = '; try --directions 3' if _shapes(arm, 2, 3) < _shapes(arm, 2, directions) else ''
     return f'an arm of so many segments has too many for any; allowed: {most}{fewer}'
 
 
 def _duration(arm: AnyArm, angles: int, directions: int, jamming: bool) -> float:
     """Estimate how long ``reach`` takes (s), from two bendings of each segment."""
-    def solves(count: int) -> int:
-        return sum(count**n for n in range(1, len(arm.segments) + 1))
+    def solves(angles: int, directions: int) -> int:
+        each = list(map(len, bendings(arm, angles, directions)))
+        return sum(prod(each[:n + 1]) for n in range(len(each)))
 
     warm_up()
     begin = monotonic()
     reach(arm, range(len(arm.segments)), 2, 1, jamming)
-    return (monotonic() - begin) * solves(bends(arm, angles, directions)) / solves(2)
+    return (monotonic() - begin) * solves(angles, directions) / solves(2, 1)

@@ -10,6 +10,7 @@ the bending plane.  A positive angle rotates about +y and carries the tip toward
 from collections.abc import Sequence, Sized
 from dataclasses import dataclass, replace
 from math import inf, pi
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -172,6 +173,9 @@ class Arm:
     mounting_angle: float = 0.0
     gravity: float = STANDARD_GRAVITY
 
+    bend_time: ClassVar[float] = 5e-4
+    """How long the statics take for one bending, roughly, s."""
+
     def __post_init__(self) -> None:
         """Refuse what is not a physical arm."""
         for name, parts, kind in (('segments', self.segments, Segment),
@@ -207,6 +211,11 @@ class Arm:
     def tendon_names(self) -> tuple[str, ...]:
         """Names of the tendons, in the order of every list of tendons."""
         return TENDONS
+
+    @property
+    def tendon_labels(self) -> tuple[str, ...]:
+        """How tables name the tendons."""
+        return tuple(name.removesuffix('_tendon') for name in TENDONS)
 
     @property
     def bending_angle_limits(self) -> NDArray[np.float64]:
@@ -270,6 +279,12 @@ class Arm:
         return tuple(
             float((s.length**2 + (s.guide_offsets[1] - s.guide_offsets[0])**2)**0.5)
             for s in self.segments)
+
+    def arc_bending(self, pulls: Sequence[float], start: NDArray[np.float64], soft: Sequence[bool]
+                    ) -> NDArray[np.float64]:
+        """Return the bending (segments, 2), rad, by constant_curvature.bending."""
+        from soft_continuum.mechanics.constant_curvature import bending
+        return bending(self, pulls, start, soft)
 
     def without_gravity(self) -> 'Arm':
         """Return the same arm with gravity left out."""

@@ -71,6 +71,32 @@ def bending_angle(segment: Segment, pull: float) -> float:
         lambda a: segment_pulls(segment, a)[0] - pull, least, most, xtol=1e-15, rtol=1e-14))
 
 
+def bending(arm: Arm, pulls_of: Sequence[float], start: Array, soft: Sequence[bool]) -> Array:
+    """
+    Return the least bending (segments, 2), rad, that the tendons allow with their pulls.
+
+    pulls_of: (2,) m, -inf for a tendon that is slack.  start: as returned, which segments that are
+    not soft keep.  Where both tendons are too short it is in the middle.  Raises ArmError unless
+    one segment is soft.
+    """
+    if sum(soft) != 1:
+        raise ArmError('two tendons determine the bending of one soft segment; soft: '
+                       f'{list(soft)}')
+    found, index = np.array(start, dtype=float), list(soft).index(True)
+    segment, found[index] = arm.segments[index], 0.0
+    limit, others = segment.bending_angle_limit, pulls(arm, found[:, 1].tolist())
+    bounds = []
+    for sign, pull, other in zip((1.0, -1.0), pulls_of, others, strict=True):
+        try:
+            angle = bending_angle(segment, pull - other) if pull > -np.inf else -limit
+        except ArmError:  # paid out or pulled in beyond the limit
+            angle = -limit if pull < other else limit
+        bounds.append(sign * angle)
+    least, most = bounds
+    found[index, 1] = np.clip(0.0, least, most) if least <= most else 0.5 * (least + most)
+    return found
+
+
 def poses(arm: Arm, angles: ArrayLike) -> Array:
     """
     Return (x, z, tangent angle) of every calculation point, shape (2 * discs, 3), m and rad.

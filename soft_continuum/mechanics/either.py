@@ -22,7 +22,7 @@ from soft_continuum.mechanics.spatial.directions import ONE_PLANE
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.statics import SpatialStatics
-    from soft_continuum.mechanics.statics import Statics
+    from soft_continuum.mechanics.statics import HeldBending, Statics
 
 SMALL = 1e-3  # rad, for derivatives
 AnyArm = Arm | SpatialArm
@@ -127,6 +127,12 @@ class Solver(Protocol):
     def solve(self, start: Any, pulls: ArrayLike, soft: Sequence[bool], *,
               vacuum: Sequence[float] | None = None, sliding: Sequence[int] = ()) -> State:
         """Return the equilibrium for pulls (tendons,) m, followed from ``start``."""
+
+    def hold(self, start: Any, bending: Array, soft: Sequence[bool]) -> 'HeldBending':
+        """Return the state in which soft segments have their bending, and what holds it."""
+
+    def commanded_pulls(self, state: Any) -> Array:
+        """Return the pulls (tendons,) m at the motors that give a state: paths and stretch."""
 
 
 def chain_of(arm: AnyArm) -> AnyChain:

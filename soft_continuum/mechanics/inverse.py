@@ -7,7 +7,7 @@ An arm is set segment by segment (paper, IV-B): each is bent while the others ar
 these inverse problems is in the paper.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TypeVar
@@ -325,41 +325,10 @@ def workspace(statics: Statics, per_segment: int = 9) -> tuple[Array, Array]:
     if not whole(per_segment) or per_segment < 2:
         raise ValueError(
             f'per_segment is {per_segment!r}; a whole number, at least 2, is needed')
-    found = [state for state, _ in set_on_grid(statics, per_segment)]
+    from soft_continuum.mechanics.spatial.grid import bends, set_each
     chain = statics.chain
+    found = [state for state, _ in set_each(
+        statics, [bends(chain.arm, s, per_segment, 2) for s in range(chain.segments)])]
     tips = np.array([s.tip for s in found]).reshape(-1, 3)
     angles = np.array([s.bending_angles for s in found])
     return tips, angles.reshape(-1, chain.segments)
-
-
-def set_on_grid(
-        statics: Statics, per_segment: int, order: Sequence[int] | None = None,
-        progress: Callable[..., Iterable[tuple[Equilibrium, Array]]] = lambda states, _: states
-        ) -> list[tuple[Equilibrium, Array]]:
-    """
-    Return the arm set to ``per_segment`` angles between the limits of every segment.
-
-    order: of the segments, each set while the others are stiff (default: base first).  progress:
-    from the states to begin at and what is set to an iterable of them that shows how far it is.
-    Returns each state with the bending angles (segments,) rad that were set, without those that no
-    tendon holds.
-    """
-    segments = statics.chain.arm.segments
-    states = [(statics.chain.straight(), np.zeros(len(segments)))]
-    for s in range(len(segments)) if order is None else order:
-        limit = segments[s].bending_angle_limit
-        after = []
-        for state, angles in progress(states, f'segment {s + 1}'):
-            present = state.bending_angles[s]
-            for angle in np.linspace(-limit, limit, per_segment):
-                bent = angles.copy()
-                bent[s] = angle
-                if abs(angle - present) < SAME_ANGLE:  # it need not be softened
-                    after.append((state, bent))
-                    continue
-                try:
-                    after.append((statics.bend(state, s, float(angle)), bent))
-                except StaticsError:
-                    continue
-        states = after
-    return states

@@ -12,14 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, statics_of
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.inverse import set_shape
-from soft_continuum.mechanics.spatial.inverse import pulls_for_bending
-from soft_continuum.mechanics.spatial.inverse import set_shape as set_shape_in_space
-from soft_continuum.mechanics.spatial.statics import SpatialStatics
+from soft_continuum.mechanics.spatial.directions import hinged
+from soft_continuum.mechanics.spatial.inverse import set_shape
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.study.design import Design
 
@@ -45,13 +42,12 @@ def shapes(design: Design, first: int, count: int, seed: int) -> list[dict[str, 
     for shape in range(first, first + count):
         bending = drawn(arm, draw, jamming)
         state, solves = set_to(statics, bending, jamming)
-        each = bending.reshape(len(arm.segments), -1)
-        soft = int(np.any(each != 0.0, axis=1).sum())
+        soft = int(bending.any(axis=1).sum())
         row: dict[str, Any] = {'design': design.number, 'shape': shape,
                                'softenings': soft if jamming else 0, 'solves': solves}
-        for s, about in enumerate(each, start=1):
+        for s, (about, axes) in enumerate(zip(bending, arm.bending_axes, strict=True), start=1):
             row |= {f'{name}_{s}': float(value) for name, value in zip(
-                ('bent', 'turned'), about, strict=False)}
+                ('bent', 'turned'), about[axes], strict=False)}
         rows.append(row | {'outcome': outcome_of(state, design.values, around)} | _tip(state))
     return rows
 
@@ -63,8 +59,9 @@ def drawn(arm: AnyArm, draw: np.random.Generator, jamming: bool) -> Array:
     chosen = np.ones(count, dtype=bool)
     if jamming:  # with fewer softenings a smaller set is reached
         chosen[draw.permutation(count)[draw.integers(1, count + 1):]] = False
-    if isinstance(arm, Arm):
-        return np.where(chosen, limits * draw.uniform(-1.0, 1.0, count), 0.0)
+    if hinged(arm):
+        sizes = limits * draw.uniform(-1.0, 1.0, count)
+        return np.where(arm.bending_axes & chosen[:, None], sizes[:, None], 0.0)
     sizes = limits * np.sqrt(draw.random(count))  # even over the disc of rotation vectors
     ways = draw.uniform(-np.pi, np.pi, count)
     bending = sizes[:, None] * np.column_stack([-np.sin(ways), np.cos(ways)])
@@ -74,15 +71,10 @@ def drawn(arm: AnyArm, draw: np.random.Generator, jamming: bool) -> Array:
 def set_to(statics: Any, bending: Array, jamming: bool) -> tuple[Any, int]:
     """Return the state with a bending, or None, and how many bendings were solved for."""
     try:
-        if not isinstance(statics, SpatialStatics):
-            return set_shape(statics, bending.tolist()), int(np.count_nonzero(bending))
-        soft = np.any(bending != 0.0, axis=1)
-        if jamming:
-            return set_shape_in_space(statics, bending), int(soft.sum())
-        return pulls_for_bending(statics, statics.chain.straight(), bending,
-                                 [True] * len(bending)).state, 1
+        state = set_shape(statics, bending, jamming=jamming)
     except StaticsError:
         return None, 1
+    return state, int(bending.any(axis=1).sum()) if jamming else 1
 
 
 def outcome_of(state: Any, values: Mapping[str, Any], around: Surroundings) -> str:

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.study.design import described, Design
@@ -24,12 +23,14 @@ from soft_continuum.study.sampling import FALLS, HELD
 CELLS = 25
 """Cells along the length of the arm."""
 SECTORS = 12
-"""Directions of a planar tip that are told apart; in space the corners of an icosahedron."""
+"""Directions of a tip that are told apart: all around, or in space corners of an icosahedron."""
 DRAWN = 4
 """Designs whose tips are drawn: those of the widest reach."""
 GOLDEN = (1.0 + 5.0**0.5) / 2.0
 CORNERS = np.array([v for a in (-1.0, 1.0) for b in (-GOLDEN, GOLDEN)
                     for v in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))])
+AROUND = np.array([(np.sin(turn), 0.0, np.cos(turn))
+                   for turn in 2.0 * np.pi * (np.arange(SECTORS) + 0.5) / SECTORS])
 
 
 @dataclass(frozen=True)
@@ -97,10 +98,8 @@ def cell_size(arm: AnyArm) -> float:
 
 
 def _sector(arm: AnyArm, pointing: Array) -> Any:
-    if isinstance(arm, Arm):
-        turn = np.arctan2(pointing[:, 0], pointing[:, 2]) / (2.0 * np.pi)
-        return np.floor((turn % 1.0) * SECTORS).astype(int) % SECTORS
-    return np.argmax(pointing @ CORNERS.T, axis=1)
+    turns = arm.pose_axes[3:].sum()
+    return np.argmax(pointing @ (CORNERS if turns > 1 else AROUND).T, axis=1)
 
 
 HEAD = ('design', 'held %', 'falls %', 'reach', 'dexterity %', 'tension N', 'worst N',
@@ -149,10 +148,10 @@ def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
         axes.set_xlabel('x in mm')
         axes.grid(alpha=0.3)
     numbers = [one.design.number + 1 for one in found]
-    planar = all(len(one.design.arm.axes) == 2 for one in found)
+    axes_of = [len(one.design.arm.axes) for one in found]
     for axes, (values, label) in zip(below.subplots(1, 4), (
-            ([(1e4 if planar else 1e6) * one.reach for one in found],
-             f'reach in {"cm2" if planar else "cm3 (or cm2)"}'),
+            ([1e2**count * one.reach for count, one in zip(axes_of, found, strict=True)],
+             f'reach in {"cm2" if max(axes_of) == 2 else "cm3 (or cm2)"}'),
             ([100.0 * one.dexterity for one in found], 'dexterity in %'),
             ([one.worst_tension for one in found], 'largest tension in N'),
             ([100.0 * one.held for one in found], 'shapes held in %')), strict=True):

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.study.design import Design, Study
 
 SHAPES, QUERIES = 'shapes', 'queries'
 """Kinds of work."""
-UNIT, UNIT_IN_SPACE = 1000, 25
-"""Shapes of one unit: about half a second of work, in space more where many fall."""
+UNIT_TIME = 0.5
+"""How long the shapes of one unit take, roughly, s; in space more where many fall."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,7 @@ def units(study: Study) -> list[Unit]:
     """Return the work of a study, in order."""
     found = []
     for design in study.designs:
-        size = UNIT if isinstance(design.arm, Arm) else UNIT_IN_SPACE
+        size = round(UNIT_TIME / design.arm.bend_time)
         found += [Unit(SHAPES, design.number, first, min(size, study.shapes - first))
                   for first in range(0, study.shapes, size)]
         found += [Unit(QUERIES, design.number, number, 1) for number in range(study.queries)]

@@ -46,10 +46,10 @@ def test_every_tip_in_space_is_that_of_its_bending(sets):
     statics = SpatialStatics(ARM)
     assert one_by_one.tips.shape == at_once.tips.shape == (16, 3)
     for k in (1, 6, 15):
-        bending = one_by_one.angles[k].reshape(2, 2)
+        bending = one_by_one.bending[k]
         assert set_shape(statics, bending, order=(1, 0)).tip == pytest.approx(
             one_by_one.tips[k], abs=1e-6)
-        bending = at_once.angles[k].reshape(2, 2)
+        bending = at_once.bending[k]
         fit = pulls_for_bending(statics, statics.chain.straight(), bending, (True, True))
         assert fit.state.tip == pytest.approx(at_once.tips[k], abs=1e-6)
 
@@ -61,7 +61,7 @@ def test_a_jammed_segment_keeps_the_sag_it_had(sets):
 def test_an_arm_in_space_fills_a_volume_and_one_in_a_plane_does_not(sets):
     assert sets[0].hull > 1e-4
     flat = sets[0].tips * [1.0, 0.0, 1.0]
-    assert Reach((0, 1), flat, sets[0].angles, 16).hull == 0.0
+    assert Reach((0, 1), flat, sets[0].bending, 16).hull == 0.0
 
 
 def test_a_segment_is_set_towards_a_tendon_whose_angle_is_rounded():

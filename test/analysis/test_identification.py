@@ -54,15 +54,15 @@ def follow(arm, shape):
     state = simulate_steps(
         statics_of(replace(arm, payload=arm.payload + shape.payload)), shape.steps)[-1]
     noise = np.random.default_rng(len(shape.name)).normal(0.0, 1e-4, shape.positions.shape)
-    return replace(shape, positions=state.points[:, :2] + noise)
+    return replace(shape, positions=state.poses[:, :3] + noise * [1.0, np.nan, 1.0])
 
 
 def test_deviations_are_those_of_the_linearised_statics():
     described = {**DESCRIBED, 'arm.mounting_angle': 0.5}
     steps = (Step(0, (SLACK, SLACK)),)
     arm = any_arm_from_parameters({**described, 'arm.discretisation': SECOND_ORDER})
-    tip = simulate_steps(statics_of(arm), steps)[-1].points[-1:, :2]
-    found = fit(['stiffness_1'], [MeasuredShape('bow', steps, (7,), tip + [1e-4, -1e-4])],
+    tip = simulate_steps(statics_of(arm), steps)[-1].poses[-1:, :3]
+    found = fit(['stiffness_1'], [MeasuredShape('bow', steps, (7,), tip + [1e-4, np.nan, -1e-4])],
                 described)
     statics = statics_of(any_arm_from_parameters(found.arm))
     slope = Linearisation(
@@ -154,7 +154,7 @@ def test_what_the_data_cannot_tell_is_refused_with_a_reason(names, shapes, messa
 
 
 def test_points_that_do_not_belong_to_the_pulls_are_refused():
-    wrong = [replace(s, positions=s.positions + [0.05, 0.05]) for s in data.SHAPES[3:6]]
+    wrong = [replace(s, positions=s.positions + [0.05, 0.0, 0.05]) for s in data.SHAPES[3:6]]
     with pytest.raises(IdentificationError, match='went to the end|do not determine'):
         fit(STIFFNESS, wrong)
 

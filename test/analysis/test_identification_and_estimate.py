@@ -63,7 +63,8 @@ def recorded():
 
 def fitted(recording):
     """Return factors (3,) of the stiffness and their standard deviations, by the fit."""
-    shapes = [MeasuredShape(f'{k}', STEPS[:k + 1], tuple(range(len(points))), points)
+    shapes = [MeasuredShape(f'{k}', STEPS[:k + 1], tuple(range(len(points))),
+                            np.insert(points, 1, np.nan, axis=1))
               for k, points in enumerate(recording)]
     found = identify(
         DESCRIBED, find_unknowns([f'stiffness_{n}' for n in (1, 2, 3)], DESCRIBED), shapes)

@@ -34,7 +34,8 @@ def test_shapes_are_read_in_si_units(tmp_path):
     shape, = read(tmp_path)
     assert shape.name == 'bow'
     assert shape.numbers == (0, 1, 6, 7)
-    assert shape.positions[2:] == pytest.approx(np.array([[0.0125, 0.28], [0.015, 0.3095]]))
+    assert shape.positions[2:] == pytest.approx(
+        np.array([[0.0125, np.nan, 0.28], [0.015, np.nan, 0.3095]]), nan_ok=True)
     assert shape.payload == pytest.approx(0.02)
     first, second = shape.steps
     assert (first.segment, second.segment) == (0, 2)

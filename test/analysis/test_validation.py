@@ -60,13 +60,13 @@ def test_the_true_arm_has_no_error():
 
 def test_errors_are_distances_of_the_points_that_move_and_belong_to_the_segment_below():
     points = BY_MODEL['s_form', WITH_GRAVITY].points
-    moved = points[[1, 3, 4], :2] + np.array([[0.003, 0.0], [0.003, 0.004], [0.0, -0.002]])
+    moved = points[[1, 3, 4]] + [[0.003, 0.0, 0.0], [0.003, np.nan, 0.004], [0.0, 0.0, -0.002]]
     shape = MeasuredShape('s', data.PAPER_SHAPES[2].steps, (1, 3, 4), moved)
     prediction = predict([shape], data.DESCRIBED)[2]
     assert prediction.errors == pytest.approx([0.005, 0.002])
     assert prediction.segments == [0, 1]
     assert prediction.relative_errors == pytest.approx(
-        [0.005 / np.linalg.norm(moved[1]), 0.002 / np.linalg.norm(moved[2])])
+        [0.005 / np.linalg.norm(moved[1, ::2]), 0.002 / np.linalg.norm(moved[2])])
 
 
 def test_pulls_needed_are_those_that_the_true_arm_got():
@@ -93,5 +93,7 @@ def test_steps_without_an_angle_need_no_pull():
     ((0.0166, SLACK), 36.04), ((SLACK, 0.0166), -36.04), ((SLACK, SLACK), 0.0),
     ((-0.005, -0.005), 0.0), ((0.0166, -0.0143), 36.04), ((0.0166, 0.0), 18.0)])
 def test_constant_curvature_bends_no_further_than_the_tendons_ask_for(pulls, angle):
-    shape = MeasuredShape('one', (Step(0, pulls),), (7,), np.zeros((1, 2)))
-    assert np.degrees(constant_curvature_of(shape).points[-1, 2]) == pytest.approx(angle, abs=0.3)
+    shape = MeasuredShape('one', (Step(0, pulls),), (7,), np.zeros((1, 3)))
+    x, y, z = np.diff(constant_curvature_of(shape).points[-2:], axis=0)[0]
+    assert np.degrees(np.arctan2(x, z)) == pytest.approx(angle, abs=0.3)
+    assert y == 0.0

@@ -9,7 +9,7 @@ import pytest
 
 from soft_continuum.analysis.workspace import furthest_apart, reach
 from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics.inverse import set_shape
+from soft_continuum.mechanics.spatial import set_shape
 from support import specimen_data as data
 
 WEIGHTLESS = data.DESCRIBED.without_gravity()
@@ -20,7 +20,7 @@ def test_every_tip_is_that_of_its_angles_in_its_order():
     statics = Statics(data.DESCRIBED)
     assert len(found.tips) == found.asked == 27
     for k in (0, 7, 26):
-        state = set_shape(statics, found.angles[k].tolist(), order=(2, 0, 1))
+        state = set_shape(statics, found.bending[k], order=(2, 0, 1))
         assert statics.chain.points(state.joint_angles)[-1, :2] == pytest.approx(
             found.tips[k], abs=1e-9)
 
@@ -42,7 +42,7 @@ def test_tips_lie_on_both_sides_alike():
 def test_shapes_that_no_tendon_holds_are_left_out():
     heavy = replace(data.DESCRIBED, payload=5.0)
     found = reach(heavy, (0, 1, 2), 3)
-    assert len(found.tips) == len(found.angles) < found.asked
+    assert len(found.tips) == len(found.bending) < found.asked
 
 
 def test_tips_on_a_line_span_no_area():

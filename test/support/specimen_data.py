@@ -20,7 +20,7 @@ def measure(arm, shape, noise=0.0, seed=0):
     errors = np.random.default_rng(seed).normal(0.0, noise, positions.shape)
     errors[:2] = 0.0
     return MeasuredShape(shape.name, tuple(steps), tuple(range(len(positions))),
-                         positions + errors, shape.payload)
+                         np.insert(positions + errors, 1, np.nan, axis=1), shape.payload)
 
 
 PAPER_SHAPES = tuple(measure(TRUE, shape) for shape in specimen.paper_shapes())

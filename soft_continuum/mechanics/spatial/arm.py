@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import atan2, cos, inf, pi, radians, sin
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,6 +183,9 @@ class SpatialArm:
     wrenches: tuple[Wrench, ...] = ()
     gravity: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY)
 
+    bend_time: ClassVar[float] = 0.02
+    """How long the statics take for one bending, roughly, s."""
+
     def __post_init__(self) -> None:
         """Refuse what is not a physical arm."""
         for name, kind in (('segments', SpatialSegment), ('discs', Disc),
@@ -222,6 +226,11 @@ class SpatialArm:
     def tendon_names(self) -> tuple[str, ...]:
         """Names of the tendons, in the order of every list of tendons."""
         return tuple(tendon.name for tendon in self.tendons)
+
+    @property
+    def tendon_labels(self) -> tuple[str, ...]:
+        """How tables name the tendons."""
+        return self.tendon_names
 
     @property
     def bending_angle_limits(self) -> NDArray[np.float64]:
@@ -285,6 +294,12 @@ class SpatialArm:
     def pose_axes(self) -> NDArray[np.bool_]:
         """Which of its discs' shifts along x, y, z and turns about them there are, (6,): all."""
         return SPATIAL_AXES
+
+    def arc_bending(self, pulls: Sequence[float], start: NDArray[np.float64], soft: Sequence[bool]
+                    ) -> NDArray[np.float64]:
+        """Return the bending (segments, 2), rad, by constant_curvature.bending; -inf: slack."""
+        from soft_continuum.mechanics.spatial.constant_curvature import bending
+        return bending(self, [p if p > -inf else np.nan for p in pulls], start, soft)
 
     def with_force(self, disc: int, force: Sequence[float]) -> 'SpatialArm':
         """Return the same arm with one more dead force (3,) N on a disc."""

@@ -15,16 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics._checks import real_array, soft_flags
-from soft_continuum.mechanics.arm import ArmError
+from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 DETERMINED = 1e-3  # least over largest singular value of pulls by bendings
 
 
-def poses(arm: SpatialArm, bending: ArrayLike) -> tuple[Array, Array]:
+def poses(arm: Arm | SpatialArm, bending: ArrayLike) -> tuple[Array, Array]:
     """
-    Return where the discs are for bending (segments, 2), rad.
+    Return where the discs of any arm are for bending (segments, 2), rad.
 
     Those are bottom and top centre of every disc, base first, (2 * discs, 3), m, and the
     orientation of every disc, (discs, 3, 3).  For many shapes (..., segments, 2) at once both
@@ -34,10 +34,10 @@ def poses(arm: SpatialArm, bending: ArrayLike) -> tuple[Array, Array]:
     many = bent.shape[:-2]
     turns, place, turn = _rotations(bent), np.zeros((*many, 3)), np.eye(3)
     places, oriented = [], []
-    for k, disc in enumerate(arm.discs):
+    for k in range(len(arm.discs)):
         oriented.append(np.broadcast_to(turn, (*many, 3, 3)))
         places.append(place)
-        place = place + disc.height * turn[..., 2]
+        place = place + arm.discs[k].height * turn[..., 2]
         places.append(place)
         if k < len(arm.segments):
             arc = _along_arc(arm.segments[k].length, np.ones(1), bent[..., k, :])
@@ -148,7 +148,7 @@ def _guides_on_arc(length: float, parts: Array, bend: Array, guides: Array) -> A
     return found
 
 
-def _checked(arm: SpatialArm, bending_of: ArrayLike) -> Array:
+def _checked(arm: Arm | SpatialArm, bending_of: ArrayLike) -> Array:
     bent = np.asarray(bending_of, dtype=float)
     if bent.shape[-2:] != (len(arm.segments), 2) or not np.all(np.isfinite(bent)):
         raise ArmError(f'bending must be two finite numbers (rad), about x and y, for each of the '

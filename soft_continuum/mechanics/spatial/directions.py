@@ -34,6 +34,11 @@ def bending_vectors(arm: Arm | SpatialArm, angles: Sequence[float], directions: 
     return np.where(arm.bending_axes, vectors, 0.0)
 
 
+def hinged(arm: Arm | SpatialArm) -> bool:
+    """Return whether each segment bends about one axis, so that an angle tells its bending."""
+    return bool(np.all(arm.bending_axes.sum(axis=1) == 1))
+
+
 def within_limits(bending: Array, limits: Array) -> Array:
     """Return bendings (..., segments, 2) rad, each no larger than its limit (segments,), rad."""
     sizes = np.linalg.norm(bending, axis=-1)

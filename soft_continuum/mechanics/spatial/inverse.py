@@ -87,26 +87,28 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
 
 @overload
 def set_shape(statics: Statics, bending: ArrayLike, start: Equilibrium | None = None,
-              order: Sequence[int] | None = None, *, pretension: float = 0.0) -> Equilibrium: ...
+              order: Sequence[int] | None = None, *, pretension: float = 0.0, jamming: bool = True
+              ) -> Equilibrium: ...
 
 
 @overload
 def set_shape(statics: SpatialStatics, bending: ArrayLike, start: SpatialEquilibrium | None = None,
-              order: Sequence[int] | None = None, *, pretension: float = 0.0
+              order: Sequence[int] | None = None, *, pretension: float = 0.0, jamming: bool = True
               ) -> SpatialEquilibrium: ...
 
 
 def set_shape(statics: Any, bending: ArrayLike, start: Any = None,
-              order: Sequence[int] | None = None, *, pretension: float = 0.0) -> Any:
+              order: Sequence[int] | None = None, *, pretension: float = 0.0, jamming: bool = True
+              ) -> Any:
     """
     Return the arm with its segments set one after the other, base first unless ``order`` says so.
 
     statics: of a planar or a spatial arm.  bending: (segments, 2) rad, of which only those of the
     segments in ``order`` count.  A segment that already has its bending is left alone.  Where
     stiff segments give way, each is bent so far that it has its bending in the end.  pretension:
-    as of pulls_for_bending.  Raises StaticsError where a segment is not held at its bending or
-    where they cannot all have theirs, ValueError for bending or an order that are not those of the
-    arm.
+    as of pulls_for_bending.  Without jamming all segments are soft and set at once.  Raises
+    StaticsError where a segment is not held at its bending or where they cannot all have theirs,
+    ValueError for bending or an order that are not those of the arm.
     """
     segments, free = statics.chain.segments, statics.chain.arm.bending_axes
     wanted = real_array(bending, 'bending must be numbers (rad)')
@@ -119,6 +121,13 @@ def set_shape(statics: Any, bending: ArrayLike, start: Any = None,
     begin = straight if start is None else start
     check_start(begin, type(straight))
     goal, left, (same, held) = wanted.copy(), np.inf, statics.precision
+    if not jamming:
+        if np.abs(begin.bending - wanted).max() <= same:
+            return begin
+        state = statics.hold(begin, wanted, [True] * segments, pretensions=(pretension,)).state
+        if np.abs(state.bending - wanted).max() > held:
+            raise StaticsError('the tendons do not hold all segments at once', state)
+        return state
     for _ in range(MAX_PASSES):
         state = begin
         for s in turns:
