@@ -33,7 +33,7 @@ images = []
 for state, progress in looks:
     axes.clear()
     soft = [i for i, stiff in enumerate(state.stiff) if stiff is False]
-    draw_arm(axes, chain, np.array(state.joint_angles), soft)
+    draw_arm(axes, chain.at(np.array(state.joint_angles)), soft)
     axes.set(xlim=(-0.35 * reach, 0.8 * reach), ylim=(-0.05 * reach, reach), ylabel='z in mm')
     phase = f'{progress.shape}: {progress.phase}' if progress else 'accepted'
     axes.set_title(f'{phase} segment {progress.segment}' if progress and progress.segment

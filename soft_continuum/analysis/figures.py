@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of the arm."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.chain import Array, LEFT, RIGHT, RigidChain
-from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.spatial import constant_curvature
+from soft_continuum.mechanics.spatial.orientations import matrices
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,31 +20,73 @@ if TYPE_CHECKING:
 DPI = 120
 RING = 25  # points of the rim of a disc
 SOFT = 'tab:orange'
-TENDON_STYLE = {RIGHT: ('right tendon', '-'), LEFT: ('left tendon', '--')}
+DASHES = ('-', '--')  # of tendons as seen along y
+IN_SPACE = '3d'
 
 
-def draw_arm(axes: 'Axes', chain: RigidChain, joint_angles: Array,
-             soft: Collection[int] = ()) -> None:
-    """Draw discs, segments (0-based; soft ones in colour) and tendons of one state; axes in mm."""
-    points = chain.points(joint_angles) * [1e3, 1e3, 1.0]
-    guides = chain.guide_points(joint_angles) * 1e3
-    backbone = chain.backbone(joint_angles) * 1e3
+def projection_of(arm: AnyArm) -> str | None:
+    """Return the projection of axes for an arm, as matplotlib names it: with y, or along it."""
+    return IN_SPACE if 'y' in arm.axes else None
+
+
+def draw_arm(axes: Any, state: State, soft: Collection[int] | None = None) -> None:
+    """
+    Draw discs, segments and tendons of a state into axes in mm, along y or of IN_SPACE.
+
+    soft: segments (0-based) in colour; by default those that are soft while others are stiff.
+    """
+    if soft is None:
+        soft = [s for s, stiff in enumerate(state.stiff) if not stiff and any(state.stiff)]
+    (_draw_3d if axes.name == IN_SPACE else _draw_along_y)(axes, state, soft)
+
+
+def _draw_along_y(axes: 'Axes', state: State, soft: Collection[int]) -> None:
+    chain, points, backbone = state.chain, 1e3 * state.poses, 1e3 * state.backbone
+    guides = [1e3 * tendon for tendon in state.tendon_points]
     for s in range(chain.segments):
         first = s * chain.joints_per_segment
         body = backbone[first:first + chain.joints_per_segment]
-        axes.plot(body[:, 0], body[:, 1], color=SOFT if s in soft else '0.55', linewidth=7,
+        axes.plot(body[:, 0], body[:, 2], color=SOFT if s in soft else '0.55', linewidth=7,
                   solid_capstyle='butt', label='segment' if s == 0 else None)
     for k in range(chain.segments + 1):
-        corners = np.concatenate([guides[0, 2 * k:2 * k + 2], guides[1, 2 * k:2 * k + 2][::-1]])
-        axes.fill(corners[:, 0], corners[:, 1], color='0.8', edgecolor='0.3', linewidth=0.8)
-    for side, (label, style) in TENDON_STYLE.items():
-        axes.plot(guides[side, :, 0], guides[side, :, 1], style, color='0.1', linewidth=1.0,
-                  label=label)
-    axes.plot(points[:, 0], points[:, 1], 'o', color='black', markersize=3.5,
+        corners = np.concatenate([guides[0][2 * k:2 * k + 2], guides[1][2 * k:2 * k + 2][::-1]])
+        axes.fill(corners[:, 0], corners[:, 2], color='0.8', edgecolor='0.3', linewidth=0.8)
+    for name, tendon, dash in zip(chain.arm.tendon_names, guides, DASHES, strict=False):
+        axes.plot(tendon[:, 0], tendon[:, 2], dash, color='0.1', linewidth=1.0,
+                  label=name.replace('_', ' '))
+    axes.plot(points[:, 0], points[:, 2], 'o', color='black', markersize=3.5,
               label='rigid chain, calculation points')
     axes.set_aspect('equal')
     axes.set_xlabel('x in mm')
     axes.grid(alpha=0.3)
+
+
+def _draw_3d(axes: Any, state: State, soft: Collection[int]) -> None:
+    backbone = np.vstack([np.zeros(3), state.backbone]) * 1e3
+    axes.plot(*backbone.T, color='0.55', linewidth=4, label='rigid chain')
+    count = state.chain.joints_per_segment
+    for s in soft:  # from its lower disc to the upper
+        axes.plot(*backbone[1 + s * count:1 + (s + 1) * count].T, color=SOFT, linewidth=4)
+    for tendon, guides in enumerate(state.tendon_points):
+        axes.plot(*(guides * 1e3).T, color='0.1', linewidth=0.8,
+                  label='' if tendon else 'tendons')
+    for k, pose in enumerate(state.poses):
+        axes.plot(*(1e3 * rim(pose, state.chain.disc_radii[k // 2], RING)).T, color='0.3',
+                  linewidth=0.8)
+    # A cube: a shape that is nearly flat would be drawn in axes as thin as itself.
+    middle, half = (backbone.max(axis=0) + backbone.min(axis=0)) / 2, np.ptp(backbone, axis=0) / 2
+    for name, centre in zip('xyz', middle, strict=True):
+        axes.set(**{f'{name}lim': (centre - half.max(), centre + half.max()),
+                    f'{name}label': f'{name} in mm'})
+    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.88)  # with room for the labels
+
+
+def rim(pose: Array, radius: float, count: int) -> Array:
+    """Return the edge of a disc, (count, 3), m; pose (7,), radius in m."""
+    around = np.linspace(0.0, 2.0 * np.pi, count)
+    edge: Array = pose[:3] + radius * np.column_stack(
+        [np.cos(around), np.sin(around), np.zeros(count)]) @ matrices(pose[None, 3:])[0].T
+    return edge
 
 
 def new_figure(width: float, height: float) -> 'Figure':
@@ -79,64 +122,25 @@ def finish_panels(path: str | Path, figure: 'Figure', legend_columns: int) -> No
     figure.savefig(path, dpi=DPI)
 
 
-def shapes_figure(path: str | Path, chain: RigidChain,
-                  shapes: Mapping[str, tuple[Array, Sequence[float]]]) -> None:
+def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[State, Array]]) -> None:
     """
     Write a picture of shapes side by side, with constant curvature beside the rigid chain.
 
-    shapes: by name, joint angles (joints,) rad and the bending angles (segments,) rad asked for.
+    shapes: by name, the state, and the bending (segments, 2), rad, that was asked for.
     """
-    figure, panels = new_panels(1, len(shapes), 4.4 * len(shapes), 5.2)
-    for axes, (name, (joint_angles, bending_angles)) in zip(panels, shapes.items(), strict=True):
-        draw_arm(axes, chain, joint_angles)
-        arcs = constant_curvature.poses(chain.arm, bending_angles) * 1e3
-        axes.plot(arcs[:, 0], arcs[:, 1], 's', markersize=8, markerfacecolor='none',
-                  markeredgecolor='0.1', label='constant curvature')
-        axes.set_title(name, parse_math=False)
-    finish_panels(path, figure, 2 if len(shapes) == 1 else 5)
-
-
-def draw_in_space(axes: Any, state: SpatialEquilibrium) -> None:
-    """
-    Draw backbone, discs and tendons of a spatial arm, in mm, into axes (an Axes3D).
-
-    Segments that are soft while others are stiff are in colour.
-    """
-    backbone = np.vstack([np.zeros(3), state.backbone]) * 1e3
-    axes.plot(*backbone.T, color='0.55', linewidth=4, label='rigid chain')
-    count = state.chain.joints_per_segment
-    for s, stiff in enumerate(state.stiff):
-        if not stiff and any(state.stiff):
-            soft = backbone[1 + s * count:1 + (s + 1) * count]  # from its lower disc to the upper
-            axes.plot(*soft.T, color=SOFT, linewidth=4)
-    for tendon, guides in enumerate(state.tendon_points):
-        axes.plot(*(guides * 1e3).T, color='0.1', linewidth=0.8,
-                  label='' if tendon else 'tendons')
-    around = np.linspace(0.0, 2.0 * np.pi, RING)
-    rim = np.column_stack([np.cos(around), np.sin(around), np.zeros(RING)])
-    for k, place in enumerate(state.points):
-        ring = place + state.chain.disc_radii[k // 2] * rim @ state.orientations[k // 2].T
-        axes.plot(*(ring * 1e3).T, color='0.3', linewidth=0.8)
-    # A cube: a shape that is nearly flat would be drawn in axes as thin as itself.
-    middle, half = (backbone.max(axis=0) + backbone.min(axis=0)) / 2, np.ptp(backbone, axis=0) / 2
-    for name, centre in zip('xyz', middle, strict=True):
-        axes.set(**{f'{name}lim': (centre - half.max(), centre + half.max()),
-                    f'{name}label': f'{name} in mm'})
-    axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.88)  # with room for the labels
-
-
-def spatial_shapes_figure(path: str | Path,
-                          shapes: Mapping[str, tuple[SpatialEquilibrium, Array]]) -> None:
-    """
-    Write a picture of shapes of a spatial arm side by side.
-
-    shapes: by name, the state, and the discs by constant curvature, (2 * discs, 3), m.
-    """
-    figure = new_figure(4.6 * len(shapes), 5.2)
-    for number, (name, (state, arcs)) in enumerate(shapes.items(), start=1):
-        axes = figure.add_subplot(1, len(shapes), number, projection='3d')
-        draw_in_space(axes, state)
-        axes.plot(*(arcs * 1e3).T, 's', markersize=6, markerfacecolor='none',
-                  markeredgecolor='tab:orange', label='constant curvature')
-        axes.set_title(name, y=0.96, parse_math=False)
-    finish_panels(path, figure, 5)
+    arm, count = next(iter(shapes.values()))[0].chain.arm, len(shapes)
+    projection, panels = projection_of(arm), list[Any]()
+    if projection is None:
+        figure, panels = new_panels(1, count, 4.4 * count, 5.2)
+        square: dict[str, Any] = {'markersize': 8, 'markeredgecolor': '0.1'}
+    else:
+        figure = new_figure(4.6 * count, 5.2)
+        panels = [figure.add_subplot(1, count, number, projection=projection)
+                  for number in range(1, count + 1)]
+        square = {'markersize': 6, 'markeredgecolor': SOFT}
+    for axes, (name, (state, bending)) in zip(panels, shapes.items(), strict=True):
+        draw_arm(axes, state)
+        arcs = 1e3 * constant_curvature.poses(arm, bending)[0][:, arm.pose_axes[:3]]
+        axes.plot(*arcs.T, 's', markerfacecolor='none', label='constant curvature', **square)
+        axes.set_title(name, y=None if projection is None else 0.96, parse_math=False)
+    finish_panels(path, figure, 2 if count == 1 and projection is None else 5)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from soft_continuum.analysis.figures import IN_SPACE
 from soft_continuum.colours import OBSTACLE
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.obstacles import Box, Capsule, Mesh, Obstacle, Sphere
@@ -17,37 +18,37 @@ COLOUR = tuple(channel / 255 for channel in OBSTACLE)
 FLAT_OPACITY, OPACITY = 0.5, 0.2
 
 
-def patches(obstacles: Iterable[Obstacle], planar: bool) -> list[Array]:
+def draw_obstacles(axes: Any, obstacles: Iterable[Obstacle], reach: float | None = None) -> None:
     """
-    Return what draw_patches draws of obstacles, polygons in mm.
+    Draw obstacles into axes in mm, of 3d or behind an arm that is seen along y.
 
-    Of a planar arm outlines as seen along y, (n, 2), x and z; else faces, (n, 3).
+    reach: such axes then show those within m of the arm; without it their limits stay.
     """
-    parts = [part for one in obstacles for part in _convex_parts(one)]
-    if planar:
-        return [_outline(part[:, ::2]) for part in parts]
-    return [face for part in parts for face in _faces(part)]
-
-
-def draw_patches(axes: Any, polygons: list[Array], planar: bool) -> None:
-    """Draw them, into axes in mm; of a planar arm behind it, and the limits of the axes stay."""
-    if planar:
+    if axes.name == IN_SPACE:
+        if triangles := faces(obstacles):
+            corners = np.vstack(triangles)
+            axes.plot_trisurf(*corners.T, triangles=np.arange(len(corners)).reshape(-1, 3),
+                              color=COLOUR, alpha=OPACITY)
+    elif polygons := outlines(obstacles):
         from matplotlib.collections import PolyCollection
         axes.add_collection(PolyCollection(
             polygons, facecolor=COLOUR, alpha=FLAT_OPACITY, edgecolor='none', zorder=0.5),
             autolim=False)
-    elif polygons:
-        corners = np.vstack(polygons)
-        axes.plot_trisurf(*corners.T, triangles=np.arange(len(corners)).reshape(-1, 3),
-                          color=COLOUR, alpha=OPACITY)
+        if reach is not None:
+            axes.update_datalim(np.clip(np.vstack(polygons), -1e3 * reach, 1e3 * reach))
+            axes.autoscale_view()
 
 
-def draw_around(axes: Any, obstacles: Iterable[Obstacle], reach: float) -> None:
-    """Draw obstacles around a planar arm into axes in mm, which then show those within m of it."""
-    if polygons := patches(obstacles, planar=True):
-        draw_patches(axes, polygons, planar=True)
-        axes.update_datalim(np.clip(np.vstack(polygons), -1e3 * reach, 1e3 * reach))
-        axes.autoscale_view()
+def outlines(obstacles: Iterable[Obstacle]) -> list[Array]:
+    """Return obstacles as seen along y: polygons (n, 2), x and z, mm."""
+    return [_outline(part[:, ::2]) for one in obstacles for part in _convex_parts(one)]
+
+
+def faces(obstacles: Iterable[Obstacle]) -> list[Array]:
+    """Return the triangles of the surfaces of obstacles, (3, 3) each, mm."""
+    return [points[s] for one in obstacles for points in _convex_parts(one)
+            for s in ([[0, 1, 2]] if len(points) == 3
+                      else scipy.spatial.ConvexHull(points).simplices)]
 
 
 def _convex_parts(obstacle: Obstacle) -> list[Array]:
@@ -78,9 +79,3 @@ def _outline(points: Array) -> Array:
         return points
     outline: Array = points[scipy.spatial.ConvexHull(points).vertices]
     return outline
-
-
-def _faces(points: Array) -> list[Array]:
-    """Return the triangles of the convex hull of points in space."""
-    return [points] if len(points) == 3 else [
-        points[s] for s in scipy.spatial.ConvexHull(points).simplices]

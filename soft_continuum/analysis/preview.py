@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from soft_continuum.analysis.figures import finish_panels, new_panels
+from soft_continuum.analysis.figures import finish_panels, new_panels, rim
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyArm, State, statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors
@@ -17,6 +17,7 @@ from soft_continuum.mechanics.spatial.directions import bending_vectors
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+ROUND = 41  # points of the edge of a disc
 LABELS = 1.45  # times the distance of a tendon from the backbone: where its name is
 
 
@@ -52,7 +53,7 @@ def _draw(axes: 'Axes', state: State) -> None:
         axes.plot(*_side(guides), color='0.35', linewidth=0.7,
                   label='tendon' if number == 0 else None)
     for number, radius in enumerate(state.chain.disc_radii):
-        rims = np.concatenate([_rim(pose, radius)[:, ::2] for pose in state.poses[
+        rims = np.concatenate([rim(pose, radius, ROUND)[:, ::2] for pose in state.poses[
             2 * number:2 * number + 2]])
         outline = rims[scipy.spatial.ConvexHull(rims, qhull_options='QJ').vertices]
         axes.fill(*(1e3 * outline.T), facecolor='0.85', edgecolor='0.4', linewidth=0.8,
@@ -65,8 +66,8 @@ def _side(points: Array) -> tuple[Array, Array]:
 
 def _draw_tendons(axes: 'Axes', state: State) -> None:
     """Draw where the tendons pass the base, as seen from the tip."""
-    rim = 1e3 * _rim(state.poses[0], state.chain.disc_radii[0])
-    axes.plot(rim[:, 0], rim[:, 1], color='0.6', linewidth=1.2)
+    edge = 1e3 * rim(state.poses[0], state.chain.disc_radii[0], ROUND)
+    axes.plot(edge[:, 0], edge[:, 1], color='0.6', linewidth=1.2)
     for name, guides in zip(state.chain.arm.tendon_names, state.tendon_points, strict=True):
         x, y = 1e3 * guides[0, :2]
         axes.plot(x, y, 'o', color='0.0', markersize=4)
@@ -78,11 +79,3 @@ def _draw_tendons(axes: 'Axes', state: State) -> None:
     axes.set_xlabel('x in mm')
     axes.set_ylabel('y in mm')
     axes.grid(alpha=0.3)
-
-
-def _rim(pose: Array, radius: float) -> Array:
-    """Return the edge of a disc, (n, 3), m; pose (7,), radius in m."""
-    around = np.linspace(0.0, 2.0 * np.pi, 41)
-    edge: Array = pose[:3] + scipy.spatial.transform.Rotation.from_quat(pose[3:]).apply(
-        radius * np.column_stack([np.cos(around), np.sin(around), np.zeros_like(around)]))
-    return edge

@@ -27,7 +27,7 @@ th:first-child, td:first-child, .text td { text-align: left }
 """
 LINES = ('-', '--', '-.', ':')
 MAX_PANELS = 12
-IN_PLANE = 1e-3  # mm beside the plane of x and z: a planar arm
+IN_PLANE = 1e-3  # mm beside the plane of x and z: there is nothing to see over y
 MAX_SHAPES = 200
 MAX_EVENTS = 1000
 

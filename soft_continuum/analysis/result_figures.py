@@ -209,11 +209,11 @@ def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], bas
     the further gravity moves them.  base: the tips whose outline is drawn in every panel.
     height: of the straight arm, m.
     """
-    (_figure_in_plane if base.tips.shape[1] == 2 else _figure_in_space)(
+    (_densities if base.tips.shape[1] == 2 else _views)(
         path, reaches, base, height)
 
 
-def _figure_in_space(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
+def _views(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
                      height: float) -> None:
     figure, panels = new_panels(2, len(reaches), 4.2 * len(reaches), 8.4)
     for column, (title, reach) in enumerate(reaches):
@@ -243,7 +243,7 @@ def _outline(axes: 'Axes', tips: Array, hull: float) -> None:
         axes.plot(*outline.T, '--', color='0.0', linewidth=0.9, label='outline without gravity')
 
 
-def _figure_in_plane(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
+def _densities(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
                      height: float) -> None:
     figure, panels = new_panels(2, len(reaches), 4.2 * len(reaches), 6.8)
     for axes, moved, (title, reach) in zip(panels, panels[len(reaches):], reaches, strict=False):

@@ -26,7 +26,7 @@ from soft_continuum.analysis.result_figures import MeasuredState, stiffness_figu
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, given_path, number_in, Parser
 from soft_continuum.cli.common import any_described_arm, run_verb
-from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.stiffness import joint_stiffness
 from soft_continuum.parameters.arm import any_arm_from_parameters, table_parameters
@@ -73,17 +73,16 @@ def _run(options: argparse.Namespace) -> None:
         raise MeasurementError('no file given; name the CSV files of the soft segment, or of the '
                                'stiff one after --stiff')
     values, arm = any_described_arm(options)
-    planar = isinstance(arm, Arm)
-    if planar and options.lateral:
-        raise ArmError('--lateral is of spatial arms; a planar one does not bend to the side')
     if not 1 <= options.segment <= len(arm.segments):
         raise ArmError(f'there is no segment {options.segment}; --segment is 1 to '
                        f'{len(arm.segments)} for this arm')
     index = options.segment - 1
     segment = arm.segments[index]
     described = _stiffnesses(arm, index)
-    leaf = _stiffnesses(any_arm_from_parameters(
-        values | {'arm.bending_stiffnesses': (0.0,)}), index)[SOFT] if planar else None
+    if options.lateral and LATERAL not in described:
+        raise ArmError('--lateral is of spatial arms; a planar one does not bend to the side')
+    leaf = None if LATERAL in described else _stiffnesses(any_arm_from_parameters(
+        values | {'arm.bending_stiffnesses': (0.0,)}), index)[SOFT]
     files = {state: paths for state, paths in (
         (SOFT, options.soft), (LATERAL, options.lateral), (STIFF, options.stiff)) if paths}
     states = []
@@ -163,11 +162,8 @@ def _question(files: Mapping[str, Sequence[Path]], results: Mapping[str, Charact
 
 
 def _stiffnesses(arm: AnyArm, index: int) -> dict[str, float]:
-    """Return E I of a soft segment (0-based), of a spatial arm about y and about x, N m^2."""
-    if isinstance(arm, Arm):
-        return {SOFT: arm.segments[index].bending_stiffness}
-    segment = arm.segments[index]
-    return {SOFT: segment.stiffness_y, LATERAL: segment.stiffness_x}
+    """Return E I of a soft segment (0-based) about y and, if it bends so, about x, N m^2."""
+    return dict(zip((SOFT, LATERAL), arm.segments[index].stiffnesses, strict=False))
 
 
 def _table(states: Sequence[MeasuredState], bodies: int, leaf: float | None, length: float) -> str:

@@ -9,9 +9,8 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.analysis.figures import DPI, draw_arm, draw_in_space, new_figure, SOFT
-from soft_continuum.analysis.obstacle_figures import draw_patches, patches
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.analysis.figures import DPI, draw_arm, new_figure, projection_of, SOFT
+from soft_continuum.analysis.obstacle_figures import draw_obstacles
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.sequencing.planner import WHOLE_ARM
@@ -50,14 +49,14 @@ class _Picture:
     def __init__(self, start: Any, found: Reach, obstacles: Sequence[Obstacle], goals: Array
                  ) -> None:
         assert found.plan is not None
-        self.planar = isinstance(start.chain.arm, Arm)
-        self.goals, self.steps = goals, found.steps
+        arm = start.chain.arm
+        self.projection, self.picked = projection_of(arm), np.flatnonzero(arm.pose_axes[:3])
+        self.goals, self.steps, self.obstacles = goals, found.steps, obstacles
         self.titles = [f'{number}: ' + (
             'the whole arm' if move.segment == WHOLE_ARM else f'segment {move.segment + 1}')
             for number, move in enumerate(found.plan.moves, start=1)]
         self.soft = [move.segment for move in found.plan.moves]
         self.start, self.end = start, found.steps[-1].states[-1]
-        self.patches = patches(obstacles, self.planar)
         states = [start, *(state for step in found.steps for state in step.states)]
         points = 1e3 * np.vstack([goals, np.zeros((1, 3)), *(s.backbone for s in states)])
         around = 1e3 * (MARGIN + start.chain.disc_radii.max())
@@ -71,7 +70,7 @@ class _Picture:
         columns = min(count, COLUMNS)
         rows = ceil(count / columns)
         width, _, height = self.high - self.low
-        tall = min(7.0, max(2.5, 3.2 * height / width)) if self.planar else 3.6
+        tall = min(7.0, max(2.5, 3.2 * height / width)) if self.projection is None else 3.6
         figure = new_figure(3.6 * columns, (tall + 0.8) * rows)
         self._draw(self._axes(figure, rows, columns, 1), self.start, 'start', None, 0)
         for number, step in enumerate(self.steps):
@@ -97,26 +96,22 @@ class _Picture:
                     writer.grab_frame()
 
     def _axes(self, figure: 'Figure', rows: int, columns: int, number: int) -> Any:
-        return figure.add_subplot(
-            rows, columns, number, **({} if self.planar else {'projection': '3d'}))
+        return figure.add_subplot(rows, columns, number, projection=self.projection)
 
     def _draw(self, axes: Any, state: Any, title: str, soft: int | None, done: int,
               running: Array | None = None) -> None:
         """Draw a state with the way of the tip in the steps that are done, and in this one."""
-        if self.planar:
-            draw_arm(axes, state.chain, state.joint_angles, [] if soft is None else [soft])
+        draw_arm(axes, state)
+        draw_obstacles(axes, self.obstacles)
+        for tips in (*self.tips[:done], *([] if running is None else [running])):
+            axes.plot(*tips[:, self.picked].T, color=PATH, linewidth=1.2)
+        axes.plot(*(1e3 * self.goals[:, self.picked]).T, 'x', color=GOAL, markersize=8,
+                  markeredgewidth=2)
+        for name, k in zip('xyz', self.picked, strict=False):
+            axes.set(**{f'{name}lim': (self.low[k], self.high[k])})
+        if self.projection is None:
             axes.set_ylabel('z in mm')
         else:
-            draw_in_space(axes, state)
-        picked = [0, 2] if self.planar else [0, 1, 2]
-        draw_patches(axes, self.patches, self.planar)
-        for tips in (*self.tips[:done], *([] if running is None else [running])):
-            axes.plot(*tips[:, picked].T, color=PATH, linewidth=1.2)
-        axes.plot(*(1e3 * self.goals[:, picked]).T, 'x', color=GOAL, markersize=8,
-                  markeredgewidth=2)
-        for name, k in zip('xy' if self.planar else 'xyz', picked, strict=True):
-            axes.set(**{f'{name}lim': (self.low[k], self.high[k])})
-        if not self.planar:
             axes.set_box_aspect(self.high - self.low, zoom=0.88)
             axes.locator_params(axis='y', nbins=4)  # seen nearly end on
         axes.set_title(title, color='black' if soft is None else SOFT)

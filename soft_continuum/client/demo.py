@@ -16,28 +16,25 @@ from time import sleep
 
 import numpy as np
 
-from soft_continuum.analysis.figures import shapes_figure, spatial_shapes_figure
+from soft_continuum.analysis.figures import shapes_figure
 from soft_continuum.arguments import given_path, Parser, WRONG_USAGE
 from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.measured import MeasuredDisc
 from soft_continuum.client.sequence import RunningSequence
-from soft_continuum.client.state import ArmState, Progress
+from soft_continuum.client.state import ArmState, Pose, Progress
 from soft_continuum.client.state_text import angles_text
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.extras import require
-from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.arm import Arm as PlanarArm
-from soft_continuum.mechanics.chain import RigidChain
-from soft_continuum.mechanics.spatial import constant_curvature as in_space
-from soft_continuum.mechanics.spatial.arm import SpatialArm
-from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.spatial.orientations import quaternions
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
 from soft_continuum.nodes.up import chosen_nodes, description_file, with_asked
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import planar_poses
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.sequencing.progress import Phase
 
@@ -109,65 +106,48 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     """Run the shapes, print a table for each and write the picture."""
     arm.wait_for(lambda state: state.pulls and state.tip and None not in state.stiff)
     description, shapes = arm.description, arm.shapes
-    camera = camera and isinstance(description, PlanarArm)  # Arm.measure knows no other
     hold = HOLD + SETTLING + MEASURING if camera else HOLD
     reached, measured = _follow(arm, arm.start(*shapes, hold=hold), camera=camera)
-    if isinstance(description, PlanarArm):
-        _show_planar(description, shapes, reached, measured, picture)
-    else:
-        _show_spatial(description, shapes, arm.shape_directions, reached, picture)
+    drawn, chain = {}, chain_of(description)
+    for name, angles in shapes.items():
+        towards = arm.shape_directions.get(name, ())
+        bending = bending_vectors(description, angles, towards)
+        shown = angles_text(angles, towards) if towards else (
+            f' {", ".join(f"{np.degrees(a):+.1f}" for a in angles)} degrees')
+        print(f'\n{name}:{shown}')
+        _show_poses(description, bending, reached[name], measured.get(name, {}))
+        drawn[name] = chain.at(np.array(reached[name].joint_angles)), bending
+    shapes_figure(picture, drawn)
     print(f'\nSimulated data. The rigid chain is under gravity, constant curvature is not.\n'
           f'Picture: {picture}')
 
 
-def _show_planar(description: PlanarArm, shapes: Mapping[str, tuple[float, ...]],
-                 reached: Mapping[str, ArmState],
-                 measured: Mapping[str, Mapping[int, MeasuredDisc]], picture: Path) -> None:
-    for name, angles in shapes.items():
-        state = reached[name]
-        print(f'\n{name}: {", ".join(f"{np.degrees(a):+.1f}" for a in angles)} degrees')
-        print('                               x in mm   z in mm   tangent in degrees')
-        poses = [(f'end of segment {i}, rigid chain', pose.x, pose.z, pose.angle)
-                 for i, pose in enumerate(state.segment_poses or (), start=1)]
-        poses += [(f'end of segment {n}, measured', *planar_poses(disc.pose[None])[0].tolist())
-                  for n, disc in measured.get(name, {}).items() if n]
-        if state.tip is not None:
-            poses.append(('tip, rigid chain', state.tip.x, state.tip.z, state.tip.angle))
-        poses.append(('tip, constant curvature',
-                      *constant_curvature.poses(description, angles)[-1].tolist()))
-        for label, x, z, angle in poses:
-            print(f'{label:<30}{x * 1e3:8.2f}  {z * 1e3:8.2f}  {np.degrees(angle):10.2f}')
-        _show_pulls(state)
-    shapes_figure(picture, RigidChain(description), {
-        name: (np.array(reached[name].joint_angles), angles) for name, angles in shapes.items()})
-
-
-def _show_spatial(description: SpatialArm, shapes: Mapping[str, tuple[float, ...]],
-                  directions: Mapping[str, tuple[float, ...]], reached: Mapping[str, ArmState],
-                  picture: Path) -> None:
-    chain, drawn = SpatialChain(description), {}
-    for name, angles in shapes.items():
-        state, towards = reached[name], directions.get(name, ())
-        arcs, turns = in_space.poses(description, bending_vectors(description, angles, towards))
-        print(f'\n{name}:{angles_text(angles, towards)}')
-        print('                               x in mm   y in mm   z in mm   degrees from z')
-        poses = [(f'end of segment {i}, rigid chain', *pose.position, pose.tilt)
-                 for i, pose in enumerate(state.segment_poses or (), start=1)]
-        if state.tip is not None:
-            poses.append(('tip, rigid chain', *state.tip.position, state.tip.tilt))
-        poses.append(('tip, constant curvature', *arcs[-1].tolist(),
-                      float(np.arccos(np.clip(turns[-1, 2, 2], -1.0, 1.0)))))
-        for label, x, y, z, tilt in poses:
-            print(f'{label:<30}{x * 1e3:8.2f}  {y * 1e3:8.2f}  {z * 1e3:8.2f}  '
-                  f'{np.degrees(tilt):10.2f}')
-        _show_pulls(state)
-        drawn[name] = chain.at(np.array(state.joint_angles)), arcs
-    spatial_shapes_figure(picture, drawn)
-
-
-def _show_pulls(state: ArmState) -> None:
+def _show_poses(description: AnyArm, bending: Array, state: ArmState,
+                measured: Mapping[int, MeasuredDisc]) -> None:
+    """Print where segments and tip are, by the chain, as measured and by constant curvature."""
+    signed = description.pose_axes[3:].sum() == 1  # then one angle tells where it points
+    arcs, turns = constant_curvature.poses(description, bending)
+    poses = [(f'end of segment {i}, rigid chain', pose)
+             for i, pose in enumerate(state.segment_poses or (), start=1)]
+    poses += [(f'end of segment {n}, measured', _pose(disc.pose))
+              for n, disc in measured.items() if n]
+    if state.tip is not None:
+        poses.append(('tip, rigid chain', state.tip))
+    poses.append(('tip, constant curvature', _pose(
+        np.concatenate([arcs[-1], quaternions(turns[-1:])[0]]))))
+    print(' ' * 31 + ''.join(f'{axis} in mm   ' for axis in description.axes)
+          + ('tangent in degrees' if signed else 'degrees from z'))
+    for label, pose in poses:
+        place = 1e3 * np.array(pose.position)[description.pose_axes[:3]]
+        print(f'{label:<30}' + ''.join(f'{number:8.2f}  ' for number in place)
+              + f'{np.degrees(pose.angle if signed else pose.tilt):10.2f}')
     print('pulls: ' + ', '.join(f'{tendon} {pull * 1e3:.3f} mm' for tendon, pull in zip(
         state.tendons, state.pulls or (), strict=True)))
+
+
+def _pose(pose: Array) -> Pose:
+    x, y, z, *turn = pose.tolist()
+    return Pose((x, y, z), (turn[0], turn[1], turn[2], turn[3]))
 
 
 def _follow(arm: Arm, running: RunningSequence, *, camera: bool

@@ -158,8 +158,7 @@ class Equilibrium:
 
         from soft_continuum.analysis.figures import draw_arm
         axes = axes or pyplot.gca()
-        draw_arm(axes, self.chain, self.joint_angles,
-                 [s for s, stiff in enumerate(self.stiff) if not stiff])
+        draw_arm(axes, self, [s for s, stiff in enumerate(self.stiff) if not stiff])
         axes.set_ylabel('z in mm')
         return axes
 

@@ -9,15 +9,15 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from soft_continuum.analysis.figures import draw_arm, shapes_figure, spatial_shapes_figure
+from soft_continuum.analysis.figures import draw_arm, shapes_figure
 from soft_continuum.mechanics import RigidChain
-from soft_continuum.mechanics.spatial import constant_curvature, spatial, SpatialChain
+from soft_continuum.mechanics.spatial import spatial, SpatialChain
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 CHAIN = RigidChain(load_arm(DESCRIPTION))
-SHAPES = {name: (CHAIN.uniform(angles).joint_angles, angles)
+SHAPES = {name: (CHAIN.uniform(angles), CHAIN.uniform(angles).bending)
           for name, angles in PAPER_SHAPES.items()}
 
 
@@ -33,7 +33,7 @@ def dark(picture):
 @pytest.mark.parametrize('count', [1, 2, 3])
 def test_a_picture_of_shapes_is_a_readable_png(tmp_path, count):
     path = tmp_path / 'shapes.png'
-    shapes_figure(path, CHAIN, first(count))
+    shapes_figure(path, first(count))
     assert path.read_bytes().startswith(b'\x89PNG\r\n')
     picture = imread(path)
     rows, columns = picture.shape[:2]
@@ -49,18 +49,18 @@ def test_a_picture_of_shapes_is_a_readable_png(tmp_path, count):
 @pytest.mark.parametrize('name', [r'$\broken$', 'C-form \u00fc, 50 % $'])
 def test_a_shape_may_have_any_name(tmp_path, name):
     path = tmp_path / 'shapes.pdf'
-    shapes_figure(str(path), CHAIN, {name: SHAPES['c_form']})
+    shapes_figure(str(path), {name: SHAPES['c_form']})
     assert path.read_bytes().startswith(b'%PDF')
 
 
 def test_the_arm_is_drawn_in_millimetres_where_the_chain_is():
-    joint_angles, _ = SHAPES['c_form']
+    state, _ = SHAPES['c_form']
     axes = Figure().subplots()
-    draw_arm(axes, CHAIN, joint_angles)
+    draw_arm(axes, state)
     drawn = {line.get_label(): line.get_xydata() for line in axes.get_lines()}
     assert drawn['rigid chain, calculation points'] == pytest.approx(
-        1e3 * CHAIN.points(joint_angles)[:, :2])
-    guides = 1e3 * CHAIN.guide_points(joint_angles)
+        1e3 * state.points[:, :2])
+    guides = 1e3 * CHAIN.guide_points(state.joint_angles)
     assert drawn['right tendon'] == pytest.approx(guides[0])
     assert drawn['left tendon'] == pytest.approx(guides[1])
     assert axes.get_aspect() == 1.0
@@ -68,7 +68,7 @@ def test_the_arm_is_drawn_in_millimetres_where_the_chain_is():
 
 def test_a_straight_arm_stands_from_the_origin_to_its_length():
     axes = Figure().subplots()
-    draw_arm(axes, CHAIN, CHAIN.straight().joint_angles)
+    draw_arm(axes, CHAIN.straight())
     points = {line.get_label(): line.get_xydata() for line in axes.get_lines()}[
         'rigid chain, calculation points']
     assert points[0] == pytest.approx((0.0, 0.0))
@@ -79,6 +79,5 @@ def test_a_picture_of_shapes_in_space_is_a_readable_png(tmp_path):
     chain = SpatialChain(spatial(CHAIN.arm))
     bending = [[0.0, 0.4], [0.3, 0.3], [-0.5, 0.1]]
     path = tmp_path / 'in_space.png'
-    spatial_shapes_figure(path, {'bow': (
-        chain.uniform(bending), constant_curvature.poses(chain.arm, bending)[0])})
+    shapes_figure(path, {'bow': (chain.uniform(bending), np.array(bending))})
     assert imread(path).std() > 0.05  # something is drawn
