@@ -18,7 +18,7 @@ from soft_continuum.sensing.pictures import Array, Picture
 from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, cross, PoseFit, TagGroup, width
 from soft_continuum.sensing.ring_layout import MIN_FIXED, off_a_line, RingLayout, Tag
 from soft_continuum.sensing.ring_tare import PlacedTags
-from soft_continuum.sensing.sight import DiscPose, exchanged, Sight, TagFinder
+from soft_continuum.sensing.sight import DiscCamera, DiscPose
 from soft_continuum.sensing.tag_camera import MAX_RESIDUAL, MAX_SCALE_ERROR
 
 FAR_OFF = 0.5  # of a size, relative: no printer does that
@@ -29,8 +29,10 @@ MIN_TILT = 0.35  # rad by which a tag that is seen alone has to look past the ca
 MAX_TURN = 0.1  # rad, standard: a disc that is known worse than that is not measured
 
 
-class RingCamera:
+class RingCamera(DiscCamera):
     """Measures the discs of a spatial arm in the pictures of one camera."""
+
+    layout: RingLayout
 
     def __init__(self, layout: RingLayout, lens: Lens,
                  straight: Mapping[int, Array] | None = None) -> None:
@@ -40,49 +42,21 @@ class RingCamera:
         straight: corners (4, 2) px of each tag as seen of the straight arm, without distortion;
         raises SensorError where it does not look straight.
         """
-        self.layout, self.lens = layout, lens
-        self._tags = PlacedTags.of(layout)
-        if straight:
-            self._tags = PlacedTags.seen_straight(layout, lens, straight)
+        super().__init__(layout, lens, (), passes=2)
+        self._tags = (PlacedTags.seen_straight(layout, lens, straight) if straight
+                      else PlacedTags.of(layout))
         self._fixed = self._tags.fixed
-        known = {n for tags in (self._fixed, *self._tags.rings) for n in tags}
-        self._finder = TagFinder(lens, known, (), passes=2)
 
-    def measure(self, picture: Picture) -> Sight:
-        """Return what a grey picture (height, width) shows."""
-        if problem := self._finder.wrong_size(picture):
-            return Sight({}, (), np.nan, (problem,), {})
-        numbers, found, problems = self._finder.find(picture)
-        corners = {n: c for n, c in found.items() if width(c) >= MIN_WIDTH}
-        view = self._view(picture, corners)
-        if isinstance(view, str):
-            return Sight({}, numbers, np.nan, (*problems, view), corners)
-        fits: dict[int, PoseFit] = {}
-        for n, ring in enumerate(self._tags.rings):
-            fit = self._disc(n, ring, corners, view.base.focal)
-            if isinstance(fit, str):
-                problems.append(fit)
-            elif fit:
-                fits[n] = fit
-        if 0 in fits and (wrong_scale := self._wrong_scale(fits[0], view)):
-            return Sight({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
-        poses = {n: view.pose(fit) for n, fit in fits.items()}
-        wrong, on_wrong_discs = exchanged(poses, self.layout)
-        fits = {n: fit for n, fit in fits.items() if n not in wrong}
-        used = [view.base, *fits.values()]
-        factor = sum(fit.misfit for fit in used) / sum(fit.freedom for fit in used)
-        discs = {n: DiscPose(poses[n], view.covariance(fit, max(1.0, factor))
-                             + self._of_ring(n, poses[n]), fit.residual, poses[n])
-                 for n, fit in fits.items()}
-        deviation = CORNER_DEVIATION * float(np.sqrt(factor))
-        return Sight(discs, numbers, deviation, (*problems, *on_wrong_discs), corners, view)
+    def _find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
+        """Return no corners of tags that are seen too much from their side."""
+        numbers, found, problems = super()._find(picture)
+        return numbers, {n: c for n, c in found.items() if width(c) >= MIN_WIDTH}, problems
 
     def _view(self, picture: Picture, corners: Mapping[int, Array]) -> 'View | str':
         """Return how the camera sees base_link, or why it is not known."""
         seen = [n for n in self._fixed if n in corners]
         if len(seen) < MIN_FIXED:
-            return (f'{len(seen)} of {len(self._fixed)} fixed tags are seen; needed: '
-                    f'{MIN_FIXED}{self._finder.why_so_few(picture, corners)}')
+            return self._too_few(picture, corners, len(seen), MIN_FIXED)
         if not off_a_line(np.array([self._fixed[n].centre for n in seen])):
             return 'the fixed tags that are seen stand in a line; uncover the others'
         group = TagGroup([self._fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
@@ -100,12 +74,12 @@ class RingCamera:
                     'tags.fixed_poses says, and is this calibration of this camera?')
         return View(fits[0], self.lens)
 
-    def _disc(self, n: int, ring: Mapping[int, Tag], corners: Mapping[int, Array], focal: float
-              ) -> PoseFit | str | None:
+    def _fit(self, n: int, corners: Mapping[int, Array], view: 'View') -> PoseFit | str | None:
         """Return the pose of a disc, why it is not known, or None when it is not seen."""
+        ring = self._tags.rings[n]
         seen = [number for number in ring if number in corners]
         fits = TagGroup([ring[k] for k in seen], [corners[k] for k in seen], self.lens,
-                        focal).fits() if seen else []
+                        view.base.focal).fits() if seen else []
         if not fits:
             return None
         best = fits[0]
@@ -119,14 +93,24 @@ class RingCamera:
                     'front to tell how it is turned; turn the ring, or move the camera')
         return best
 
-    def _wrong_scale(self, fit: PoseFit, view: 'View') -> str:
+    def _wrong_scale(self, view: 'View', fits: Mapping[int, PoseFit]) -> str:
         """Return what is wrong with the size of the rings, as the base shows it; or nothing."""
-        factor = float(np.linalg.norm(view.base.shift) / np.linalg.norm(fit.shift))
+        size = np.linalg.norm(fits[0].shift if 0 in fits else view.base.shift)
+        factor = float(np.linalg.norm(view.base.shift) / size)
         if abs(factor - 1.0) <= MAX_SCALE_ERROR:
             return ''
         return (f'the tags of disc 0 are {factor * self.layout.disc_size * 1e3:.1f} mm large, '
                 f'measured by the fixed tags, not {self.layout.disc_size * 1e3:.1f} mm: print at '
                 '100 %, or correct tags.disc_size; is the ring of the base where it should be?')
+
+    def _measured(self, view: 'View', fits: Mapping[int, tuple[Array, PoseFit]]
+                  ) -> tuple[dict[int, DiscPose], float]:
+        """Return the discs, and the deviation of corners besides how tags are stuck."""
+        used = [view.base, *(fit for _, fit in fits.values())]
+        factor = sum(fit.misfit for fit in used) / sum(fit.freedom for fit in used)
+        return {n: DiscPose(pose, view.covariance(fit, max(1.0, factor)) + self._of_ring(n, pose),
+                            fit.residual, pose) for n, (pose, fit) in fits.items()
+                }, CORNER_DEVIATION * float(np.sqrt(factor))
 
     def _of_ring(self, n: int, pose: Array) -> Array:
         """Return the covariance of a disc by how its ring sits on it."""

@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What one picture shows: tags, and from them the discs."""
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -39,6 +40,9 @@ class DiscPose:
 class View(Protocol):
     """How a camera sees base_link."""
 
+    def pose(self, fit: Any) -> Array:
+        """Return the pose (7,) in base_link of a disc, by its tags."""
+
     def seen_at(self, points: Array) -> Array:
         """Return where points (k, 3) m of the arm are, (k, 2) px without distortion."""
 
@@ -63,24 +67,44 @@ class Sight:
     view: View | None = None
 
 
-class TagFinder:
-    """Finds the tags of one layout in the pictures of one camera."""
+class DiscCamera(ABC):
+    """Measures the discs of an arm in the pictures of one camera, by their tags."""
 
-    def __init__(self, lens: Lens, known: Collection[int], expected: Collection[int],
-                 passes: int = 1) -> None:
-        """Take the numbers of the layout, and the rest as TagDetector."""
-        self._lens, self._known = lens, frozenset(known)
+    def __init__(self, layout: Layout, lens: Lens, expected: Collection[int], passes: int = 1
+                 ) -> None:
+        """Take where the tags are, the calibration of the camera, and the rest as TagDetector."""
+        self.layout, self.lens = layout, lens
+        self._known = frozenset(layout.fixed_numbers).union(
+            *map(layout.numbers, range(len(layout.heights))))
         self._detector = TagDetector(lens, expected, passes)
 
-    def wrong_size(self, picture: Picture) -> str:
-        """Return what is wrong with the size of a picture, empty for nothing."""
-        if picture.shape[::-1] == self._lens.size:
-            return ''
-        return (f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the '
-                f'calibration {self._lens.size[0]} x {self._lens.size[1]}; calibrate '
-                'the camera at the resolution that is used')
+    def measure(self, picture: Picture) -> Sight:
+        """Return what a grey picture (height, width) shows."""
+        if picture.shape[::-1] != self.lens.size:
+            return Sight({}, (), np.nan, (
+                f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the calibration '
+                f'{self.lens.size[0]} x {self.lens.size[1]}; calibrate the camera at the '
+                'resolution that is used',), {})
+        numbers, corners, problems = self._find(picture)
+        view = self._view(picture, corners)
+        if isinstance(view, str):
+            return Sight({}, numbers, np.nan, (*problems, view), corners)
+        fits: dict[int, Any] = {}
+        for n in range(len(self.layout.heights)):
+            fit = self._fit(n, corners, view)
+            if isinstance(fit, str):
+                problems.append(fit)
+            elif fit is not None:
+                fits[n] = fit
+        if wrong_scale := self._wrong_scale(view, fits):
+            return Sight({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
+        poses = {n: view.pose(fit) for n, fit in fits.items()}
+        wrong, on_wrong_discs = exchanged(poses, self.layout)
+        discs, deviation = self._measured(view, {
+            n: (poses[n], fit) for n, fit in fits.items() if n not in wrong})
+        return Sight(discs, numbers, deviation, (*problems, *on_wrong_discs), corners, view)
 
-    def find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
+    def _find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
         """Return all numbers, the corners of the tags of this layout, px, and what is wrong."""
         found = self._detector.detect(picture)
         count = Counter(n for n, _ in found)
@@ -89,28 +113,32 @@ class TagFinder:
         corners = {n: c for n, c in found if n in self._known and count[n] == 1}
         return tuple(sorted(count)), corners, problems
 
-    def why_so_few(self, picture: Picture, corners: Mapping[int, Array]) -> str:
-        """Return a remedy for a picture without enough tags."""
+    def _too_few(self, picture: Picture, corners: Mapping[int, Array], seen: int, needed: int
+                 ) -> str:
+        """Return what is wrong with a picture without enough fixed tags, and a remedy."""
+        why = 'is something before them, are they in the picture, sharp and lit?'
         if is_black(picture):
-            return '; the picture is black: is the lens covered, is there light?'
-        if not corners and self._detector.numbers(cv2.flip(picture, 1)):
-            return '; the picture is mirrored: turn that off in the driver of the camera'
-        return '; is something before them, are they in the picture, sharp and lit?'
+            why = 'the picture is black: is the lens covered, is there light?'
+        elif not corners and self._detector.numbers(cv2.flip(picture, 1)):
+            why = 'the picture is mirrored: turn that off in the driver of the camera'
+        return f'{seen} of {len(self.layout.fixed)} fixed tags are seen; needed: {needed}; {why}'
 
+    @abstractmethod
+    def _view(self, picture: Picture, corners: Mapping[int, Array]) -> Any:
+        """Return the View that the fixed tags tell, or why they do not."""
 
-class DiscCamera(Protocol):
-    """Measures the discs in the pictures of one camera."""
+    @abstractmethod
+    def _fit(self, n: int, corners: Mapping[int, Array], view: Any) -> Any:
+        """Return how a disc is seen, why that is not known, or None when it is not seen."""
 
-    @property
-    def layout(self) -> Layout:
-        """Where the tags are."""
+    def _wrong_scale(self, view: Any, fits: Mapping[int, Any]) -> str:
+        """Return what is wrong with the size of tags of discs, as a view shows it; or nothing."""
+        return ''
 
-    @property
-    def lens(self) -> Lens:
-        """Calibration of the camera."""
-
-    def measure(self, picture: Picture) -> Sight:
-        """Return what a grey picture (height, width) shows."""
+    @abstractmethod
+    def _measured(self, view: Any, fits: Mapping[int, tuple[Array, Any]]
+                  ) -> tuple[dict[int, DiscPose], float]:
+        """Return the discs, from their poses by their tags and fits, and deviation of Sight."""
 
 
 def exchanged(poses: Mapping[int, Array], layout: Layout) -> tuple[set[int], list[str]]:

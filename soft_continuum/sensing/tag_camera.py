@@ -19,7 +19,7 @@ from soft_continuum.sensing.layout import carry_a_plane, directions, MIN_FIXED, 
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, Picture
 from soft_continuum.sensing.rigid import compose, IDENTITY, in_plane
-from soft_continuum.sensing.sight import DiscPose, exchanged, Sight, TagFinder
+from soft_continuum.sensing.sight import DiscCamera, DiscPose
 
 SHARED_DEVIATION = 0.05  # px that all corners of a tag are off alike: residuals do not show it
 FOCAL_DEVIATION = 0.005  # relative, of a good calibration
@@ -28,8 +28,10 @@ MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
 ITERATIONS = 5
 
 
-class TagCamera:
-    """Measures the discs in the pictures of one camera."""
+class TagCamera(DiscCamera):
+    """Measures the discs of a planar arm in the pictures of one camera."""
+
+    layout: TagLayout
 
     def __init__(self, layout: TagLayout, lens: Lens, mounts: Sequence[Array] = ()) -> None:
         """
@@ -38,50 +40,38 @@ class TagCamera:
         mounts: by disc, its pose (7,) in the one that its tag tells; none for tags that are where
         they are meant to be.
         """
-        self.layout, self.lens, discs = layout, lens, len(layout.heights)
-        self._mounts = mounts or [np.array(IDENTITY)] * discs
-        known = {*layout.fixed_numbers, *range(discs)}
-        self._finder = TagFinder(lens, known, known)
+        discs = range(len(layout.heights))
+        super().__init__(layout, lens, {*layout.fixed_numbers, *discs})
+        self._mounts = mounts or [np.array(IDENTITY) for _ in discs]
 
-    def measure(self, picture: Picture) -> Sight:
-        """Return what a grey picture (height, width) shows."""
-        if problem := self._finder.wrong_size(picture):
-            return Sight({}, (), np.nan, (problem,), {})
-        numbers, corners, problems = self._finder.find(picture)
-        plane = self._plane(picture, corners)
-        if isinstance(plane, str):
-            return Sight({}, numbers, np.nan, (*problems, plane), corners)
-        fits = {n: plane.fit(n, corners[n]) for n in sorted(corners)
-                if n < len(self.layout.heights)}
-        for n, fit in list(fits.items()):
-            if fit.residual > MAX_RESIDUAL:
-                del fits[n]
-                problems.append(f'the tag of disc {n} does not fit by {fit.residual:.1f} px; is '
-                                'it flat, and of the size tags.disc_size?')
-        wrong, on_wrong_discs = exchanged(
-            {n: full_poses(fit.pose[None])[0] for n, fit in fits.items()}, self.layout)
-        fits = {n: fit for n, fit in fits.items() if n not in wrong}
-        squares = plane.squares + sum(8.0 * fit.residual**2 for fit in fits.values())
-        deviation = np.sqrt(squares / (plane.freedom + 5 * len(fits)))
-        variance = deviation**2 + SHARED_DEVIATION**2
-        discs = {}
-        for n, fit in fits.items():
-            by_tag, covariance = in_plane(
-                fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit))
-            discs[n] = DiscPose(compose(by_tag, self._mounts[n]), covariance, fit.residual, by_tag)
-        return Sight(discs, numbers, float(deviation), (*problems, *on_wrong_discs), corners,
-                     plane)
-
-    def _plane(self, picture: Picture, corners: Mapping[int, Array]) -> 'Plane | str':
+    def _view(self, picture: Picture, corners: Mapping[int, Array]) -> 'Plane | str':
         """Return the plane that the fixed tags tell, or why they do not."""
         seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
         if len(seen) < MIN_FIXED:
-            return (f'{len(seen)} of {len(self.layout.fixed)} fixed tags are seen; needed: '
-                    f'{MIN_FIXED}{self._finder.why_so_few(picture, corners)}')
+            return self._too_few(picture, corners, len(seen), MIN_FIXED)
         if not carry_a_plane(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
             return 'the fixed tags that are seen stand in a line, but for one; uncover the others'
         plane = Plane(self.layout, self.lens, seen)
         return plane.problem() or plane
+
+    def _fit(self, n: int, corners: Mapping[int, Array], view: 'Plane') -> '_Fit | str | None':
+        """Return where the plane has a disc, why that is not known, or None if it is not seen."""
+        if n not in corners:
+            return None
+        fit = view.fit(n, corners[n])
+        return fit if fit.residual <= MAX_RESIDUAL else (
+            f'the tag of disc {n} does not fit by {fit.residual:.1f} px; is it flat, and of the '
+            'size tags.disc_size?')
+
+    def _measured(self, view: 'Plane', fits: Mapping[int, tuple[Array, '_Fit']]
+                  ) -> tuple[dict[int, DiscPose], float]:
+        """Return the discs, and the deviation of all corners."""
+        squares = view.squares + sum(8.0 * fit.residual**2 for _, fit in fits.values())
+        deviation = float(np.sqrt(squares / (view.freedom + 5 * len(fits))))
+        variance = deviation**2 + SHARED_DEVIATION**2
+        return {n: DiscPose(compose(pose, self._mounts[n]), in_plane(
+            fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit))[1],
+            fit.residual, pose) for n, (pose, fit) in fits.items()}, deviation
 
     def _fixed_covariance(self, disc: int, fit: '_Fit') -> Array:
         """Return the covariance of what is off in every picture alike: tags, and the lens."""
@@ -144,6 +134,11 @@ class Plane:
     def seen_at(self, points: Array) -> Array:
         """Return where points (k, 3) m of the arm, in base_link, are seen, (k, 2) px."""
         return self.project(points[:, [0, 2]], self._layout.depth)
+
+    def pose(self, fit: _Fit) -> Array:
+        """Return the pose (7,) of a disc."""
+        pose: Array = full_poses(fit.pose[None])[0]
+        return pose
 
     def _behind(self, points: Array, depth: float) -> Array:
         """Return which points of the plane these hide, (k, 2) m."""
