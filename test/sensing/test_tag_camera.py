@@ -14,6 +14,7 @@ from soft_continuum.sensing.lens import Lens, LensError
 from soft_continuum.sensing.tag_camera import TagCamera
 from support import views
 from support.planar import IN_PLANE
+from support.views import without_pose
 
 STRAIGHT = views.discs(0.0, 0.0, 0.0)
 
@@ -72,25 +73,6 @@ def test_no_tag_is_seen_in_clutter(ideal):
 
 # Bad pictures: each names what to do, and measures nothing that is wrong.
 
-def without_pose(sight, *words):
-    assert not sight.discs
-    assert len(sight.problems) == 1
-    for word in words:
-        assert word in sight.problems[0]
-
-
-def test_a_black_picture(ideal):
-    without_pose(ideal[1].measure(np.zeros((960, 1280), np.uint8)), 'black', 'lens covered')
-
-
-def test_a_mirrored_picture(ideal):
-    without_pose(ideal[1].measure(cv2.flip(ideal[2], 1)), 'mirrored', 'driver')
-
-
-def test_a_picture_of_another_size(ideal):
-    without_pose(ideal[1].measure(cv2.resize(ideal[2], (640, 480))), '640 x 480', '1280 x 960')
-
-
 def test_a_fixed_tag_that_is_hidden(ideal):
     covered = ideal[2].copy()
     covered[:400, :400] = 0
@@ -107,20 +89,6 @@ def test_fixed_tags_of_which_three_stand_in_a_line():
     for u, v in hidden:
         picture[v - 30:v + 30, u - 30:u + 30] = 90
     without_pose(measuring.measure(picture), 'in a line', 'uncover')
-
-
-@pytest.mark.parametrize('scale', [0.94, 1.06])
-def test_fixed_tags_that_were_printed_at_another_scale(ideal, scale):
-    wrong = TagCamera(views.layout(fixed_size=0.06 * scale), ideal[0].lens)
-    without_pose(wrong.measure(ideal[2]), '60.0 mm', 'print at 100 %')
-
-
-def test_a_calibration_of_another_camera(ideal):
-    lens = ideal[0].lens
-    bent = Lens.of(lens.size, lens.matrix, [-0.6, 0.0, 0.0, 0.0, 0.0])
-    sight = TagCamera(views.layout(), bent).measure(ideal[2])
-    assert not sight.discs
-    assert 'do not fit' in sight.problems[0] or '100 %' in sight.problems[0]
 
 
 def test_disc_tags_that_were_printed_at_another_scale(ideal):

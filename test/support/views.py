@@ -50,3 +50,11 @@ def errors(sight, truth):
     """Return the errors of all discs that are seen, (discs, 3), m and rad."""
     return np.array([planar_pose(found.pose) - truth[n] for n, found in sight.discs.items()]
                     ).reshape(-1, 3)
+
+
+def without_pose(sight, *words):
+    """Assert that no disc is measured, and that one problem says why."""
+    assert not sight.discs
+    assert len(sight.problems) == 1
+    for word in words:
+        assert word in sight.problems[0]

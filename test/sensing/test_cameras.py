@@ -1,0 +1,52 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of any arm in which nothing can be measured are refused, and say what to do."""
+
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from soft_continuum.sensing.lens import Lens
+from support import space_views, views
+from support.views import without_pose
+
+
+def measuring(of_arm, lens, **changes):
+    """Return what measures in pictures of an arm, with other parameters tags.*."""
+    layout = of_arm.layout(**changes)
+    return layout.camera(lens, layout.stuck_as(of_arm.VALUES))
+
+
+@pytest.fixture(scope='module', params=[
+    (views, (0.0, 0.0, 0.0)), (space_views, np.zeros((3, 2)))], ids=['in the plane', 'in space'])
+def ideal(request):
+    """Return the pictures of an arm, the lens of a drawn camera, and one of the straight arm."""
+    of_arm, straight = request.param
+    drawn = of_arm.camera()
+    return of_arm, drawn.lens, drawn.picture(of_arm.discs(*straight))
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    (np.zeros_like, ('black', 'lens covered')), (lambda p: cv2.flip(p, 1), ('mirrored', 'driver')),
+    (lambda p: cv2.resize(p, (640, 480)), ('640 x 480', '1280 x 960'))])
+def test_a_picture_in_which_nothing_can_be_measured(ideal, change, words):
+    of_arm, lens, picture = ideal
+    without_pose(measuring(of_arm, lens).measure(change(picture)), *words)
+
+
+@pytest.mark.parametrize('scale', [0.94, 1.06])
+def test_fixed_tags_that_were_printed_at_another_scale(ideal, scale):
+    of_arm, lens, picture = ideal
+    sight = measuring(of_arm, lens, fixed_size=0.06 * scale).measure(picture)
+    without_pose(sight, 'print at 100 %')
+    assert float(re.search('are ([0-9.]+) mm', sight.problems[0])[1]) == pytest.approx(60, abs=0.3)
+
+
+def test_a_calibration_of_another_camera(ideal):
+    of_arm, lens, picture = ideal
+    bent = Lens.of(lens.size, lens.matrix, [-0.6, 0.0, 0.0, 0.0, 0.0])
+    sight = measuring(of_arm, bent).measure(picture)
+    without_pose(sight, 'tags')
+    assert 'do not fit' in sight.problems[0] or '100 %' in sight.problems[0]
