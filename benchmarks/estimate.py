@@ -29,7 +29,7 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
-from soft_continuum.sensing.rigid import in_plane
+from soft_continuum.sensing.rigid import displacement, IDENTITY, in_plane
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.twin.differences import Differences, read_differences
@@ -69,15 +69,14 @@ class RecordedLab(Lab):
         values: dict[str, Any] = dict(load_description(description_file(), node='disc_sensors'))
         arm = description.arm
         self._imus = MountedImus.of(values, arm)
+        self._tilted: dict[int, Array] = {}  # poses
         self._cells = MeasuredTensions(
             arm.tendon_names, load_description(description_file(), node='kinematics'))
         self._sliding = np.zeros(2, dtype=int)
         self._recording = True
         self.wait(1.0)
-        for n in range(len(arm.discs)):
-            with suppress(SensorError):  # of a bias beyond 10 % of g most samples are refused
-                if (mount := self._imus.straight(n, self.time)) is not None:
-                    self._imus.mounts[n] = mount
+        for n, pose in self._tilted.items():  # as ~/tare does, but for the mean
+            self._imus.mounts[n] = displacement(pose, np.array(IDENTITY))[3:]
         self.ticks.clear()
         self.wait(1.0)
 
@@ -99,8 +98,9 @@ class RecordedLab(Lab):
             with suppress(SensorError):  # as in disc_sensors, which reports it and goes on
                 found = self._imus.measure(n, ImuSample(
                     self.time, tuple(motion[3:].tolist()), motion[:3]), none, none, self.time)
-                if found is not None and n > 0:
-                    tilts.append(DiscMeasurement(n, *found))
+                if found is not None:
+                    self._tilted[n] = found[0]
+                    tilts += [DiscMeasurement(n, *found)] if n > 0 else []
         self._cells.put(self.time, dict(zip(names, self.load_cells().tolist(), strict=True)))
         measured: dict[str, Sequence[Measurement]] = {
             TENSIONS: [one for _, each in self._cells.take() for one in each]}
