@@ -112,7 +112,7 @@ def pose_of_up(up: Array, covariance: Array, to: Array, unseen: float) -> tuple[
     not measured: where it is, and how it is turned about the vertical.
     """
     vector = turn_between(up, to)
-    matrix, half = rotation(vector), max(hypot(*vector) / 2.0, TINY)
+    matrix, half = rotation(vector), max(hypot(*vector.tolist()) / 2.0, TINY)
     lever = -skew(to) @ matrix  # what moves up turns it across
     full = unseen * np.eye(6)
     full[3:, 3:] = lever @ covariance @ lever.T + unseen * np.outer(to, to)

@@ -182,7 +182,7 @@ class UpFilter:
             return
         limited = min(magnitude, MAX_AVERAGED * self._settings.gravity)
         self._magnitude += (1.0 - exp(-step / AVERAGING_TIME)) * (limited - self._magnitude)
-        steady = (hypot(*(rate - self._rate)) < QUIET_RATE + 4.0 * rate_noise
+        steady = (hypot(*(rate - self._rate).tolist()) < QUIET_RATE + 4.0 * rate_noise
                   and abs(magnitude - self._magnitude) < QUIET_ACCELERATION + 4.0 * noise)
         self._rate = self._rate + (1.0 - exp(-step / QUIET_TIME)) * (rate - self._rate)
         self._quiet = self._quiet + step if steady else 0.0
@@ -197,7 +197,7 @@ class UpFilter:
     def _seen(self, acceleration: tuple[float, float, float]) -> tuple[Array, float]:
         """Return what an acceleration says, and by how much of it, m/s^2."""
         gravity, seen = self._settings.gravity, self._moved * acceleration
-        size = hypot(*seen)
+        size = hypot(*seen.tolist())
         if size < MIN_IN_PLANE * gravity and not self._moved.all():
             across = 'xyz'[int(np.argmin(self._moved))]
             where = (f'lies along {across} of the disc' if hypot(*(acceleration - seen)) > size
@@ -210,21 +210,15 @@ class UpFilter:
     def _predict(self, rate: Array, noise: float, step: float) -> None:
         """Let a step, s, pass, with a rate (rad/s) and the deviation of that."""
         turn = (rate - self.bias) * step
-        self._turn(-turn)
         moves = np.eye(6)
+        moves[UP, UP] = back = rotation(-turn)
+        self.up = back @ self.up
         moves[UP, BIAS] = by_rate = -step * skew(self.up)  # it turns by up x rate
         self.covariance = moves @ self.covariance @ moves.T
         # At another angle the offset of the accelerometer is another angle.
         self.covariance[UP, UP] += (noise**2 * by_rate @ by_rate.T
-                                    + self._settings.deviation**2 * hypot(*turn) * EYE)
+                                    + self._settings.deviation**2 * hypot(*turn.tolist()) * EYE)
         self.covariance[BIAS, BIAS] += BIAS_WALK**2 * step * EYE
-
-    def _turn(self, vector: Array) -> None:
-        """Turn up, with what is known of it, by a rotation vector, rad."""
-        matrix = rotation(vector)
-        self.up = matrix @ self.up
-        self.covariance[UP] = matrix @ self.covariance[UP]
-        self.covariance[:, UP] = self.covariance[:, UP] @ matrix.T
 
     def _restart(self, up: Array, variance: float) -> None:
         """Take what the accelerometer says, with its variance, rad^2."""
@@ -236,19 +230,20 @@ class UpFilter:
         """Take account of what it says; of the bias only while the disc is quiet."""
         if not self.is_quiet:
             gain[BIAS] = 0.0
-        # Joseph's form, which holds for any gain.
+        step = gain @ away
+        matrix = rotation(skew(self.up) @ step[UP])
+        self.up, self.bias = matrix @ self.up, self.bias + step[BIAS]
+        # Joseph's form, which holds for any gain; what is known of up is turned with it.
         kept = np.eye(6)
         kept[:, UP] -= gain
+        kept[UP], gain[UP] = matrix @ kept[UP], matrix @ gain[UP]
         self.covariance = kept @ self.covariance @ kept.T + variance * gain @ gain.T
-        step = gain @ away
-        self.bias = self.bias + step[BIAS]
-        self._turn(skew(self.up) @ step[UP])
 
 
 def turn_between(one: Array, other: Array) -> Array:
     """Return the rotation vector (3,), rad, of the smallest turn from a direction to another."""
     across, along = skew(one) @ other, one @ other
-    sine = hypot(*across)
+    sine = hypot(*across.tolist())
     if sine < TINY and along < 0.0:  # half a turn, about anything across it: y where that is
         across = skew(one)[:, 2 if abs(one[2]) < abs(one[0]) else 0]
         return np.asarray(np.pi / hypot(*across) * across)
@@ -257,7 +252,7 @@ def turn_between(one: Array, other: Array) -> Array:
 
 def rotation(vector: Array) -> Array:
     """Return the matrix (3, 3) of a rotation vector (3,), rad."""
-    angle, across = max(hypot(*vector), TINY), skew(vector)
+    angle, across = max(hypot(*vector.tolist()), TINY), skew(vector)
     return np.asarray(EYE + sin(angle) / angle * across
                       + 2.0 * (sin(angle / 2.0) / angle)**2 * across @ across)
 
