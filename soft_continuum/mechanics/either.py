@@ -140,19 +140,6 @@ def chain_of(arm: AnyArm) -> AnyChain:
     return RigidChain(arm) if isinstance(arm, Arm) else SpatialChain(arm)
 
 
-def sliding_towards(arm: AnyArm, change: Array) -> tuple[int, ...]:
-    """
-    Return how tendons slide through their guides while segments bend, as of a solve.
-
-    change: of State.bending.  In space they are not known to: there they do not rub when bendings
-    are planned.
-    """
-    if not isinstance(arm, Arm):
-        return ()
-    turn = int(np.sign(change[:, 1].sum()))
-    return turn, -turn
-
-
 def arc_pulls(arm: AnyArm, bending: Array) -> Array:
     """Return the pulls (tendons,) m of a bending, as State.bending, of constant curvature."""
     if isinstance(arm, Arm):

@@ -71,10 +71,11 @@ class Statics:
     natural shape.  Stiffening locks it (paper, III-A) or, with a Jam of finite stiffness, adds
     the jam's springs about the shape at which it was stiffened; either way it moves nothing.
     precision: rad by which a segment that has its bending may miss it, and by which one may that
-    comes no nearer.
+    comes no nearer.  late_imports: modules that are loaded when a solve first needs them.
     """
 
     precision = (1e-9, 1e-9)
+    late_imports: tuple[str, ...] = ()
 
     def __init__(self, arm: Arm) -> None:
         """Discretise ``arm`` and prepare the arrays of the solver."""
@@ -189,6 +190,11 @@ class Statics:
         carries = np.arange(len(found.tensions)) == np.argmax(found.tensions)
         return HeldBending(found, np.where(carries & (found.tensions > 0.0),
                                            self.commanded_pulls(found, sliding), SLACK))
+
+    def sliding_towards(self, change: Array) -> tuple[int, ...]:
+        """Return how tendons slide, as of a solve, while bending (segments, 2) changes, rad."""
+        turn = int(np.sign(change[:, 1].sum()))
+        return turn, -turn
 
     def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = UNMOVED) -> Array:
         """Return the pulls (2,) m at the steppers that give a state: its paths and stretch."""

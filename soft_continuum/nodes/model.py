@@ -8,8 +8,7 @@ import threading
 from typing import Any
 
 from soft_continuum.mechanics._kernel import must_build
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.either import AnyArm, statics_of
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.nodes.threads import on_ros_thread
 
@@ -32,8 +31,8 @@ def load_model(node: Any, arm: AnyArm, loaded: Callable[[], None] | None = None,
     def load() -> None:
         try:
             warm_up()
-            if not isinstance(arm, Arm):  # else the first motion of an arm in space waits for it
-                import_module('scipy.optimize')
+            for module in statics_of(arm).late_imports:  # else the first motion waits for them
+                import_module(module)
         except Exception as error:  # of numba, a compiler, a disk
             on_ros_thread(node, node.status.alarm, 'model', 'the model cannot be loaded: '
                           f'{type(error).__name__}: {error}; see soft_continuum doctor')

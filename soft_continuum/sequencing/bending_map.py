@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import sliding_towards, State
+from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 
@@ -178,7 +178,7 @@ def bending_map(statics: Any, state: Any, segment: int, limits: BendingLimits,
         goal, change = state.bending.copy(), np.zeros_like(state.bending)
         goal[segment] = -bending.imag, bending.real
         change[segment] = goal[segment] - start.bending[segment]
-        held = statics.hold(start, goal, soft, sliding=sliding_towards(arm, change))
+        held = statics.hold(start, goal, soft, sliding=statics.sliding_towards(change))
         carries = held.pulls != SLACK
         slack = limits.antagonist_slack  # where none carries, as of a Planner
         slack = slack if carries.any() else min(slack, SLACK_ALLOWANCE)

@@ -18,7 +18,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import AnyArm, sliding_towards, statics_of
+from soft_continuum.mechanics.either import AnyArm, statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors, within_limits
 from soft_continuum.mechanics.statics import HeldBending, SLACK_ALLOWANCE, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
@@ -288,7 +288,7 @@ class Planner:
                             'tendons do not hold it; pull them in, or straighten the arm by '
                             '`soft_continuum home`')
         present, change = bent.bending, self._change(bent, segment, goal)
-        sliding = sliding_towards(self.statics.chain.arm, change)
+        sliding = self.statics.sliding_towards(change)
         steps = max(1, ceil(np.linalg.norm(change, axis=1).max() / self.settings.angle_step))
         points, tension = [start], float(bent.tensions.max())
         for part in np.arange(1, steps + 1) / steps:
@@ -310,7 +310,7 @@ class Planner:
 
         segment, goal: as of ``move``.  Raises StaticsError.
         """
-        sliding = sliding_towards(self.statics.chain.arm, self._change(state, segment, goal))
+        sliding = self.statics.sliding_towards(self._change(state, segment, goal))
         return self.statics.hold(state, goal, self._soft(segment), sliding=sliding).state
 
     def _change(self, state: Any, segment: int, goal: Array) -> Array:

@@ -156,10 +156,12 @@ class SpatialStatics:
     Softening returns the springs of a segment to their natural shape; stiffening locks it, or adds
     the springs of its jam about the shape that it has.
     precision: rad by which a segment that has its bending may miss it, and by which one may that
-    comes no nearer: tendons without tension may leave 1e-6 and more.
+    comes no nearer: tendons without tension may leave 1e-6 and more.  late_imports: modules that
+    are loaded when a solve first needs them, 0.3 s.
     """
 
     precision = (1e-8, 1e-5)
+    late_imports: tuple[str, ...] = ('scipy.optimize',)
 
     def __init__(self, arm: SpatialArm) -> None:
         """Discretise ``arm``."""
@@ -211,6 +213,10 @@ class SpatialStatics:
             except StaticsError as error:
                 errors.append(error)
         raise errors[0]
+
+    def sliding_towards(self, _: Array) -> tuple[int, ...]:
+        """Return how tendons slide while bending changes: which do is not known, so none."""
+        return ()
 
     def begin(self, start: SpatialEquilibrium, soft: Sequence[bool],
               vacuum: Sequence[float] | None = None) -> tuple[SpatialEquilibrium, Locks]:
