@@ -110,12 +110,8 @@ class BendingMap:
 
     def pulls_at(self, bending: complex) -> Array:
         """Return the pulls (tendons,) m at a bending (rad) of the map."""
-        return self._columns(bending)[0]
-
-    def _columns(self, bending: complex) -> list[Array]:
-        """Return pulls (tendons,), m, which tendons carry, 0 to 1, and tip (3,), m."""
-        row = self.table(np.array([bending]))[0]
-        return np.split(row, [len(row) // 2 - 1, len(row) - 3])
+        row: Array = self.table(np.array([bending]))[0]
+        return row[:len(row) // 2 - 1]
 
     def angle_for_pulls(self, pulls: Array, near: complex) -> complex:
         """
@@ -123,7 +119,7 @@ class BendingMap:
 
         Those that carry the arm at a bending ``near`` count most.
         """
-        carries = self._columns(self.clipped(near))[1]
+        carries = self.table(np.array([self.clipped(near)]))[0, len(pulls):-3]
         return self._nearest(np.asarray(pulls), slice(len(pulls)), near,
                              np.maximum(carries, SLACK_WEIGHT))
 
@@ -243,11 +239,16 @@ def _table(free: tuple[bool, bool], places: Array, rows: list[Array]) -> Callabl
     if all(free):
         found = scipy.interpolate.LinearNDInterpolator(_plane(places), np.array(rows))
         return lambda bendings: np.asarray(found(_plane(bendings)))
-    line = _plane(places)[:, free].ravel()
+    line = places.real if free[0] else places.imag
     order = np.argsort(line)
-    line, columns = line[order], np.array(rows)[order].T
-    return lambda bendings: np.column_stack([
-        np.interp(_plane(bendings)[:, free].ravel(), line, column) for column in columns])
+    line, known = line[order], np.array(rows)[order]
+    slopes = np.diff(known, axis=0) / np.diff(line)[:, None]
+
+    def on_line(bendings: Array) -> Array:
+        at = bendings.real if free[0] else bendings.imag
+        k = np.clip(np.searchsorted(line, at) - 1, 0, len(slopes) - 1)
+        return np.asarray(known[k] + (at - line[k])[:, None] * slopes[k])
+    return on_line
 
 
 def _plane(bendings: Array) -> Array:
