@@ -176,8 +176,9 @@ def bending_map(statics: Any, state: Any, segment: int, limits: BendingLimits,
         change[segment] = goal[segment] - start.bending[segment]
         held = statics.hold(start, goal, soft, sliding=statics.sliding_towards(change))
         carries = held.pulls != SLACK
-        slack = limits.antagonist_slack  # where none carries, as of a Planner
-        slack = slack if carries.any() else min(slack, SLACK_ALLOWANCE)
+        slack = limits.antagonist_slack
+        if not carries.any():  # about a hinge, tendons that are all just taut oppose each other
+            slack = 0.0 if all(free) else min(slack, SLACK_ALLOWANCE)
         pulls = np.where(carries, held.pulls, held.state.pulls - slack) - limits.offsets
         limits.check(held.state, pulls)
         return held.state, np.concatenate([pulls, carries, held.state.backbone[-1]])
