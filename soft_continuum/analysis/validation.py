@@ -17,7 +17,7 @@ from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_step
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics.arm import ArmError
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import AnyArm, arc_pulls, Solver, statics_of
+from soft_continuum.mechanics.either import AnyArm, arc_bending, arc_pulls, Solver, statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.directions import hinged
@@ -88,7 +88,7 @@ def _constant_curvature(shape: MeasuredShape, arm: AnyArm) -> Prediction:
         soft = np.array(step.soft(len(arm.segments)))
         bending[soft] = aimed[soft] = 0.0
         with suppress(ArmError):
-            bending = arm.arc_bending(step.pulls, bending, soft.tolist())
+            bending = arc_bending(arm, step.pulls, bending, soft.tolist())
         before = arc_pulls(arm, aimed)
         wanted = _wanted(arm, step)
         aimed[soft] = bending[soft] if wanted is None else wanted[soft]

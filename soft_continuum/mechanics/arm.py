@@ -280,12 +280,6 @@ class Arm:
             float((s.length**2 + (s.guide_offsets[1] - s.guide_offsets[0])**2)**0.5)
             for s in self.segments)
 
-    def arc_bending(self, pulls: Sequence[float], start: NDArray[np.float64], soft: Sequence[bool]
-                    ) -> NDArray[np.float64]:
-        """Return the bending (segments, 2), rad, by constant_curvature.bending."""
-        from soft_continuum.mechanics.constant_curvature import bending
-        return bending(self, pulls, start, soft)
-
     def without_gravity(self) -> 'Arm':
         """Return the same arm with gravity left out."""
         return replace(self, gravity=0.0)

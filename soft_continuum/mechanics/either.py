@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.mechanics.chain import Array, RigidChain, SLACK
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
 from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
@@ -145,6 +145,14 @@ def arc_pulls(arm: AnyArm, bending: Array) -> Array:
     if isinstance(arm, Arm):
         return np.array(constant_curvature.pulls(arm, bending[:, 1].tolist()))
     return spatial_curvature.pulls(arm, bending)
+
+
+def arc_bending(arm: AnyArm, pulls: Sequence[float], start: Array, soft: Sequence[bool]) -> Array:
+    """Return the bending (segments, 2), rad, by constant_curvature.bending; SLACK: not pulled."""
+    if isinstance(arm, Arm):
+        return constant_curvature.bending(arm, pulls, start, soft)
+    return spatial_curvature.bending(
+        arm, [pull if pull > SLACK else np.nan for pull in pulls], start, soft)
 
 
 def arc_tips(arm: AnyArm, bending: Array) -> tuple[Array, Array]:

@@ -295,12 +295,6 @@ class SpatialArm:
         """Which of its discs' shifts along x, y, z and turns about them there are, (6,): all."""
         return SPATIAL_AXES
 
-    def arc_bending(self, pulls: Sequence[float], start: NDArray[np.float64], soft: Sequence[bool]
-                    ) -> NDArray[np.float64]:
-        """Return the bending (segments, 2), rad, by constant_curvature.bending; -inf: slack."""
-        from soft_continuum.mechanics.spatial.constant_curvature import bending
-        return bending(self, [p if p > -inf else np.nan for p in pulls], start, soft)
-
     def with_force(self, disc: int, force: Sequence[float]) -> 'SpatialArm':
         """Return the same arm with one more dead force (3,) N on a disc."""
         x, y, z = map(float, force)
