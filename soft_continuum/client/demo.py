@@ -96,7 +96,7 @@ def main() -> int:
 
 def _take_as_straight(arm: Arm, *, jamming: bool) -> None:
     """Do what comes first on a rig: stiffen the arm if it can be, and say that it is straight."""
-    arm.wait_for(lambda state: state.pulls and None not in state.stiff)
+    arm.wait_for(lambda state: state.speeds and None not in state.stiff)
     if jamming:
         arm.stiffen()
     arm.reference()
