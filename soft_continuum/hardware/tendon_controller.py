@@ -241,21 +241,29 @@ class TendonController:
         self._busy = self.homing = self._driver.reference_moves
         self.update(0.0, 0.0)
 
+    def postpone(self, now: float) -> None:
+        """
+        Make the trajectory as much later as the next update is by more than one interval.
+
+        It is not caught up, and further parts of a motion are judged by it.
+        """
+        late = now - self._setpoint_time
+        if self.following and late > self._interval:
+            self._times = self._times + late
+            self.delay += late
+            self.end += late
+            self._setpoint_time = now
+
     def update(self, now: float, interval: float) -> TendonReading:
         """
         Send the driver where it must be ``interval`` s from now; return where it is.
 
-        What a call came late by more than one interval is not caught up: the rest of the
-        trajectory is as much later.
+        What a call came late is postponed.
         """
         self._interval = interval or self._interval
         rested = not self.following
+        self.postpone(now)
         if self.following:
-            late = now - self._setpoint_time
-            if late > interval:
-                self._times = self._times + late
-                self.delay += late
-                self.end += late
             ahead = self._setpoint_time = now + interval
             self._setpoint = self._planned(ahead)
             try:

@@ -200,6 +200,7 @@ class TendonControl:
         A motion in parts keeps its path: what comes late of it makes the rest as much later.
         """
         now, delay = STEADY(), 0.0
+        controller.postpone(now)
         start = now if request.start is None else request.start
         if request.start is not None and self._continues(request):
             delay = controller.delay

@@ -4,7 +4,10 @@
 
 import pytest
 
+from soft_continuum.hardware import tendon_controller
 from support.steered_tendons import PATH, PERIOD, Steered
+
+MAX_DELAY = tendon_controller.MAX_DELAY
 
 
 @pytest.fixture
@@ -27,6 +30,19 @@ def test_a_part_that_comes_late_goes_on_where_the_one_before_it_ends(
     steered.now += late
     steered.send(0.0, 0.5)
     steered.go_on(gap)
+    steered.send(0.4, 1.0)
+    steered.go_on(2.0)
+    steered.assert_path_kept()
+
+
+@pytest.mark.parametrize('busy', [0.1, 0.4, 0.9])
+def test_a_part_that_is_judged_while_a_cycle_is_due_keeps_the_path(
+        steered: Steered, busy: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tendon_controller, 'MAX_DELAY', MAX_DELAY)  # as for a user
+    steered.send(0.0, 0.5)
+    steered.go_on(0.3)
+    steered.now += busy  # no cycle came: a busy computer
+    steered.send(0.4, 0.5)  # no longer than what was sent, such as the last one
     steered.send(0.4, 1.0)
     steered.go_on(2.0)
     steered.assert_path_kept()
