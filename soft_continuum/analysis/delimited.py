@@ -429,12 +429,18 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
     said = [text.strip(' []()') for text in (
         [given] if given else [*inside, *below, *([suffix[2]] if suffix else [])])]
     wanted = _unit(quantity.unit)
-    for text in said:
-        unit = _unit(text)
-        if unit and wanted and unit[1] == wanted[1]:
-            return unit[0]
     allowed = UNITS[quantity.unit]
     option = f'--{quantity.name}-unit' if quantity.options else ''
+    fitting = {text: unit[0] for text in said
+               if (unit := _unit(text)) and wanted and unit[1] == wanted[1]}
+    rows = {text.strip(' []()') for text in below} & fitting.keys()
+    first = next(iter(fitting), '')
+    if other := next((text for text in rows if fitting[text] != fitting[first]), ''):
+        raise MeasurementError(
+            f'{where}: column {header!r} is in {first} by its header and in {other} by the row of '
+            'units; ' + (f'give {option}' if option else 'correct one of them'))
+    if fitting:
+        return fitting[first]
     wrong = next((text for text in said[:len(inside) + len(below) or 1] if text), '')
     if wrong and (given or inside or below):
         raise MeasurementError(
@@ -498,11 +504,14 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
         return ',' if '.' in excluded else '.'
     if delimiter == ',' and not any(',' in cell for column in measured for cell in column.cells):
         return '.'
-    votes = {mark for cells in table for mark in _vote(cells)}
-    if len(votes) == 1:
-        return votes.pop()
     line, column = unsure[0]
     cell = column.cells[column.lines.index(line)]
+    # What a column does with the other mark, such as a time of day, 10.15, says nothing of this.
+    shared = ',' if ',' in cell else '.'
+    votes = {mark for cells in table if any(shared in each for each in cells)
+             for mark in _vote(cells)}
+    if len(votes) == 1:
+        return votes.pop()
     raise MeasurementError(
         f'{column.path}, line {line}: {column.header} is {cell!r}, which may be '
         f'{_number(cell, "."):g} or {_number(cell, ","):g}: say which mark is the decimal one, '
