@@ -191,6 +191,11 @@ def test_habits_of_programs_give_the_same_curve(tmp_path, habit):
     (table('Displacement [mm],Force [%]', lambda u, f: f'{u:.2f},{f:.2f}'), "'%' is not a unit"),
     (table('Extension ("),Load (lbf)', lambda u, f: f'{u:.2f},{f:.2f}'), 'line 1: .* not a unit'),
     (table('Displacement (link),Force (N)', lambda u, f: f'{u:.2f},{f:.2f}'), "'link' is not a"),
+    (table('Uhrzeit;Weg [mm];Kraft [N]',
+           lambda u, f: f'10.15;{comma(u + 1, 3)};{comma(f + 1, 3)}'),
+     r"line 2: Kraft \[N\] is '1,000', which may be 1000 or 1: .* --decimal"),
+    (table('Displacement;Force [N]\nmm;kN', lambda u, f: f'{u:.2f};{f:.2f}'),
+     'is in N by its header and in kN by the row of units; give --force-unit'),
     (table('Time  Displacement_mm  Force_N', lambda u, f: f'0  {u:.2f}  {f or "":.3}'),
      'line 2: 2 cells separated by blanks, but the header has 3'),
 ])
