@@ -18,7 +18,7 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import AnyChain, State
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
-from soft_continuum.sensing.rigid import in_plane
+from soft_continuum.sensing.rigid import in_plane, planar_pose
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
     KinematicsState,
@@ -44,12 +44,6 @@ ACCURACY_RANGES = {'pull_tolerances': (0.0, 0.01), 'tension_deviations': (1e-3, 
 def seconds(stamp: object) -> float:
     """Return a builtin_interfaces Time or Duration in s."""
     return float(stamp.sec + stamp.nanosec * 1e-9)  # type: ignore[attr-defined]
-
-
-def planar_poses(poses: Array) -> Array:
-    """Return planar rows (k, 3) of poses (k, 7) in the bending plane, as full_poses takes them."""
-    return np.column_stack(
-        [poses[:, 0], poses[:, 2], 2.0 * np.arctan2(poses[:, 4], poses[:, 6])])
 
 
 def poses_to_ros(poses: Array, message: PoseArray) -> PoseArray:
@@ -111,7 +105,7 @@ def measured_pose_from_ros(message: PoseWithCovarianceStamped, axes: NDArray[np.
     if not np.hypot(about_x, about_z) < MAX_TILT * np.hypot(about_y, w):
         raise ValueError('an orientation that is not about y; is z of its frame along the arm?')
     _check_measured(message, frame, covariance)
-    return in_plane(planar_poses(pose[None])[0], covariance)
+    return in_plane(planar_pose(pose), covariance)
 
 
 def _check_measured(message: PoseWithCovarianceStamped, frame: str, covariance: Array) -> None:

@@ -31,9 +31,10 @@ def in_plane(pose: Array, covariance: Array) -> tuple[Array, Array]:
 
 
 def planar_pose(pose: Array) -> Array:
-    """Return x, z (m) and angle (rad), (3,), of a pose in the plane of a planar arm."""
-    x, _, z, _, sine, _, cosine = pose  # of half the angle, with either sign
-    return np.array([x, z, np.arctan2(2.0 * sine * cosine, cosine**2 - sine**2)])
+    """Return x, z (m) and angle (rad), (..., 3), of poses (..., 7) in the plane of an arm."""
+    sine, cosine = pose[..., 4], pose[..., 6]  # of half the angle, with either sign
+    angle = np.arctan2(2.0 * sine * cosine, cosine**2 - sine**2)
+    return np.stack([pose[..., 0], pose[..., 2], angle], axis=-1)
 
 
 def moved_by(turns: NDArray[np.bool_]) -> NDArray[np.bool_]:

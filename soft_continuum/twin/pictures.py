@@ -6,11 +6,12 @@ from geometry_msgs.msg import PoseArray
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
 
-from soft_continuum.ros.conversions import planar_poses, poses_from_ros, seconds
+from soft_continuum.ros.conversions import poses_from_ros, seconds
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import CAMERA, TWIN
 from soft_continuum.ros.pictures import grey_message
 from soft_continuum.ros.qos import SENSOR, STREAM
+from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.publisher import DISC_POSES, Publisher
 from soft_continuum.twin.spatial_camera import SpatialTwinCamera
@@ -49,7 +50,7 @@ class Pictures(Publisher):
         message, self._discs = self._discs, None
         discs = poses_from_ros(message)[::2]
         image = grey_message(self._camera.picture(
-            planar_poses(discs) if isinstance(self._camera, TwinCamera) else discs,
+            planar_pose(discs) if isinstance(self._camera, TwinCamera) else discs,
             seconds(message.header.stamp)))
         lens = self._camera.lens
         info = CameraInfo(width=lens.size[0], height=lens.size[1], distortion_model='plumb_bob',

@@ -21,8 +21,8 @@ from soft_continuum.client.measured import mean_of
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_any_arm, load_arm
-from soft_continuum.ros.conversions import planar_poses, poses_from_ros, tracked_pose_to_ros
-from soft_continuum.sensing.rigid import in_plane
+from soft_continuum.ros.conversions import poses_from_ros, tracked_pose_to_ros
+from soft_continuum.sensing.rigid import in_plane, planar_pose
 from soft_continuum.sequencing.progress import Phase, Progress
 from support.descriptions import given
 from support.planar import measured_pose_to_ros
@@ -94,7 +94,7 @@ def test_discs_are_measured_where_the_tracker_sees_them(
     assert poses is not None
     for n, disc in discs.items():
         pose = poses[2 * n]
-        assert planar_poses(disc.pose[None])[0] == pytest.approx(
+        assert planar_pose(disc.pose) == pytest.approx(
             np.array([pose.x, pose.z, pose.angle]) + OFFSET, abs=1e-6)
         assert disc.deviation == pytest.approx(DEVIATION * PLANAR_AXES)
         assert disc.samples >= 3
@@ -150,7 +150,7 @@ def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(
     for disc in discs.values():
         assert not disc.has_position
         assert np.isnan(disc.pose[[0, 2]]).all()
-        assert planar_poses(disc.pose[None])[0, 2] == pytest.approx(0.0, abs=1e-2)
+        assert planar_pose(disc.pose)[2] == pytest.approx(0.0, abs=1e-2)
     arm.wait_for(lambda: client.state.measured_discs and all(client.state.measured_discs),
                  'angles of all discs')
     state = client.state
@@ -176,7 +176,7 @@ def test_several_sensors_are_weighted_by_their_variances() -> None:
                (np.array([0.013, 0.0, 0.05]), np.diag([2e-6, 1e-6, 4e-4])),
                (np.array([9.0, 9.0, 0.05]), np.diag([unknown, unknown, 4e-4]))] * 4
     disc = mean_of([in_plane(*sample) for sample in samples], PLANAR_AXES)
-    assert planar_poses(disc.pose[None])[0] == pytest.approx([0.011, 0.0, 0.03])
+    assert planar_pose(disc.pose) == pytest.approx([0.011, 0.0, 0.03])
     assert disc.deviation[0] >= 1e-3
     assert disc.deviation[4] == pytest.approx(np.sqrt(2e-4))  # how much they scatter
     assert disc.samples == 12

@@ -17,8 +17,9 @@ from soft_continuum.mechanics import Equilibrium, Statics, StaticsError
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.conversions import planar_poses, poses_from_ros
+from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.ros_time import stamp_of
+from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
 from support.planar import measured_pose_to_ros
@@ -153,7 +154,7 @@ def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake: Fak
         assert np.linalg.eigvalsh(covariance)[0] > 0.0
         assert covariance[0, 0] < 0.01**2
     # The prediction goes on: still straight.
-    assert planar_poses(poses_from_ros(fake.predicted.last))[:, 0] == pytest.approx(0.0, abs=1e-9)
+    assert planar_pose(poses_from_ros(fake.predicted.last))[:, 0] == pytest.approx(0.0, abs=1e-9)
     fake.rig.wait_for(lambda: 'measured' in fake.rig.statuses['kinematics'].last.message,
                       'a status that says so')
 

@@ -15,8 +15,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.nodes.up import description_file
-from soft_continuum.ros.conversions import planar_poses, poses_from_ros
+from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.names import NODES
+from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.differences import load_cell_parameters
 from support.descriptions import given_in
 from support.processes import module_command, NodeProcess, Processes
@@ -57,7 +58,7 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
     assert cells.last.name == ['right_tendon', 'left_tendon']
     assert cells.last.effort == pytest.approx(tendons.last.effort, abs=0.05)
     for n, (imu, (_, _, angle)) in enumerate(
-            zip(imus, planar_poses(is_there[::2]), strict=True)):
+            zip(imus, planar_pose(is_there[::2]), strict=True)):
         force = imu.last.linear_acceleration
         assert np.arctan2(-force.x, force.z) == pytest.approx(angle, abs=0.01)
         assert imu.last.angular_velocity.y == pytest.approx(0.0, abs=0.01)

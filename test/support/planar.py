@@ -8,12 +8,8 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import PLANAR_AXES
-from soft_continuum.ros.conversions import (
-    measured_pose_from_ros,
-    planar_poses,
-    tracked_pose_to_ros,
-)
-from soft_continuum.sensing.rigid import in_plane
+from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
+from soft_continuum.sensing.rigid import in_plane, planar_pose
 
 IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)
 """Of a covariance (6, 6): x, z, and the turn about y."""
@@ -22,7 +18,7 @@ IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)
 def planar(message: Any, frame: str = '') -> tuple[Any, Any]:
     """Return x, z, angle (3,) and their covariance (3, 3) of a measured pose."""
     pose, covariance = measured_pose_from_ros(message, PLANAR_AXES, frame)
-    return planar_poses(pose[None])[0], covariance[IN_PLANE]
+    return planar_pose(pose), covariance[IN_PLANE]
 
 
 def measured_pose_to_ros(pose: Any, covariance: Any) -> Any:
