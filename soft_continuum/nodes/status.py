@@ -41,6 +41,11 @@ class Status:
         self._alarms: dict[str, tuple[str, float]] = {}  # by source: text, monotonic s of its end
         repeat(node, 1.0, self._publish_diagnostics)
 
+    @property
+    def message(self) -> str:
+        """What it reports now, in words."""
+        return str(self._message.message)
+
     def set(self, level: bytes, message: str, **values: object) -> None:
         """
         Update the status and publish it if it changed; for the thread of ROS.

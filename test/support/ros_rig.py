@@ -384,6 +384,11 @@ class Rig:
         self._groups.remove(group)
         group.end()
 
+    @property
+    def nodes(self) -> list[Any]:
+        """The nodes under test that run in this process."""
+        return [node for group in self._groups for node in group.nodes]
+
     def end_all(self) -> None:
         """End every node under test."""
         for group in list(self._groups):
