@@ -24,6 +24,8 @@ from rclpy.executors import Executor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
+from soft_continuum.hardware.real_time import ask_for_real_time_around_it
+from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.parameters.files import described
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.overrides import full_name_of, Overrides
@@ -49,11 +51,10 @@ SHAPES = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 
 
-def node_class(name: str) -> Callable[..., Any]:
+def node_class(name: str) -> type[Any]:
     """Return the class of the node called ``name``: ShapeSequencer for shape_sequencer."""
     class_name = name.title().replace('_', '')
-    found: Callable[..., Any] = getattr(
-        import_module(f'soft_continuum.nodes.{name}'), class_name)
+    found: type[Any] = getattr(import_module(f'soft_continuum.nodes.{name}'), class_name)
     return found
 
 
@@ -122,10 +123,12 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
         require_log_folder(os.environ)
         discard_old_logs(os.environ)
         wait_until_up()
+        if issubclass(kind := node_class(name), ManagedNode):
+            ask_for_real_time_around_it()  # before DDS starts its threads
         rclpy.init(args=with_enclave(arguments, name),
                    signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()
-        nodes.append(node_class(name)())
+        nodes.append(kind())
         executor.add_node(nodes[0])
         limit_memory()
         if not os.environ.get(SAID):

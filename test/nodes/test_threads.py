@@ -4,14 +4,18 @@
 """The threads of a node: what they do for others, and that nothing ends them."""
 
 from collections.abc import Iterator
+import os
 import threading
 from typing import Any
 
 import pytest
 
+from soft_continuum.hardware.real_time import real_time_allowed
 from soft_continuum.nodes import threads
 from soft_continuum.nodes.runtime import end, Signals
 from soft_continuum.nodes.threads import ControlLoop, Worker
+from support.processes import Processes
+from support.ros_rig import QUICK, Rig
 
 DEADLINE = 20.0  # s
 
@@ -141,3 +145,12 @@ def test_a_callback_that_fails_ends_neither_the_spinning_nor_the_holding_of_othe
     Signals().spin(executor, ended=lambda: len(spun) == 2)
     end(executor, [Node(), Node()])
     assert (len(spun), len(held)) == (2, 2)
+
+
+def test_all_threads_of_a_node_that_controls_a_device_go_on_before_other_programs(
+        rig: Rig, processes: Processes) -> None:
+    node = processes.node('tendon_actuation', parameters=QUICK)
+    rig.wait_until_ready('tendon_actuation')
+    policies = {os.sched_getscheduler(int(thread)) & ~os.SCHED_RESET_ON_FORK
+                for thread in os.listdir(f'/proc/{node.process.pid}/task')}
+    assert policies == ({os.SCHED_FIFO, os.SCHED_RR} if real_time_allowed() else {os.SCHED_OTHER})
