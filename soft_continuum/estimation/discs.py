@@ -36,12 +36,13 @@ def bent_evenly(state: Any) -> Array:
     axes = np.concatenate([np.eye(3)[None], state.rotations[:-1]])[:, :, :2]
     discs, joints = state.poses[::2, :3], state.backbone[:-1]
     found = np.zeros((chain.segments + 1, 6, chain.segments, 2))
-    for k, (axis, joint) in enumerate(zip(axes, joints, strict=True)):
-        segment = k // chain.joints_per_segment
+    moments = np.cross(axes, joints[:, :, None], axis=1)
+    turns, offsets = (each.reshape(chain.segments, -1, 3, 2).sum(axis=1)
+                      for each in (axes, moments))
+    for segment, (turn, offset) in enumerate(zip(turns, offsets, strict=True)):
         above = slice(segment + 1, None)
-        levers = (discs[above] - joint)[:, :, None]
-        found[above, :3, segment] += np.cross(axis[None], levers, axis=1)
-        found[above, 3:, segment] += axis
+        found[above, :3, segment] = np.cross(turn[None], discs[above, :, None], axis=1) - offset
+        found[above, 3:, segment] = turn
     found *= chain.arm.bending_axes / chain.joints_per_segment
     return found.reshape(len(discs), 6, -1)
 
