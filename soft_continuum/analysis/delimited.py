@@ -40,17 +40,15 @@ NAMES = frozenset((
     'newton', 'dyne', 'force_gram', 'force_kilogram', 'force_pound', 'force_ounce', 'kip',
     'meter', 'micron', 'inch', 'foot', 'thou', 'radian', 'degree', 'gram', 'pound', 'ounce',
     'second', 'minute', 'hour'))
-PREFIXES = frozenset(('', 'kilo', 'deca', 'deci', 'centi', 'milli', 'micro', 'nano'))
-"""Units are those of pint, but a rod or a link in a header is none, and Mm is a misprint."""
+PREFIXES = frozenset(('', 'kilo', 'deca', 'deci', 'centi', 'milli', 'micro'))
+"""Units are those of pint, but a rod or a link in a header is none, Mm a misprint, Nm no nm."""
 BRACKETS = re.compile(r'[\[(]([^\[\]()]*)[\])]')
 SUFFIX = re.compile(r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ])([^\W\d_]{1,3}|\N{DEGREE SIGN})')
 PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
 OF_CHANNELS = frozenset(
     ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
 """Words after the name of a quantity that do not change it: force cell 2, cycle count."""
-JUMP, STEP = 0.5, 0.25
-"""Largest step over the range of a column: more only as misread, less as it should be read."""
-MOTION_CAPTURE = re.compile(r'Format Version,|NO_OF_FRAMES\b|.*\bRigid Body\b')
+MOTION_CAPTURE = re.compile(r'Format Version,|NO_OF_FRAMES\b|.*\bRigid Body,Rigid Body\b')
 
 BLANKS = ' \u00a0\u2007\u2008\u2009\u202f'
 APOSTROPHES = "'\u2019"
@@ -522,16 +520,14 @@ def _vote(cells: Sequence[str]) -> set[str]:
     """Return the decimal mark that a column of numbers proves; two or none where it does not."""
     filled = [cell for cell in cells if cell]
     allowed = set(OTHER).intersection(*map(_marks, filled))
-    if len(allowed) < 2 or len(filled) < 2:
-        return allowed
-    jumps = {}
-    for mark in allowed:
-        values = np.array([_number(cell, mark) for cell in filled])
-        if np.ptp(values) > 0.0:
-            jumps[mark] = np.abs(np.diff(values)).max() / np.ptp(values)
-    # 800, 933, 1.067: what is measured does not fall to nothing and go on.
-    return {mark for mark, jump in jumps.items()
-            if jump < STEP and all(other > JUMP for m, other in jumps.items() if m != mark)}
+    marks = {mark for mark in OTHER for cell in filled if mark in cell}
+    if len(allowed) == 2 and len(marks) == 1:
+        mark, = marks
+        whole = any(mark not in cell and cell.strip('+-\u22120') for cell in filled)
+        # 267 and 1.600: no format drops decimals in one row and keeps a 0 behind them in another.
+        if whole and any(mark in cell and cell.endswith('0') for cell in filled):
+            return {OTHER[mark]}
+    return allowed
 
 
 def _marks(cell: str) -> set[str]:

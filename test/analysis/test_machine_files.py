@@ -72,6 +72,13 @@ def test_who_writes_thousands_apart_does_so_in_all_rows(tmp_path):
     assert read_curves([path])[0].displacement[0] == pytest.approx(1.234e-6)
 
 
+def test_a_force_that_falls_when_a_specimen_breaks_is_asked_for(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('Weg [mm];Kraft [N]\n1;800\n2;933\n3;1.067\n4;1.012\n', encoding='utf-8')
+    with pytest.raises(MeasurementError, match=re.escape("'1.067', which may be 1.067 or 1067")):
+        read_curves([path])
+
+
 def test_a_header_on_every_page_makes_no_repetitions(tmp_path):
     header, *rows = table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}').splitlines()
     path = tmp_path / 'a.csv'
