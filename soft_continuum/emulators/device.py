@@ -10,6 +10,7 @@ import tty
 from typing import Self
 
 from soft_continuum.hardware.clock import Clock
+from soft_continuum.hardware.real_time import ask_for_real_time
 
 POLL_INTERVAL = 0.005  # s
 
@@ -30,7 +31,7 @@ class EmulatedDevice:
         self.lock = threading.RLock()
         self._master = self._slave = -1  # negative while unplugged
         self._closing = False
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def __enter__(self) -> Self:
         """Plug in and begin to answer; raises OSError when there is something else at the link."""
@@ -88,6 +89,10 @@ class EmulatedDevice:
     def _remove_link(self) -> None:
         if self.link is not None and self.link.is_symlink():
             self.link.unlink()
+
+    def _serve(self) -> None:
+        ask_for_real_time()  # a board waits for no other program
+        self._run()
 
     def _run(self) -> None:
         """Serve until ``_closing``."""
