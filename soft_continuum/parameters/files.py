@@ -44,9 +44,13 @@ from soft_continuum.text import printable, write_whole
 
 WIDTH = 99  # of the comments in one
 
-UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'use_sim_time', 'qos_overrides.',
-             'start_type_description_service')
-"""Names, or how they begin, that are allowed without being in a table; ROS nodes have the rest."""
+UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'qos_overrides.')
+"""How names begin that are allowed without being in a table."""
+OF_ROS = (
+    Parameter('use_sim_time', False, 'whether the time is that of /clock'),
+    Parameter('start_type_description_service', True, 'whether ~/get_type_description is served'),
+)
+"""What every node has besides."""
 
 
 def load_description(*paths: str | Path, node: str = '', namespace: str = ''
@@ -71,7 +75,7 @@ def described(overrides: Overrides, node: str) -> dict[str, Value]:
     """Return every parameter for a node, by its full name; raises as load_description does."""
     values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
     values[FRAME.name] = default_frame(node.rpartition('/')[0])
-    values |= given_parameters(overrides, ALL_PARAMETERS, node, UNCHECKED)
+    values |= given_parameters(overrides, (*ALL_PARAMETERS, *OF_ROS), node, UNCHECKED)
     try:
         arm = any_arm_from_parameters(values)
         shapes_from_parameters(values, arm)
