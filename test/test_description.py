@@ -334,15 +334,9 @@ def test_springs_too_weak_to_be_any_are_refused(changed):
     ('arm.segment_length', 'arm.segment_lengths'), ('segment_lengths', 'arm.segment_lengths'),
     ('arm.mass', 'arm.'),
     ('tension_limits', 'tension_limit'), ('shape_name', 'shape_names'),
-    ('arm.Gravity', 'arm.gravity'), ('use_sim_time_', 'use_sim_time')])
+    ('arm.Gravity', 'arm.gravity')])
 def test_an_unknown_key_is_refused_with_a_suggestion(changed, key, meant):
     refusal(changed({key: 1.0}), f'unknown parameter {key}; did you mean {meant}')
-
-
-@pytest.mark.parametrize('name', ['use_sim_time', 'start_type_description_service'])
-def test_what_every_node_of_ros_has_is_checked_before_one_dies_of_it(changed, name):
-    refusal(changed({name: 'yes'}), f"parameter {name} is 'yes'", 'allowed: true or false')
-    assert load_description(changed({name: True}))[name] is True
 
 
 # Shapes.

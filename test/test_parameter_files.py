@@ -285,6 +285,20 @@ def test_a_wrong_value_in_a_file_is_refused_naming_the_file(parameter_file):
     assert 'parameter rate is 1.0; allowed: 5 to 500 (how often [Hz])' in message
 
 
+@pytest.mark.parametrize('line, message', [
+    ('use_sim_time_: true', 'unknown parameter use_sim_time_; did you mean use_sim_time?'),
+    ('use_sim_time: 1', 'parameter use_sim_time is 1; allowed: true or false'),
+    ('use_sim_time: "true"', "parameter use_sim_time is 'true'; allowed: true or false"),
+    ('start_type_description_service: 0', 'is 0; allowed: true or false')])
+def test_parameters_that_every_node_of_ros_has_are_checked(parameter_file, line, message):
+    with pytest.raises(ParameterError, match=re.escape(message)):
+        load_description(parameter_file(section(line)))
+
+
+def test_parameters_that_every_node_of_ros_has_are_read(parameter_file):
+    assert load_description(parameter_file(section('use_sim_time: true')))['use_sim_time'] is True
+
+
 # Every parameter of the suite.
 
 

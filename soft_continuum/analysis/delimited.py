@@ -48,7 +48,10 @@ PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'v
 OF_CHANNELS = frozenset(
     ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
 """Words after the name of a quantity that do not change it: force cell 2, cycle count."""
-MOTION_CAPTURE = re.compile(r'Format Version,|NO_OF_FRAMES\b|.*\bRigid Body,Rigid Body\b')
+JUMP, STEP = 0.5, 0.25
+"""Largest step over the range of a column: more only with a wrong mark, less without."""
+MOTION_CAPTURE = re.compile(
+    r'Format Version,|NO_OF_FRAMES\b|Frame,Sub Frame,|.*\bRigid Body,Rigid Body\b')
 
 BLANKS = ' \u00a0\u2007\u2008\u2009\u202f'
 APOSTROPHES = "'\u2019"
@@ -483,15 +486,12 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
     excluded: dict[str, int] = {}
     unsure: list[tuple[int, Column]] = []
     for column in measured:
-        # 12345 beside 1.234: who writes thousands apart does so in all rows.
-        together = any(re.match(r'[-+]?\d{5}', cell) for cell in column.cells)
         for cell, line in zip(column.cells, column.lines, strict=True):
             if '.' not in cell and ',' not in cell:
                 continue
             reads = _marks(cell)
             if len(reads) == 2 and _number(cell, '.') != _number(cell, ','):
                 unsure.append((line, column))
-                reads = {',' if ',' in cell else '.'} if together else reads
             for mark in set(OTHER) - reads if reads else ():
                 excluded.setdefault(mark, line)
     if len(excluded) == 2:
@@ -499,9 +499,19 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
             f'{measured[0].path}, lines {excluded[","]} and {excluded["."]}: decimal points and '
             'decimal commas in one file; export it with one of them')
     if excluded or not unsure:
-        return ',' if '.' in excluded else '.'
-    if delimiter == ',' and not any(',' in cell for column in measured for cell in column.cells):
-        return '.'
+        mark = ',' if '.' in excluded else '.'
+        for column in measured:
+            # 4,800; 5.100; 5,400: one that was put right by hand.
+            cells = [cell.replace(OTHER[mark], mark) if len(_marks(cell)) == 2 else cell
+                     for cell in column.cells]
+            if _jump(column.cells, mark) > JUMP and _jump(cells, mark) < STEP:
+                line, cell = next((line, was) for line, was, cell in zip(
+                    column.lines, column.cells, cells, strict=True) if was != cell)
+                raise MeasurementError(
+                    f'{column.path}, line {line}: {column.header} is {cell!r}, which is '
+                    f'{_number(cell, mark):g} with the decimal mark of the others, far from its '
+                    f'neighbours: correct it, or give --decimal {mark} if it is so')
+        return mark
     line, column = unsure[0]
     cell = column.cells[column.lines.index(line)]
     # What a column does with the other mark, such as a time of day, 10.15, says nothing of this.
@@ -510,10 +520,19 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
              for mark in _vote(cells)}
     if len(votes) == 1:
         return votes.pop()
+    if delimiter == ',' and not any(',' in cell for column in measured for cell in column.cells):
+        return '.'
     raise MeasurementError(
         f'{column.path}, line {line}: {column.header} is {cell!r}, which may be '
         f'{_number(cell, "."):g} or {_number(cell, ","):g}: say which mark is the decimal one, '
         'with --decimal . or --decimal ,')
+
+
+def _jump(cells: Sequence[str], mark: str) -> float:
+    """Return the largest step over the range; nan where there is no range, or no number."""
+    values = np.array([_number(cell, mark) for cell in cells])
+    extent = np.ptp(values) if np.isfinite(values).all() else 0.0
+    return float(np.abs(np.diff(values)).max() / extent) if 0.0 < extent < np.inf else np.nan
 
 
 def _vote(cells: Sequence[str]) -> set[str]:

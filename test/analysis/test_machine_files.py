@@ -65,11 +65,15 @@ def test_what_is_not_said_is_asked(name):
         read_curves([FILES / name])
 
 
-def test_who_writes_thousands_apart_does_so_in_all_rows(tmp_path):
+def test_one_number_without_a_mark_settles_none_of_the_others(tmp_path):
     path = tmp_path / 'a.csv'
     path.write_text('Weg [um];Kraft [N]\n1.234;0\n'
                     + '\n'.join(f'{12345 + i};{i}' for i in range(20)), encoding='utf-8')
-    assert read_curves([path])[0].displacement[0] == pytest.approx(1.234e-6)
+    with pytest.raises(MeasurementError, match="'1.234', which may be 1.234 or 1234: .*--decimal"):
+        read_curves([path])
+    path.write_text('Weg [um];Kraft [N]\n' + '\n'.join(f'{1 + i}.000;{i}' for i in range(12))
+                    + '\n13000;12', encoding='utf-8')
+    assert read_curves([path])[0].displacement == pytest.approx(1e-3 * np.arange(1, 14))
 
 
 def test_a_force_that_falls_when_a_specimen_breaks_is_asked_for(tmp_path):
@@ -123,6 +127,10 @@ SAME = {
         'Weg [um];Kraft [mN]', lambda u, f: f'{grouped(1e3 * u, chr(0x2019))};{1e3 * f:.0f}'),
     'points as thousands': table(
         'Weg [um];Kraft [mN]', lambda u, f: f'{grouped(1e3 * u, ".")};{1e3 * f:.0f}'),
+    'points as thousands, commas between the columns': table(
+        'Weg [um],Kraft [mN]', lambda u, f: f'{grouped(1e3 * u, ".")},{1e3 * f:.0f}'),
+    'words of a motion-capture program in a title': 'Project,Rigid Body arm\n' + table(
+        'Displacement [mm],Force [N]', lambda u, f: f'{u:.2f},{f:.2f}'),
     'per cent in a column that nobody needs': table(
         'Strain [%];Displacement [mm];Force [N]', lambda u, f: f'{u:.1f} %;{u:.2f};{f:.2f}'),
     'empty columns': table('Displacement [mm],Force [N],,,', lambda u, f: f'{u:.2f},{f:.2f},,,'),
@@ -203,6 +211,11 @@ def test_habits_of_programs_give_the_same_curve(tmp_path, habit):
      r"line 2: Kraft \[N\] is '1,000', which may be 1000 or 1: .* --decimal"),
     (table('Displacement;Force [N]\nmm;kN', lambda u, f: f'{u:.2f};{f:.2f}'),
      'is in N by its header and in kN by the row of units; give --force-unit'),
+    (table('Weg [mm];Kraft [N]', lambda u, f: f'{comma(u, 3)};{comma(f)}').replace(
+        '5,400;', '5.400;'),
+     r"line 22: Weg \[mm\] is '5.400', which is 5400 .*: correct it, or give --decimal , if"),
+    ('Trajectories\n100\n,,arm:D0,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,0,0,0\n',
+     '`soft_continuum measure` writes points'),
     (table('Time  Displacement_mm  Force_N', lambda u, f: f'0  {u:.2f}  {f or "":.3}'),
      'line 2: 2 cells separated by blanks, but the header has 3'),
 ])
@@ -258,6 +271,6 @@ def test_units_are_those_of_the_tables_of_nist(unit, factor, of):
 
 
 @pytest.mark.parametrize('word', ['', 'link', 'rod', 'hand', 'Grad', '%', 'MN', '9**9', 'actual',
-                                  'N/mm', 'stone', 'x'])
+                                  'N/mm', 'stone', 'x', 'Nm'])
 def test_other_words_are_no_units(word):
     assert _unit(word) is None
