@@ -22,6 +22,7 @@ from soft_continuum.mechanics import (
     StaticsError,
 )
 from soft_continuum.mechanics.arm import Disc
+from soft_continuum.mechanics.chain import SLACK
 from soft_continuum.mechanics.spatial import (
     spatial,
     SpatialArm,
@@ -429,6 +430,21 @@ def test_a_jam_holds_the_shape_in_which_it_was_stiffened():
     held = solved(elastic, bent.pulls - 0.02, (False,) * 3, start=bent)
     sprung = np.linalg.norm(held.bending - bent.bending, axis=1)
     assert 0.0 < sprung.max() < 0.1 * np.linalg.norm(bent.bending, axis=1).max()
+
+
+@pytest.mark.parametrize('out', [0.02, 0.03, 0.06])
+def test_an_arm_that_falls_over_as_tendons_are_paid_out_far_lies_as_one_in_a_plane_does(out):
+    planar, solid = (load_any_arm(CONFIG / f'{name}.yaml')
+                       for name in ('manipulator', 'spatial_jamming'))
+    plane, space = Statics(replace(planar, segments=tuple(
+        replace(segment, bending_stiffness=other.stiffness_y)
+        for segment, other in zip(planar.segments, solid.segments, strict=True)
+    ))), SpatialStatics(solid)
+    limp = plane.solve(plane.chain.straight(), (SLACK, SLACK), (True,) * 3)
+    fallen = space.solve(space.chain.straight(), (-out,) * 3, (True,) * 3)
+    assert fallen.jumped
+    assert fallen.bending_angles == pytest.approx(abs(limp.bending_angles), abs=1e-6)
+    assert not fallen.tensions.any() and (fallen.slack > 0.0).all()
 
 
 @pytest.mark.parametrize(('name', 'pulls', 'words'), [

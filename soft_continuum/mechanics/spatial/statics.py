@@ -43,6 +43,7 @@ MAX_FRICTION_ITERATIONS = 100
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 DEGENERATE = 0.05  # of the slopes of the tendons' lengths, relative: taken as zero
 TURN = 1e-6  # rad, for slopes
+LEAST_PART = 2e-3  # m of tendon that is paid out at once, where that is tried by halves
 
 
 class Locks(NamedTuple):
@@ -321,6 +322,12 @@ class SpatialStatics:
                 raise OverconstrainedError(
                     'no shape of the soft segments near the present one has tendons as short as '
                     'these pulls ask for; pay out a tendon', start)
+            out = start.pulls - start.slack - target
+            if not by_force.any() and out.min() > 0.0 and LEAST_PART < out.max() < np.inf:
+                # It falls over as all tendons are paid out: they are by halves.
+                half = self._led(start, locks, by_force, target + 0.5 * out, compliance, ratios)
+                return replace(self._led(half, locks, by_force, target, compliance, ratios),
+                               jumped=True)
             raise StaticsError(
                 f'the arm loses its equilibrium after {100.0 * done:.0f} % of the way to '
                 'these pulls and loads, and no other was found near it; pay out a tendon, '
