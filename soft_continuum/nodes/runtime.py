@@ -65,8 +65,15 @@ class Signals:
         """Take over both signals."""
         self.received = False
         self.starting = True
+        self._let(self._on_signal)
+
+    def ignore(self) -> None:
+        """Let one that comes now change nothing: Python would let it kill what it takes down."""
+        self._let(signal.SIG_IGN)
+
+    def _let(self, handler: Any) -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._on_signal)
+            signal.signal(number, handler)
 
     def _on_signal(self, *_: Any) -> None:
         self.received = True
@@ -148,6 +155,7 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
     finally:
         signals.starting = False
         end(executor, nodes)
+        signals.ignore()
     return 0
 
 

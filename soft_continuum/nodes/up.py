@@ -203,4 +203,6 @@ def main() -> int:
         return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
         return DONE
+    finally:
+        signals.ignore()
     return DONE if signals.received else FAILED

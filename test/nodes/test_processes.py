@@ -40,6 +40,30 @@ def test_a_node_ends_in_peace_on_a_signal_or_several(rig: Rig, processes: Proces
         assert_ended_in_peace(node)
 
 
+@pytest.mark.parametrize('name', ['kinematics', 'up'])
+def test_a_signal_while_python_takes_a_process_down_does_not_change_how_it_ended(
+        name: str, tmp_path: Path) -> None:
+    late = tmp_path / 'late.py'
+    main = 'up.main' if name == 'up' else f'partial(runtime.run, {name!r})'
+    late.write_text(f"""\
+import os, signal, sys
+from functools import partial
+from soft_continuum.nodes import runtime, up
+
+class Late:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+last = Late()
+sys.exit({main}())
+""", encoding='utf-8')
+    ros = [] if name == 'up' else ['--ros-args']
+    ended = subprocess.run(
+        [sys.executable, str(late), *ros, '--params-file', '/no/such/file'],
+        capture_output=True, text=True, timeout=DEADLINE, check=False)
+    assert (ended.returncode, '/no/such/file' in ended.stderr) == (2, True), ended.stderr
+
+
 def children(process: NodeProcess) -> dict[str, int]:
     """Return process ids by node of a supervisor."""
     path = Path(f'/proc/{process.process.pid}/task/{process.process.pid}/children')
