@@ -84,7 +84,7 @@ def _constant_curvature(arm: Arm) -> Solver:
         for step in steps:
             side = 1.0 if step.tendon == RIGHT else -1.0
             angles[step.segment] = side * constant_curvature.bending_angle(
-                arm.segments[step.segment], step.change)
+                arm, step.segment, step.change)
         return constant_curvature.poses(arm, angles)
 
     return solve

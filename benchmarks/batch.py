@@ -72,7 +72,7 @@ def _pulls(random: np.random.Generator, most: float, count: int) -> Array:
 
 def _varied(statics: Statics, factors: Array) -> Statics:
     arm = statics.chain.arm
-    segments = tuple(replace(s, bending_stiffness=s.bending_stiffness * float(f))
+    segments = tuple(replace(s, stiffness_y=s.stiffness_y * float(f))
                      for s, f in zip(arm.segments, factors, strict=True))
     return Statics(replace(arm, segments=segments))
 

@@ -14,8 +14,9 @@ from benchmarks.lab import Lab, LabError
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.parameters.loop import DEAD_BAND, LOCK_IN_DEVIATION
 from soft_continuum.sensing.rigid import in_plane
@@ -38,7 +39,7 @@ Result = TypeVar('Result')
 class _Rig:
     """An ArmPort on a lab, with the estimate of the nodes beside it."""
 
-    def __init__(self, lab: Lab, arm: AnyArm) -> None:
+    def __init__(self, lab: Lab, arm: Arm) -> None:
         self._lab = lab
         self.shape = ArmShape(arm, 5e-4)
         self._times, self._pulls = np.zeros(1), lab.pulls[None].copy()
@@ -101,7 +102,7 @@ class _Rig:
             anomaly=' '.join(one.message for one in self.shape.anomalies))
 
 
-def closed_loop(lab: Lab, goal: Goal, arm: AnyArm, on_tip: bool = True) -> Outcome:
+def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
     """Set the shape by measurements; on_tip: its tip is to be right, otherwise its angles."""
     rig = _Rig(lab, arm)
     settings, described = lab.description.settings, Planner(arm, lab.description.settings)

@@ -11,7 +11,6 @@ import numpy as np
 from benchmarks.lab import angles_of, Lab
 from soft_continuum.mechanics import Arm, constant_curvature, Jam
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.timing import timed
 from soft_continuum.twin.differences import Differences
@@ -52,7 +51,7 @@ Contender = Callable[[Lab, Goal, Any], Outcome]
 """Sets the arm of a lab to a goal, given the described arm; may raise LabError or PlanError."""
 
 
-def open_loop(lab: Lab, goal: Goal, arm: AnyArm) -> Outcome:
+def open_loop(lab: Lab, goal: Goal, arm: Arm) -> Outcome:
     """Plan by the model, and carry that out."""
     planner = Planner(arm, lab.description.settings)
     plan, = planner.plan(planner.statics.chain.straight(), lab.pulls.tolist(),
@@ -77,7 +76,7 @@ def told(arm: Arm, given: Differences) -> Arm:
     return replace(
         arm,
         segments=tuple(
-            replace(s, bending_stiffness=factor * s.bending_stiffness,
+            replace(s, stiffness_y=factor * s.stiffness_y,
                     mass=given.mass_factor * s.mass, jam=jam)
             for s, factor in zip(arm.segments, factors, strict=True)),
         discs=tuple(replace(d, mass=given.mass_factor * d.mass) for d in arm.discs))

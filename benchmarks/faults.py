@@ -28,7 +28,7 @@ from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import StaticsError
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.up import description_file
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.twin.differences import read_differences
@@ -67,7 +67,7 @@ class Outcome:
     unseen: bool = False
 
 
-def observe(arm: AnyArm, run: Run, camera: Any = None) -> list[Anomaly]:
+def observe(arm: Arm, run: Run, camera: Any = None) -> list[Anomaly]:
     """Return what is named in a run, seen by a camera with a delay, with errors and noise."""
     camera = camera or SyntheticCamera(np.random.default_rng(run.seed))
     shape, before = ArmShape(arm, 5e-4), run.pulls[0]

@@ -10,7 +10,7 @@ from benchmarks.reference import MissingCompilerError, Reference
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import interleave, progress, Sampler, sampler
 from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics.spatial import spatial, SpatialStatics
+from soft_continuum.mechanics.spatial import SpatialStatics
 
 MOST_IN_SPACE = 1000  # joints
 BODIES = (12, 24, 49, 99, 199, 332, 665, 999)  # per segment
@@ -30,7 +30,7 @@ def run(quick: bool) -> Section:
         samplers[f'statics {n}'] = sampler(
             lambda s=statics, t=task: s.solve(t.start, t.pulls, paper.ALL_SOFT))  # type: ignore[misc]
         if joints[n] <= MOST_IN_SPACE:
-            solid = SpatialStatics(spatial(statics.chain.arm))
+            solid = SpatialStatics(statics.chain.arm)
             samplers[f'space {n}'] = sampler(lambda s=solid, t=task: s.solve(  # type: ignore[misc]
                 s.chain.straight(), t.pulls, paper.ALL_SOFT))
         try:

@@ -23,7 +23,7 @@ from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.sensing.rigid import mean_pose, planar_pose
@@ -77,7 +77,7 @@ class Description:
     def read(cls, *paths: Path) -> 'Description':
         """Return that of description files: without one, of that of the paper's arm."""
         values: dict[str, Any] = dict(load_description(*paths or [description_file()]))
-        arm = any_arm_from_parameters(values)
+        arm = arm_from_parameters(values)
         return cls(arm, layout_of(values), values['arm.jamming'], PlanSettings.of(values),
                    jamming_settings(values), values['speed_limit'], values['soft_vacuum'],
                    values['jamming_timeout'], 1.0 / values['jamming_rate'])

@@ -14,7 +14,7 @@ from benchmarks.lab import CAMERA, Description, Lab, LabError
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import StaticsError
-from soft_continuum.mechanics.spatial import SpatialArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.up import description_file
 from soft_continuum.sensing.tilt import SensorError
@@ -122,7 +122,7 @@ def judged_in(lab: Lab, goal: Goal, contender: Contender) -> Result:
 def _angle_error(lab: Lab, goal: Goal) -> float:
     """Return how far the worst segment really is off, rad."""
     arm = lab.description.arm
-    if isinstance(arm, SpatialArm):
+    if isinstance(arm, Arm):
         away = lab.bending - bending_vectors(arm, goal.angles, goal.directions)
         return float(np.linalg.norm(away, axis=1).max())
     return float(np.abs(lab.bending_angles - goal.angles).max())

@@ -11,15 +11,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.distance import pdist
 
-from soft_continuum.mechanics.arm import Disc, SECOND_ORDER, STANDARD_GRAVITY
+from soft_continuum.mechanics.arm import Arm, Disc, SECOND_ORDER, Segment, Tendon
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import (
-    solve_path,
-    SpatialArm,
-    SpatialSegment,
-    SpatialStatics,
-    SpatialTendon,
-)
+from soft_continuum.mechanics.spatial import solve_path, SpatialStatics
 
 DATA = Path(__file__).parents[1] / 'data'
 POISSON = 0.3
@@ -111,20 +105,19 @@ class MeasuredArm:
     friction: float = 1e-3
     design: Design = V4
 
-    def arm(self) -> SpatialArm:
+    def arm(self) -> Arm:
         """Return it as an arm."""
         lengths, stiffness = self.design.lengths, self.design.bending_stiffness
         share = self.mass / sum(lengths)
-        segments = tuple(SpatialSegment(
+        segments = tuple(Segment(
             length, stiffness, stiffness, stiffness / (1.0 + POISSON), share * length,
             friction=self.friction, presliding=PRESLIDING) for length in lengths)
-        tendons = tuple(SpatialTendon(
+        tendons = tuple(Tendon(
             f'segment_{s + 1}_{i + 1}', self.angle + s * self.turn + 2.0 * pi * i / TENDONS,
-            self.offset, s + 1, compliance=self.compliance)
+            self.offset, s + 1)
             for s in range(len(lengths)) for i in range(TENDONS))
-        return SpatialArm(
-            segments, (Disc(),) * 4, tendons, BODIES, self.design.spacers, SECOND_ORDER,
-            gravity=(0.0, 0.0, -STANDARD_GRAVITY))
+        arm = Arm(segments, (Disc(),) * 4, tendons, BODIES, self.design.spacers, SECOND_ORDER)
+        return arm.with_compliant_tendons(self.compliance) if self.compliance else arm
 
     def tips(self, recording: Recording) -> Array:
         """Return where the tip is measured (n, 3), m, with the pulls set in turn from straight."""

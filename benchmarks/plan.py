@@ -14,7 +14,7 @@ from benchmarks.plan_contenders import base_to_tip, NoPlanError, ours, rrt_conne
 from benchmarks.queries import AROUND, check, MARGIN, nearest, Query, random_query, Verdict
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.arm import Arm, mounted
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.up import description_file
@@ -47,7 +47,7 @@ class Result:
 def run(quick: bool) -> Section:
     """Measure; the section is of the page about planning."""
     upright = Description.read()
-    planar = (upright, replace(upright, arm=replace(upright.arm, mounting_angle=pi)))
+    planar = (upright, replace(upright, arm=replace(upright.arm, gravity=mounted(pi))))
     spatial = Description.read(description_file().with_name('spatial_jamming.yaml'))
     seeds, others = (range(QUICK), range(3)) if quick else (range(QUERIES), range(IN_SPACE))
     twin: list[float] = []

@@ -10,14 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Disc, SECOND_ORDER
+from soft_continuum.mechanics.arm import Arm, Disc, SECOND_ORDER, Segment, Wrench
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import (
-    SpatialArm,
-    SpatialEquilibrium,
-    SpatialSegment,
-    Wrench,
-)
+from soft_continuum.mechanics.spatial import SpatialEquilibrium
 
 DATA = Path(__file__).parents[1] / 'data' / 'sorosim'
 AXES = [1, 2, 0]  # x of the file is along the rod, as z is here
@@ -35,11 +30,11 @@ class Rod:
     poisson: float
     density: float
 
-    def segment(self) -> SpatialSegment:
+    def segment(self) -> Segment:
         """Return half of it."""
         area = pi * self.radius**2
         bending = self.elasticity * area * self.radius**2 / 4.0
-        return SpatialSegment(
+        return Segment(
             self.length / 2.0, bending, bending, bending / (1.0 + self.poisson),
             self.density * area * self.length / 2.0)
 
@@ -57,10 +52,10 @@ class Shape:
     stations: Array
     arc: Array
 
-    def arm(self, rod: Rod, bodies: int) -> SpatialArm:
+    def arm(self, rod: Rod, bodies: int) -> Arm:
         """Return the rod of so many bodies under this load."""
         gravity = tuple(self.gravity.tolist())
-        return SpatialArm((rod.segment(),) * 2, (Disc(),) * 3, (), bodies // 2, 0,
+        return Arm((rod.segment(),) * 2, (Disc(),) * 3, (), bodies // 2, 0,
                           SECOND_ORDER, wrenches=self.wrenches, gravity=gravity)
 
     def errors(self, state: SpatialEquilibrium) -> Array:

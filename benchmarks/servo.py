@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.servo_loop import follow, Measuring, Record, StaticPlant, TwinPlant
 from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.mechanics import Arm, Jam, Statics, Tendon
+from soft_continuum.mechanics import Arm, Jam, Statics
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
@@ -141,8 +141,8 @@ def _grid(arm: Arm, quick: bool) -> tuple[list[tuple[str, ...]], dict[float, Rec
 
 def _step(arm: Arm, factor: float, segment: int, measuring: Measuring) -> Record:
     worn = replace(
-        arm, tendon=Tendon(axial_stiffness=AXIAL_STIFFNESS, free_length=arm.length),
-        segments=tuple(replace(s, bending_stiffness=factor * s.bending_stiffness,
+        arm.with_tendons(axial_stiffness=AXIAL_STIFFNESS, free_length=arm.length),
+        segments=tuple(replace(s, stiffness_y=factor * s.stiffness_y,
                                jam=Jam(ratio=RATIO)) for s in arm.segments))
     return follow(arm, StaticPlant(worn, segment, DEAD_BAND, LAG), segment,
                   lambda t: STEP if t < STEP_TIME else -STEP, 2.0 * STEP_TIME, measuring,

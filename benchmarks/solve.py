@@ -14,7 +14,7 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import interleave, progress, Sampler, sampler, Timing
 from soft_continuum.mechanics import _kernel, Arm, Equilibrium, RigidChain, SLACK, Statics
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import spatial, SpatialStatics
+from soft_continuum.mechanics.spatial import SpatialStatics
 
 C = 'C, called in a loop in C'
 C_REPEATS = 200
@@ -119,7 +119,7 @@ def _contenders(statics: Statics, task: paper.Task, residuals: list[float],
         sampler(kernel.run), off(kernel.joint_angles))
     found['Statics.solve'] = Contender(
         sampler(lambda: statics.solve(start, task.pulls, paper.ALL_SOFT)), 0.0)
-    solid = SpatialStatics(spatial(chain.arm))
+    solid = SpatialStatics(chain.arm)
     begun = solid.chain.straight()
     if tension > 0.0:
         begun = solid.solve(begun, (float(start.pulls[0]), SLACK), paper.ALL_SOFT)

@@ -14,19 +14,15 @@ from benchmarks.rods import Rod, shapes, STEEL, TPU
 from benchmarks.tables import machine, number, Section, table
 from references import solve_rods
 from soft_continuum.mechanics import _kernel, PAPER, SECOND_ORDER, Statics
-from soft_continuum.mechanics.arm import Disc
+from soft_continuum.mechanics.arm import Arm, Disc, Segment, Tendon
 from soft_continuum.mechanics.spatial import (
     bending_for_tip,
     pulls_for_bending,
     set_shape,
     solve_batch,
     solve_path,
-    spatial,
-    SpatialArm,
     SpatialLinearisation,
-    SpatialSegment,
     SpatialStatics,
-    SpatialTendon,
 )
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
@@ -84,7 +80,7 @@ def _beside_rods() -> str:
 def _beside_the_plane(repeats: int) -> str:
     """Return how long one solve of the same planar arm takes by either, in turns."""
     arm = load_arm(description_file())
-    planar, solid = Statics(arm), SpatialStatics(spatial(arm))
+    planar, solid = Statics(arm), SpatialStatics(arm)
     soft = [True, False, False]
     solves: dict[str, Callable[[], object]] = {
         'in the plane': lambda: planar.solve(planar.chain.straight(), PULLS, soft),
@@ -92,11 +88,11 @@ def _beside_the_plane(repeats: int) -> str:
     return _times('the arm of the paper, from straight', solves, repeats)
 
 
-def three_tendons() -> SpatialArm:
+def three_tendons() -> Arm:
     """Return an arm of three segments and tendons that hangs."""
-    return SpatialArm(
-        (SpatialSegment(0.07, 0.02, 0.02, 0.015, 0.05),) * 3, (Disc(0.02, 0.02),) * 4,
-        tuple(SpatialTendon(f't{i}', 2.0944 * i, 0.025, 3) for i in range(3)),
+    return Arm(
+        (Segment(0.07, 0.02, 0.02, 0.015, 0.05),) * 3, (Disc(0.02, 0.02),) * 4,
+        tuple(Tendon(f't{i}', 2.0944 * i, 0.025, 3) for i in range(3)),
         gravity=(0.0, 0.0, 9.8))
 
 

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.pictures import Array
 from soft_continuum.sensing.ring_camera import RingCamera
@@ -37,8 +37,8 @@ def run(quick: bool) -> Section:
     """Measure; the section is of sensing.md."""
     cv2.setNumThreads(1)
     values = load_description(description_file().with_name(ARM), node='camera')
-    arm = any_arm_from_parameters(values)
-    assert isinstance(arm, SpatialArm)
+    arm = arm_from_parameters(values)
+    assert isinstance(arm, Arm)
     layout, chain = RingLayout.of(values, arm), SpatialChain(arm)
     random, rigs, rows = np.random.default_rng(1), 2 if quick else RIGS, []
     for preset in PRESETS:

@@ -16,16 +16,9 @@ import time
 import numpy as np
 
 from benchmarks.tables import machine, number, Section, table
-from soft_continuum.mechanics.arm import Disc, SECOND_ORDER
+from soft_continuum.mechanics.arm import Arm, Disc, SECOND_ORDER, Segment, Tendon, Wrench
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import (
-    SpatialArm,
-    SpatialEquilibrium,
-    SpatialSegment,
-    SpatialStatics,
-    SpatialTendon,
-    Wrench,
-)
+from soft_continuum.mechanics.spatial import SpatialEquilibrium, SpatialStatics
 
 LENGTH, SPACERS, OFFSET = 0.2, 9, 0.01  # m; spacers; m
 BENDING = 54e9 * pi / 4.0 * 0.7e-3**4  # E I, N m^2
@@ -58,11 +51,11 @@ def state(bodies: int, force: tuple[float, float, float], discs: bool = False
     discs: the guides are discs of the arm, and not spacers between bodies.
     """
     parts = SPACERS + 1 if discs else 1
-    tendons = tuple(SpatialTendon(f'{end}_{angle}', radians(angle), OFFSET, end * parts)
+    tendons = tuple(Tendon(f'{end}_{angle}', radians(angle), OFFSET, end * parts)
                     for end in (1, 2) for angle in (90, -30, 210))
     segments = 2 * parts
-    arm = SpatialArm(
-        (SpatialSegment(LENGTH / parts, BENDING, BENDING, TWIST),) * segments,
+    arm = Arm(
+        (Segment(LENGTH / parts, BENDING, BENDING, TWIST),) * segments,
         (Disc(),) * (segments + 1), tendons,
         bodies if discs else bodies * (SPACERS + 1), 0 if discs else SPACERS, SECOND_ORDER,
         wrenches=(Wrench(segments, force),), gravity=(0.0, 0.0, 0.0))

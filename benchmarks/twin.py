@@ -13,11 +13,12 @@ from benchmarks.paper import only
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import Jam, Statics, StaticsError
+from soft_continuum.mechanics.arm import Arm, mounted, STANDARD_GRAVITY
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.spatial import pulls_for_bending
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm, load_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.any_plant import AnyPlant
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
 from soft_continuum.twin.plant import plant_of, TIME_STEP
@@ -36,21 +37,21 @@ def run(quick: bool) -> Section:
     """Measure; the section is of the page about the twin."""
     random = np.random.default_rng(1)
     arm = load_arm(description_file())
-    in_space: Any = load_any_arm(description_file().with_name('spatial_jamming.yaml'))
-    free = load_any_arm(description_file().with_name('tendon_arm.yaml'))
+    in_space: Any = load_arm(description_file().with_name('spatial_jamming.yaml'))
+    free = load_arm(description_file().with_name('tendon_arm.yaml'))
     file = description_file().with_name('twin.yaml')
     ideal = read_differences(file, 'ideal')
     count, more = (3, 1) if quick else (SEQUENCES, IN_SPACE)
     found = []
     for n in range(count):
-        mounted = replace(arm, mounting_angle=float(random.uniform(-pi, pi)))
-        found.append(_walk(mounted, ideal, random))
-        progress(f'twin: sequence {n + 1}, mounted at {degrees(mounted.mounting_angle):.0f} '
+        angle = float(random.uniform(-pi, pi))
+        found.append(_walk(replace(arm, gravity=mounted(angle)), ideal, random))
+        progress(f'twin: sequence {n + 1}, mounted at {degrees(angle):.0f} '
                  f'degrees: {", ".join(f"{d * 1e3:.4f}" for d in found[-1].max(axis=0))} mm')
     there = []
     for n in range(more):
         down = random.normal(size=3)
-        gravity = tuple((arm.gravity * down / np.linalg.norm(down)).tolist())
+        gravity = tuple((STANDARD_GRAVITY * down / np.linalg.norm(down)).tolist())
         there.append(_walk(replace(in_space, gravity=gravity, payload=n % 2 * PAYLOAD), ideal,
                            random))
         progress(f'twin: sequence {n + 1} in space: '
@@ -85,7 +86,7 @@ def _rows(arm: str, distances: Array, ideal: Differences) -> list[tuple[str, ...
     return rows
 
 
-def _walk(arm: AnyArm, ideal: Differences, random: np.random.Generator) -> Array:
+def _walk(arm: Arm, ideal: Differences, random: np.random.Generator) -> Array:
     """Return how far a disc is at most from each statics after each step, (STEPS, 2), m."""
     plant, rigid = plant_of(arm, ideal), statics_of(arm)
     described: Any = arm
@@ -147,7 +148,7 @@ def _apart(one: Array, other: Array) -> float:
     return float(np.linalg.norm((one - other)[:, :3], axis=1).max())
 
 
-def _rate(arm: AnyArm, given: Differences) -> float:
+def _rate(arm: Arm, given: Differences) -> float:
     """Return how many seconds the plant simulates in one of this thread, while it is bent."""
     plant, vacuum = plant_of(arm, given), 1.0 - np.array(only(1), dtype=float)
     goal = np.array([0.012, *[-0.02] * (len(arm.tendon_names) - 1)])

@@ -16,7 +16,8 @@ from math import pi
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from soft_continuum.mechanics.either import AnyArm, AnyChain, chain_of
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import Chain, chain_of
 
 MATERIALS = {'disc': '0.75 0.78 0.82 1', 'skin': '0.35 0.30 0.25 1'}
 AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
@@ -24,7 +25,7 @@ SKIN = 0.9  # of the outer diameter, so that discs stand out
 EFFORT, SPEED = 1e3, 1e2  # N m, rad/s: URDF asks for limits; nothing drives these joints
 
 
-def joint_names(chain: AnyChain) -> list[str]:
+def joint_names(chain: Chain) -> list[str]:
     """Return the names of all joints, base first, as joint_states and the URDF have them."""
     return [name for s in range(1, chain.segments + 1)
             for j in range(1, chain.joints_per_segment + 1)
@@ -35,7 +36,7 @@ def _names_of_axes(joint: str, axes: Sequence[str]) -> list[str]:
     return [joint] if len(axes) == 1 else [f'{joint}_{axis}' for axis in axes]
 
 
-def arm_urdf(arm: AnyArm, base_frame: str = 'base_link') -> str:
+def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:
     """Return ``arm`` as URDF in SI units; ``base_frame``: the name of its root link."""
     prefix = base_frame[:base_frame.rfind('/') + 1]
     robot = Element('robot', name='soft_continuum')

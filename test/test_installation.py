@@ -26,12 +26,12 @@ import numba
 
 from soft_continuum import version
 from soft_continuum.analysis.workspace import reach
-from soft_continuum.mechanics import Arm, Disc, Segment, set_shape, Statics
+from soft_continuum.mechanics import Arm, Disc, Segment, set_shape, Statics, tendon_pair
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import pages
 
-arm = Arm((Segment(length=0.1, bending_stiffness=0.01, guide_offsets=(0.02, 0.02)),),
-          (Disc(0.01), Disc(0.01)), bodies_per_segment=1)
+arm = Arm((Segment.leaf_spring(0.1, 0.01),), (Disc(0.01), Disc(0.01)), tendon_pair(0.02, end=1),
+          bodies_per_segment=1)
 statics = Statics(arm)
 bent = set_shape(statics, [0.3])
 paper = load_arm(Path(sys.prefix, 'share/soft_continuum/config/manipulator.yaml'))

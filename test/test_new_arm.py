@@ -12,11 +12,11 @@ import pytest
 
 from soft_continuum.cli import new_arm
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.spatial import SpatialArm
 from soft_continuum.new_arm.answers import AnswerError, KINDS
 from soft_continuum.new_arm.description import complete, describe, questions_of
 from soft_continuum.nodes.up import nodes_of
-from soft_continuum.parameters.files import load_any_arm, load_description, parameters_text
+from soft_continuum.parameters.files import load_arm, load_description, parameters_text
+from support.flat_arm import guides_of
 
 
 @pytest.fixture
@@ -85,13 +85,13 @@ def test_the_arm_of_the_file_has_what_was_answered(tmp_path, typed):
     described = describe(complete(typed))
     path = tmp_path / 'arm.yaml'
     path.write_text(parameters_text(described.values, [], described.notes), encoding='utf-8')
-    arm, values = load_any_arm(path), load_description(path)
+    arm, values = load_arm(path), load_description(path)
 
     def near(value):
         return pytest.approx(value, rel=1e-6, abs=1e-9)
 
     mm = {name: [1e-3 * one for one in value] for name, value in typed.items() if name != 'kind'}
-    assert isinstance(arm, Arm if typed['kind'] == 'planar' else SpatialArm)
+    assert isinstance(arm, Arm if typed['kind'] == 'planar' else Arm)
     assert [s.length for s in arm.segments] == near(mm['segment_lengths'])
     assert [s.outer_diameter for s in arm.segments] == near(mm['outer_diameters'])
     assert [s.mass for s in arm.segments] == near(mm['segment_masses'])
@@ -104,9 +104,10 @@ def test_the_arm_of_the_file_has_what_was_answered(tmp_path, typed):
     assert values['tension_limit'] == near(typed['tension_limit'][0])
     assert values['arm.mounting_angle'] == near(radians(typed['mounting_angle'][0]))
     assert values['arm.jamming'] is (typed['kind'] != 'tendons')
-    if isinstance(arm, Arm):
-        assert [s.bending_stiffness for s in arm.segments] == near(typed['bending_stiffnesses'])
-        assert [s.guide_offsets for s in arm.segments] == [
+    assert arm.planar is (typed['kind'] == 'planar')
+    if arm.planar:
+        assert [s.stiffness_y for s in arm.segments] == near(typed['bending_stiffnesses'])
+        assert guides_of(arm) == [
             near((one, one)) for one in mm['guide_offsets']]
         return
     assert [s.stiffness_x for s in arm.segments] == near(typed['bending_stiffnesses'])
@@ -132,7 +133,7 @@ def test_a_stiffness_that_nobody_gave_is_that_of_the_rod():
 
 def test_a_leaf_spring_gives_the_stiffness_of_a_planar_arm():
     arm = describe(complete({'kind': 'planar', 'leaf_thicknesses': (0.5, 0.35, 0.25)})).arm
-    assert [s.bending_stiffness for s in arm.segments] == pytest.approx(
+    assert [s.stiffness_y for s in arm.segments] == pytest.approx(
         [200e9 * 0.0127 * t**3 / 12 for t in (5e-4, 3.5e-4, 2.5e-4)])
 
 
@@ -187,7 +188,7 @@ def test_questions_are_asked_again_until_they_are_answered(run, tmp_path):
                   '5 given; allowed: numbers from 1 to 2', 'segment_lengths: 2 numbers given',
                   '1, 2 given; allowed: numbers from 1 to 1, each once'):
         assert words in output
-    arm = load_any_arm(tmp_path / 'arm.yaml')
+    arm = load_arm(tmp_path / 'arm.yaml')
     assert [s.length for s in arm.segments] == [0.06]
     assert [t.end for t in arm.tendons] == [1, 1, 1]
 
@@ -212,7 +213,7 @@ def test_a_file_that_is_there_stays_unless_it_is_given_up(run, tmp_path):
     assert 'stays as it is' in error
     assert there.read_text(encoding='utf-8') == 'precious'
     assert run('arm', typed=['yes', 'planar', *[''] * 19, 'yes'])[0] == 0
-    assert isinstance(load_any_arm(there), Arm)
+    assert isinstance(load_arm(there), Arm)
 
 
 @pytest.mark.parametrize(('words', 'reason'), [

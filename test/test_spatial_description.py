@@ -15,15 +15,15 @@ from soft_continuum.client.sequence import goal
 from soft_continuum.client.state import Pose, Reached
 from soft_continuum.client.state_text import reached_text
 from soft_continuum.hardware.grbl.motion import Motors
-from soft_continuum.mechanics import Arm, RigidChain
+from soft_continuum.mechanics import Arm, RigidChain, Statics
+from soft_continuum.mechanics.arm import ArmError, Tendon
 from soft_continuum.mechanics.either import chain_of, statics_of
-from soft_continuum.mechanics.spatial import spatial, SpatialArm, SpatialChain, SpatialTendon
+from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.nodes.up import nodes_of
-from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import (
-    load_any_arm,
     load_arm,
     load_description,
 )
@@ -40,6 +40,7 @@ from support.descriptions import (
     PLANAR,
     TENDON_ARM,
 )
+from support.spatial_arms import in_space
 
 TWO = {'arm__tendon_names': ('a', 'b')}
 THREE = {'arm.tendon_names': ('a', 'b', 'c'), 'arm.tendon_angles': (0.0, 2.0, 4.0)}
@@ -47,7 +48,7 @@ THREE = {'arm.tendon_names': ('a', 'b', 'c'), 'arm.tendon_angles': (0.0, 2.0, 4.
 
 def described(**changes):
     """Return the arm with three tendons and other values; __ in a name stands for a dot."""
-    return any_arm_from_parameters(
+    return arm_from_parameters(
         THREE | {name.replace('__', '.'): value for name, value in changes.items()})
 
 
@@ -61,8 +62,8 @@ def refusal(**changes):
 
 
 def test_the_shipped_tendon_arm_has_three_tendons_for_each_segment():
-    arm = load_any_arm(TENDON_ARM)
-    assert isinstance(arm, SpatialArm)
+    arm = load_arm(TENDON_ARM)
+    assert isinstance(arm, Arm)
     assert [tendon.end for tendon in arm.tendons] == [1, 1, 1, 2, 2, 2, 3, 3, 3]
     angles = np.array([tendon.angle for tendon in arm.tendons]).reshape(3, 3)
     assert np.diff(angles, axis=1) == pytest.approx(2.0 * pi / 3.0, abs=1e-5)
@@ -72,16 +73,16 @@ def test_the_shipped_tendon_arm_has_three_tendons_for_each_segment():
     assert arm.segments[0].torsional_stiffness == pytest.approx(rod / 1.33, 1e-2)
     assert arm.gravity == pytest.approx((0.0, 0.0, 9.80665), abs=1e-6)  # hanging
     # Stretch: segments and discs that it passes, and what is between stepper and base.
-    assert [t.compliance for t in arm.tendons] == pytest.approx(
+    assert arm.compliance == pytest.approx(
         (np.repeat([0.095, 0.18, 0.265], 3) + 0.3) / 5000.0)
 
 
 def test_the_shipped_jamming_arm_is_that_of_the_paper_with_round_springs():
-    arm, flat = load_any_arm(JAMMING), load_arm(PLANAR)
+    arm, flat = load_arm(JAMMING), load_arm(PLANAR)
     for round_one, leaf in zip(arm.segments, flat.segments, strict=True):
         assert (round_one.length, round_one.mass) == (leaf.length, leaf.mass)
         assert round_one.stiffness_x == round_one.stiffness_y == pytest.approx(
-            leaf.bending_stiffness, rel=1e-3)
+            leaf.stiffness_y, rel=1e-3)
         assert round_one.torsional_stiffness == inf
         assert round_one.jam.rigid
     assert [(d.height, d.mass) for d in arm.discs] == [(d.height, d.mass) for d in flat.discs]
@@ -89,9 +90,9 @@ def test_the_shipped_jamming_arm_is_that_of_the_paper_with_round_springs():
 
 
 def test_what_is_left_out_is_that_of_a_planar_arm():
-    assert isinstance(any_arm_from_parameters({}), Arm)
-    assert any_arm_from_parameters({}) == arm_from_parameters({'arm.tendon_names': []})
-    assert load_any_arm(PLANAR) == load_arm(PLANAR)
+    assert isinstance(arm_from_parameters({}), Arm)
+    assert arm_from_parameters({}) == arm_from_parameters({'arm.tendon_names': []})
+    assert load_arm(PLANAR) == load_arm(PLANAR)
 
 
 def test_one_value_counts_for_all_tendons_and_zero_is_the_last_disc():
@@ -121,7 +122,7 @@ def test_the_nodes_that_an_arm_needs_are_started(path, nodes):
     ((0.0, 0.5 * pi, pi, 0.1), (2, 2, 2, 1), [[0, 2], [0, 1, 2]])], ids=str)
 def test_tendons_oppose_each_other_with_the_backbone_between_them(angles, ends, opposing):
     arm = replace(described(), tendons=tuple(
-        SpatialTendon(name, angle, 0.02, end)
+        Tendon(name, angle, 0.02, end)
         for name, angle, end in zip('abcd', angles, ends, strict=False)))
     assert TensionPrediction(arm).opposing == opposing
 
@@ -160,11 +161,9 @@ def test_tendons_without_an_axis_of_the_controller_are_refused():
                           'grbl.steps_per_mm': (200.0,) * 9, 'grbl.signs': (1.0,) * 9})
 
 
-def test_tools_for_planar_arms_say_what_works_instead():
-    with pytest.raises(ParameterError, match='a spatial arm.*use_a_spatial_arm.md says what'):
-        arm_from_parameters(THREE)
-    with pytest.raises(ParameterError, match='planar arms only'):
-        load_arm(TENDON_ARM)
+def test_planar_statics_say_what_takes_another_arm():
+    with pytest.raises(ArmError, match='a spatial one, for SpatialStatics'):
+        Statics(load_arm(TENDON_ARM))
 
 
 def test_the_shapes_of_the_paper_are_left_out_where_an_arm_in_space_does_not_bend_so():
@@ -179,7 +178,7 @@ def test_the_shapes_of_the_paper_are_left_out_where_an_arm_in_space_does_not_ben
 @pytest.mark.parametrize('path', [JAMMING, TENDON_ARM], ids=lambda path: path.stem)
 def test_the_shipped_arms_in_space_bend_to_all_sides(path):
     values = load_description(path)
-    shapes = shapes_from_parameters(values, load_any_arm(path))
+    shapes = shapes_from_parameters(values, load_arm(path))
     assert list(shapes) == ['c_form', 's_form', 'helix']
     assert len({tuple(values[f'shape_directions.{name}']) for name in shapes}) == 3
     helix = np.diff(values['shape_directions.helix'])
@@ -220,7 +219,7 @@ def test_a_direction_to_which_a_segment_cannot_bend_is_refused(changes, directio
 
 @pytest.mark.parametrize('direction, allowed', [(0.0, True), (pi, True), (pi / 2, False)])
 def test_a_hinge_bends_in_its_plane(direction, allowed):
-    arm = spatial(load_arm(PLANAR))
+    arm = in_space(load_arm(PLANAR))
     problem = angles_problem((0.1, 0.0, 0.0), arm, (direction,) * 3)
     assert problem == '' if allowed else 'it is a hinge; allowed: 0 and 180 degrees' in problem
     bent = bending_vectors(arm, (0.1, 0.2, 0.3), (pi,) * 3)
@@ -250,7 +249,7 @@ def bent():
     """Return a planar arm, and the same as a spatial one, bent alike."""
     flat = load_arm(PLANAR)
     angles = np.array([0.4, -0.3, 0.7])
-    return (RigidChain(flat).uniform(angles), SpatialChain(spatial(flat)).uniform(
+    return (RigidChain(flat).uniform(angles), SpatialChain(flat).uniform(
         np.column_stack([np.zeros(3), angles])))
 
 
@@ -258,15 +257,15 @@ def test_a_planar_arm_is_drawn_where_the_spatial_one_is():
     one, other = bent()
     assert one.poses == pytest.approx(other.poses, abs=1e-12)
     assert one.backbone == pytest.approx(other.backbone, abs=1e-12)
-    for guides, in_space in zip(one.tendon_points, other.tendon_points, strict=True):
-        assert guides[1:-1] == pytest.approx(in_space, abs=1e-12)  # in the discs at both ends, too
+    for guides, there in zip(one.tendon_points, other.tendon_points, strict=True):
+        assert guides[1:-1] == pytest.approx(there, abs=1e-12)  # in the discs at both ends, too
     assert np.abs(one.bending_angles) == pytest.approx(other.bending_angles)
     assert other.joint_positions.reshape(-1, 3)[:, 1] == pytest.approx(one.joint_positions)
 
 
 @pytest.mark.parametrize('path', [PLANAR, JAMMING, TENDON_ARM], ids=lambda p: p.stem)
 def test_a_state_is_made_again_of_its_coordinates(path):
-    chain = chain_of(load_any_arm(path))
+    chain = chain_of(load_arm(path))
     numbers = np.random.default_rng(3).uniform(-0.1, 0.1, (2, chain.coordinate_count))
     state = chain.state_of(numbers[0], numbers[1], (True, False, True))
     again = chain.state_of(state.coordinates, state.held_coordinates, state.stiff)
@@ -284,7 +283,7 @@ def test_a_state_is_made_again_of_its_coordinates(path):
     (TENDON_ARM, (-0.02,) * 6 + (0.006, 0.004, -0.02), (True, True, True)),
     (PLANAR, (0.006, -0.007), (False, True, False))], ids=lambda p: getattr(p, 'stem', ''))
 def test_the_joints_of_the_urdf_give_the_poses(path, pulls, soft):
-    arm = load_any_arm(path)
+    arm = load_arm(path)
     statics = statics_of(arm)
     state = statics.solve(statics.chain.straight(), pulls, soft)
     assert np.abs(state.bending_angles).max() > 0.1
@@ -295,7 +294,7 @@ def test_the_joints_of_the_urdf_give_the_poses(path, pulls, soft):
 
 def test_a_twisted_arm_has_the_poses_of_its_urdf():
     # Also where a bend about one axis goes on about the other: then discs turn about z.
-    chain = chain_of(load_any_arm(TENDON_ARM))
+    chain = chain_of(load_arm(TENDON_ARM))
     turns = np.random.default_rng(1).uniform(-0.2, 0.2, chain.coordinate_count)
     state = chain.state_of(turns, turns, (False,) * 3)
     names = joint_names(chain)

@@ -8,16 +8,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import Arm, Disc, RigidChain, Segment
+from soft_continuum.mechanics import Disc, RigidChain, Segment
+from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.urdf import arm_urdf, joint_names
+from support.flat_arm import flat_arm, of_segments
 
 PAPER = load_arm(description_file())
-SHORT = Arm((Segment(0.1, 0.02, (0.02, 0.015), mass=0.1),), (Disc(0.02), Disc(0.03, 0.2)),
-            bodies_per_segment=1)
-LONG = Arm(PAPER.segments * 2, PAPER.discs + PAPER.discs[1:], bodies_per_segment=5,
-           payload=0.3)
+SHORT = flat_arm([Segment.leaf_spring(0.1, 0.02, 0.1)], [(0.02, 0.015)],
+                 [Disc(0.02), Disc(0.03, 0.2)], bodies_per_segment=1)
+LONG = of_segments(PAPER, [0, 1, 2, 0, 1, 2], bodies_per_segment=5, payload=0.3)
 ARMS = pytest.mark.parametrize('arm', [PAPER, SHORT, LONG], ids=['paper', 'short', 'long'])
 
 
@@ -59,9 +60,9 @@ def test_forward_kinematics_are_those_of_the_chain(arm, seed):
 @ARMS
 def test_the_weight_on_every_joint_is_that_of_the_chain(arm):
     # Gravity alone, straight and on its side: the moments of the masses above each joint.
-    chain = RigidChain(replace(arm, mounting_angle=np.pi / 2))
+    chain = RigidChain(replace(arm, gravity=mounted(np.pi / 2)))
     model = parse(arm_urdf(arm))
-    model.opt.gravity[:] = arm.gravity, 0.0, 0.0
+    model.opt.gravity[:] = STANDARD_GRAVITY, 0.0, 0.0
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     moments = np.cumsum(chain.load_coefficients[::-1, 0])[::-1]

@@ -53,10 +53,9 @@ def specimen() -> Arm:
     """Return the arm that stands for the real one."""
     arm = arm_from_parameters(load_description() | weighed())
     ratio = (bending_stiffness_from_slope(SLOPE, arm.segments[1].length, LEVER_ARM)
-             / arm.segments[1].bending_stiffness)
-    for i, segment in enumerate(arm.segments):
-        arm = arm.with_bending_stiffness(i, segment.bending_stiffness * ratio)
-    return replace(arm, bodies_per_segment=BODIES, discretisation=SECOND_ORDER)
+             / arm.segments[1].stiffness_y)
+    return replace(arm, bodies_per_segment=BODIES, discretisation=SECOND_ORDER, segments=tuple(
+        segment.with_stiffness_factor(ratio) for segment in arm.segments))
 
 
 def weighed() -> dict[str, tuple[float, ...]]:

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.analysis.results import progress
-from soft_continuum.mechanics.arm import ArmError, SECOND_ORDER
+from soft_continuum.mechanics.arm import Arm, ArmError, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import AnyArm, Solver, State, statics_of
+from soft_continuum.mechanics.either import Solver, State, statics_of
 
 CONTINUUM_BODIES = 100  # of the second-order chain, which is then within 1e-5 of the rod
 Step = tuple[tuple[bool, ...], Array]
@@ -42,7 +42,7 @@ class Convergence:
     converged: int | None
 
 
-def converge(arm: AnyArm, bending_angles: Sequence[float], tolerance: float, most: int,
+def converge(arm: Arm, bending_angles: Sequence[float], tolerance: float, most: int,
              jamming: bool = True) -> Convergence:
     """
     Return the convergence analysis for 2 to ``most`` bodies per segment.
@@ -72,7 +72,7 @@ def converge(arm: AnyArm, bending_angles: Sequence[float], tolerance: float, mos
                        int(bodies[first]) if first < below.size else None)
 
 
-def _steps(arm: AnyArm, bending_angles: Sequence[float], jamming: bool) -> list[Step]:
+def _steps(arm: Arm, bending_angles: Sequence[float], jamming: bool) -> list[Step]:
     """Return by which tendons the segments are bent, in turn or all at once."""
     statics: Solver = statics_of(arm)
     segments = range(len(arm.segments))
@@ -87,7 +87,7 @@ def _steps(arm: AnyArm, bending_angles: Sequence[float], jamming: bool) -> list[
     return steps
 
 
-def _angles(arm: AnyArm, steps: Sequence[Step]) -> Array:
+def _angles(arm: Arm, steps: Sequence[Step]) -> Array:
     """Return the bending angles after the tendons were pulled by lengths, step by step."""
     statics: Solver = statics_of(arm)
     state: State = statics.chain.straight()

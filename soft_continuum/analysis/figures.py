@@ -8,8 +8,9 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.orientations import matrices
 
@@ -24,7 +25,7 @@ DASHES = ('-', '--')  # of tendons as seen along y
 IN_SPACE = '3d'
 
 
-def projection_of(arm: AnyArm) -> str | None:
+def projection_of(arm: Arm) -> str | None:
     """Return the projection of axes for an arm, as matplotlib names it: with y, or along it."""
     return IN_SPACE if 'y' in arm.axes else None
 

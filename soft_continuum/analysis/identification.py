@@ -24,7 +24,7 @@ from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import Solver, statics_of
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 
 DIFFERENCE = 1e-4  # of the scale of an unknown
 SNAP = 1e-3  # m: a point that such a difference moves further is of an arm that snaps over
@@ -112,7 +112,7 @@ def identify(described: Values, unknowns: Sequence[Unknown], shapes: Sequence[Me
 
 def _statics(described: Values, payload: float) -> Solver:
     """Return the statics of the arm that parameters describe, with a payload (kg) more."""
-    arm = any_arm_from_parameters(described)
+    arm = arm_from_parameters(described)
     return statics_of(replace(arm, payload=arm.payload + payload))
 
 

@@ -26,8 +26,9 @@ from soft_continuum.analysis.delimited import (
     read_table,
     Table,
 )
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import AnyArm, Solver, State
+from soft_continuum.mechanics.either import Solver, State
 from soft_continuum.mechanics.errors import StaticsError
 
 BASE_TOLERANCE = 0.005  # m: the base disc cannot be further from where the frame has it
@@ -102,7 +103,7 @@ class MeasuredShape:
         return distances
 
 
-def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: bool = True,
+def read_shapes(points: str | Path, pulls: str | Path, arm: Arm, jamming: bool = True,
                 decimal: str | None = None) -> tuple[MeasuredShape, ...]:
     """
     Read the shapes of a points file and a pulls file, in the order of the points file.
@@ -135,7 +136,7 @@ def read_shapes(points: str | Path, pulls: str | Path, arm: AnyArm, jamming: boo
     return tuple(shapes)
 
 
-def _read_points(table: Table, axes: str, arm: AnyArm
+def _read_points(table: Table, axes: str, arm: Arm
                  ) -> dict[str, dict[int, tuple[float, ...]]]:
     names, numbers = table.column('shape'), table.column('point')
     most = 2 * len(arm.discs)
@@ -177,7 +178,7 @@ def _read_points(table: Table, axes: str, arm: AnyArm
     return shapes
 
 
-def _check_lengths(where: str, rows: Mapping[int, tuple[float, ...]], arm: AnyArm) -> None:
+def _check_lengths(where: str, rows: Mapping[int, tuple[float, ...]], arm: Arm) -> None:
     """Raise MeasurementError when discs or segments are not as long as those of the arm."""
     for one in sorted(rows):
         if one + 1 not in rows:
@@ -197,7 +198,7 @@ def _check_lengths(where: str, rows: Mapping[int, tuple[float, ...]], arm: AnyAr
                 'as --params-file, or correct the points')
 
 
-def _read_pulls(table: Table, arm: AnyArm, jamming: bool
+def _read_pulls(table: Table, arm: Arm, jamming: bool
                 ) -> dict[str, tuple[tuple[Step, ...], float]]:
     names = table.column('shape')
     segments = (table.column('segment').whole_numbers() if jamming else [None] * len(names.cells))

@@ -10,8 +10,9 @@ import numpy as np
 import scipy
 
 from soft_continuum.analysis.figures import finish_panels, new_panels, rim
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, State, statics_of
+from soft_continuum.mechanics.either import State, statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ ROUND = 41  # points of the edge of a disc
 LABELS = 1.45  # times the distance of a tendon from the backbone: where its name is
 
 
-def bent(arm: AnyArm, bending_angles: Sequence[float], directions: Sequence[float],
+def bent(arm: Arm, bending_angles: Sequence[float], directions: Sequence[float],
          jamming: bool) -> State:
     """
     Return the arm in a shape, by the statics.

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import Value
 
 Values = Mapping[str, Value]
@@ -56,7 +56,7 @@ class Unknown:
     remedy: str
 
 
-def stiffnesses_of(arm: AnyArm) -> dict[str, tuple[float, ...]]:
+def stiffnesses_of(arm: Arm) -> dict[str, tuple[float, ...]]:
     """Return the stiffnesses of each segment, E I about y first, by parameter, N m^2."""
     return {name: tuple(0.0 if number == inf else number for number in numbers)
             for name, numbers in zip(
@@ -66,7 +66,7 @@ def stiffnesses_of(arm: AnyArm) -> dict[str, tuple[float, ...]]:
 
 def spread_out(values: Values) -> Values:
     """Return a description whose lists have a number of its own for every part."""
-    arm = any_arm_from_parameters(values)
+    arm = arm_from_parameters(values)
     offsets = _numbers(values, 'arm.guide_offsets')
     if len(offsets) == 1:
         offsets *= 2 * len(arm.segments)
@@ -88,7 +88,7 @@ def find_unknowns(names: Sequence[str], values: Values) -> tuple[Unknown, ...]:
     values: of the description, as spread_out returns them.  Raises IdentificationError listing
     what there is.
     """
-    arm = any_arm_from_parameters(values)
+    arm = arm_from_parameters(values)
     allowed = [f'{kind}_{n}' for kind in ('stiffness', 'ratio', 'segment_mass', 'disc_mass',
                                           'offset') for n in range(1, len(arm.segments) + 1)]
     if len(_numbers(values, 'arm.tendon_angles')) == len(arm.tendon_ends):
@@ -103,7 +103,7 @@ def find_unknowns(names: Sequence[str], values: Values) -> tuple[Unknown, ...]:
     return tuple(_unknown(name, values, arm) for name in names)
 
 
-def _unknown(name: str, values: Values, arm: AnyArm) -> Unknown:
+def _unknown(name: str, values: Values, arm: Arm) -> Unknown:
     kind, _, number = name.rpartition('_')
     if not number.isdecimal():
         return _of_all(name, values, arm)
@@ -140,7 +140,7 @@ def _unknown(name: str, values: Values, arm: AnyArm) -> Unknown:
                    lambda v, to: _with_mean(v, names, places, to), remedy)
 
 
-def _of_all(name: str, values: Values, arm: AnyArm) -> Unknown:
+def _of_all(name: str, values: Values, arm: Arm) -> Unknown:
     """Return an unknown of the whole arm; factors are those of the description it began with."""
     number: Any = values.get({
         'friction': 'arm.tendon_friction', 'tilt': 'arm.mounting_angle',

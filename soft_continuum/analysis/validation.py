@@ -15,9 +15,9 @@ import numpy as np
 
 from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps, Step
 from soft_continuum.analysis.results import progress
-from soft_continuum.mechanics.arm import ArmError
+from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import AnyArm, arc_bending, arc_pulls, Solver, statics_of
+from soft_continuum.mechanics.either import arc_bending, arc_pulls, Solver, statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.directions import hinged
@@ -63,7 +63,7 @@ class Prediction:
         return [self.shape.numbers[row] // 2 - 1 for row in self.shape.moving]
 
 
-def predict(shapes: Sequence[MeasuredShape], arm: AnyArm, corrected: AnyArm | None = None
+def predict(shapes: Sequence[MeasuredShape], arm: Arm, corrected: Arm | None = None
             ) -> tuple[Prediction, ...]:
     """
     Return what each model says for each shape, shape by shape.
@@ -80,7 +80,7 @@ def predict(shapes: Sequence[MeasuredShape], arm: AnyArm, corrected: AnyArm | No
     return tuple(predictions)
 
 
-def _constant_curvature(shape: MeasuredShape, arm: AnyArm) -> Prediction:
+def _constant_curvature(shape: MeasuredShape, arm: Arm) -> Prediction:
     """Return arcs with the pulls of the tendons; straight ones where these say too little."""
     bending = np.zeros((len(arm.segments), 2))
     aimed, needed = bending.copy(), []
@@ -100,7 +100,7 @@ def _constant_curvature(shape: MeasuredShape, arm: AnyArm) -> Prediction:
                       False, tuple(needed))
 
 
-def _wanted(arm: AnyArm, step: Step) -> Array | None:
+def _wanted(arm: Arm, step: Step) -> Array | None:
     """Return the bending (segments, 2), rad, of the angle that was set, if it tells one."""
     if step.segment is None or not np.isfinite(step.angle) or not hinged(arm):
         return None
@@ -109,7 +109,7 @@ def _wanted(arm: AnyArm, step: Step) -> Array | None:
     return wanted
 
 
-def _chain(model: str, shape: MeasuredShape, arm: AnyArm) -> Prediction:
+def _chain(model: str, shape: MeasuredShape, arm: Arm) -> Prediction:
     statics: Solver = statics_of(replace(arm, payload=arm.payload + shape.payload))
     try:
         states = simulate_steps(statics, shape.steps, shape.name)

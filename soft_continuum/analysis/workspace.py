@@ -15,8 +15,9 @@ import numpy as np
 import scipy
 
 from soft_continuum.analysis.results import progress
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.spatial.grid import bends, set_each
 
 
@@ -46,7 +47,7 @@ class Reach:
         return float(hull.volume)  # in the plane its volume is its area
 
 
-def reach(arm: AnyArm, order: Sequence[int], per_segment: int, directions: int = 1,
+def reach(arm: Arm, order: Sequence[int], per_segment: int, directions: int = 1,
           jamming: bool = True) -> Reach:
     """
     Return the tips for ``per_segment`` angles between the limits of every segment.
@@ -65,7 +66,7 @@ def reach(arm: AnyArm, order: Sequence[int], per_segment: int, directions: int =
                  prod(map(len, grid)))
 
 
-def bendings(arm: AnyArm, per_segment: int, directions: int) -> list[Array]:
+def bendings(arm: Arm, per_segment: int, directions: int) -> list[Array]:
     """Return the bendings (k, 2), rad, to which each segment is set; all combinations count."""
     return [bends(arm, s, per_segment, directions) for s in range(len(arm.segments))]
 

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.either import AnyChain
+from soft_continuum.mechanics.either import Chain
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 Points = tuple[tuple[float, ...], ...]
 """x, y, z of some points, m."""
 
 
-def points_of(chain: AnyChain, angles: Sequence[float], directions: Sequence[float] = ()
+def points_of(chain: Chain, angles: Sequence[float], directions: Sequence[float] = ()
               ) -> Points:
     """Return points of a shape that bends by angles towards directions, rad, none for 0."""
     shape = chain.uniform(bending_vectors(chain.arm, angles, directions))

@@ -33,7 +33,7 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.client.state import ArmState, SequenceResult
 from soft_continuum.client.state_text import reached_text
 from soft_continuum.client.tasks import until
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.up import nodes_for
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.entry import subscribe
@@ -68,7 +68,7 @@ class Description:
     names of those in the library.
     """
 
-    arm: AnyArm
+    arm: Arm
     jamming: bool = True
     ambient_pressure: float = 101325.0
     tension_limit: float = 60.0

@@ -11,7 +11,8 @@ from soft_continuum.client import ClientError, Tip
 from soft_continuum.client.plan import Plan, plan_shapes, PlanStep
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
-from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import chain_of
 
 WHILE_DRAGGED, AT_REST = 1000, 0  # states that are judged for a plan; 0: as many as Go would
 LATE = 1.0  # s without an answer
@@ -51,8 +52,8 @@ class TipPlanning:
     def __init__(self, requests: Requests) -> None:
         """Begin without a goal."""
         self._requests = requests
-        self._wanted: tuple[Tip, AnyArm, int] | None = None
-        self._asked: tuple[Tip, AnyArm, int] | None = None
+        self._wanted: tuple[Tip, Arm, int] | None = None
+        self._asked: tuple[Tip, Arm, int] | None = None
         self._awaited: object = None  # a quick request without an answer
         self._answered = monotonic()  # when something was known last
         self.planned: Planned | None = None
@@ -79,7 +80,7 @@ class TipPlanning:
         """Points along the shape that is planned; none for no plan."""
         return self.planned.points if self.planned else ()
 
-    def aim(self, goal: Tip, arm: AnyArm, dragged: bool = False) -> None:
+    def aim(self, goal: Tip, arm: Arm, dragged: bool = False) -> None:
         """Ask for a plan, from any thread; dragged: another goal may follow at once."""
         if self.planned is None or self.planned.goal == self.goal:
             self._answered = monotonic()
@@ -118,7 +119,7 @@ class TipPlanning:
                 self._wanted = goal, arm, AT_REST  # the handle rests where more is needed
 
 
-def _planned(goal: Tip, plan: Plan, arm: AnyArm, quick: bool) -> Planned:
+def _planned(goal: Tip, plan: Plan, arm: Arm, quick: bool) -> Planned:
     end = next((step for step in reversed(plan.steps) if _fits(step, arm)), None)
     path = tuple(pose.position for step in plan.steps for pose in step.tip
                  if all(abs(value) < MAX_PLACE for value in pose.position))
@@ -126,7 +127,7 @@ def _planned(goal: Tip, plan: Plan, arm: AnyArm, quick: bool) -> Planned:
         chain_of(arm), end.bending_angles, end.bending_directions), path, quick)
 
 
-def _fits(step: PlanStep, arm: AnyArm) -> bool:
+def _fits(step: PlanStep, arm: Arm) -> bool:
     """Whether the shape at the end of a step is one of this arm."""
     count, directions = len(arm.segments), step.bending_directions
     return (len(step.bending_angles) == count and all(abs(a) < 2 * pi for a in step.bending_angles)

@@ -47,7 +47,7 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
 )
 from soft_continuum.hardware.tendon_controller import TendonLimits
-from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
+from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
 from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.parameters.scalars import as_yaml
@@ -156,7 +156,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
     Of what each tendon bends, the segment below its end is softened.
     """
     # Slack is taken up by whoever calibrates.
-    values, arm = job.values | {TAKE_UP: 0.0}, any_arm_from_parameters(job.values)
+    values, arm = job.values | {TAKE_UP: 0.0}, arm_from_parameters(job.values)
     soft = sorted({end - 1 for end in arm.tendon_ends}) if job.jamming else []
     if soft and values['jamming_driver'] == 'simulated':
         text += (' The valves are simulated (jamming_driver): make sure by hand that a segment '

@@ -8,7 +8,7 @@ from typing import Any
 
 from soft_continuum.hardware.calibration import CalibrationError
 from soft_continuum.hardware.drives import Drive, DRIVES
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.scalars import as_yaml
 
 MM = 1e3  # per m
@@ -32,7 +32,7 @@ class Job:
 
     def __post_init__(self) -> None:
         """Find the names; raises CalibrationError for options that are not for each of them."""
-        tendons = any_arm_from_parameters(self.values).tendon_names
+        tendons = arm_from_parameters(self.values).tendon_names
         self.names = tuple(name.removesuffix('_tendon') for name in tendons)
         for option in PER_TENDON:
             given = getattr(self.options, option)

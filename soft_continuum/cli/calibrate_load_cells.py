@@ -13,7 +13,7 @@ import numpy as np
 
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FAILED, FOR_ANALYSIS, NO_NODES, number_in, Parser
-from soft_continuum.cli.common import any_described_arm, run_verb
+from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number
 from soft_continuum.hardware.calibration import CalibrationError
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     from soft_continuum.client.connection import Connection
-    tendons = any_described_arm(options)[1].tendon_names
+    tendons = described_arm(options)[1].tendon_names
     path, = reserve_outputs(options.output, [FILE], options.force)
     connection = Connection('calibrate', options.namespace, options.timeout)
     try:

@@ -25,11 +25,10 @@ from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.result_figures import MeasuredState, stiffness_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, given_path, number_in, Parser
-from soft_continuum.cli.common import any_described_arm, run_verb
-from soft_continuum.mechanics.arm import ArmError
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.cli.common import described_arm, run_verb
+from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.stiffness import joint_stiffness
-from soft_continuum.parameters.arm import any_arm_from_parameters, table_parameters
+from soft_continuum.parameters.arm import arm_from_parameters, table_parameters
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import Value
 
@@ -72,7 +71,7 @@ def _run(options: argparse.Namespace) -> None:
     if not (options.soft or options.lateral or options.stiff):
         raise MeasurementError('no file given; name the CSV files of the soft segment, or of the '
                                'stiff one after --stiff')
-    values, arm = any_described_arm(options)
+    values, arm = described_arm(options)
     if not 1 <= options.segment <= len(arm.segments):
         raise ArmError(f'there is no segment {options.segment}; --segment is 1 to '
                        f'{len(arm.segments)} for this arm')
@@ -81,7 +80,7 @@ def _run(options: argparse.Namespace) -> None:
     described = _stiffnesses(arm, index)
     if options.lateral and LATERAL not in described:
         raise ArmError('--lateral is of spatial arms; a planar one does not bend to the side')
-    leaf = None if LATERAL in described else _stiffnesses(any_arm_from_parameters(
+    leaf = None if LATERAL in described else _stiffnesses(arm_from_parameters(
         values | {'arm.bending_stiffnesses': (0.0,)}), index)[SOFT]
     files = {state: paths for state, paths in (
         (SOFT, options.soft), (LATERAL, options.lateral), (STIFF, options.stiff)) if paths}
@@ -97,7 +96,7 @@ def _run(options: argparse.Namespace) -> None:
     if not options.trust_stiffness:
         _question(files, results, leaf, described, soft)
     parameters, tables = _parameters(results, values, arm, index, soft)
-    any_arm_from_parameters(values | parameters)  # what the nodes would refuse is not written
+    arm_from_parameters(values | parameters)  # what the nodes would refuse is not written
     figure, layer = reserve_outputs(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
 
     print(f'Segment {options.segment}, bending length {segment.length:g} m, lever arm '
@@ -161,7 +160,7 @@ def _question(files: Mapping[str, Sequence[Path]], results: Mapping[str, Charact
                 '--force-unit, --displacement-unit or --lever-arm; --trust-stiffness accepts it')
 
 
-def _stiffnesses(arm: AnyArm, index: int) -> dict[str, float]:
+def _stiffnesses(arm: Arm, index: int) -> dict[str, float]:
     """Return E I of a soft segment (0-based) about y and, if it bends so, about x, N m^2."""
     return dict(zip((SOFT, LATERAL), arm.segments[index].stiffnesses, strict=False))
 
@@ -211,7 +210,7 @@ def _listed(items: Sequence[str]) -> str:
 
 
 def _parameters(results: Mapping[str, Characterisation], values: Mapping[str, Value],
-                arm: AnyArm, index: int, soft: float
+                arm: Arm, index: int, soft: float
                 ) -> tuple[dict[str, Value], tuple[str, ...]]:
     """
     Return what replaces the lists of the description, and of which states tables are in them.
@@ -224,7 +223,7 @@ def _parameters(results: Mapping[str, Characterisation], values: Mapping[str, Va
         whole = [*given] if len(given) == len(arm.segments) else [*given] * len(arm.segments)
         whole[index] = result.bending_stiffness / (soft if name == STIFF else 1.0)
         parameters[REPLACED[name]] = tuple(whole)
-    about = _stiffnesses(any_arm_from_parameters(
+    about = _stiffnesses(arm_from_parameters(
         {**values, **parameters, **{f'arm.{of}_{what}': (0.0,) for of in (SOFT, STIFF)
                                     for what in ('curvatures', 'moments')}}), index)
     softer = min(about, key=lambda name: about[name])

@@ -21,12 +21,11 @@ from soft_continuum.arguments import (
     WRONG_USAGE,
 )
 from soft_continuum.extras import require
-from soft_continuum.mechanics.arm import ArmError
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.laws import LawError
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.obstacles import ObstacleError
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.sensing.lens import LensError
@@ -73,10 +72,10 @@ def given_recording(options: argparse.Namespace, done: str) -> tuple[Recording, 
     return recording, beside if options.output is BESIDE else options.output
 
 
-def any_described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], AnyArm]:
+def described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], Arm]:
     """Return the parameters and the arm of ``--params-file``; raises ParameterError."""
     values = load_description(*options.params_file, namespace=options.namespace)
-    return values, any_arm_from_parameters(values)
+    return values, arm_from_parameters(values)
 
 
 def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],

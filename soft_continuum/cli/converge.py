@@ -11,7 +11,7 @@ from soft_continuum.analysis.convergence import converge
 from soft_continuum.analysis.result_figures import convergence_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, whole_number_in
-from soft_continuum.cli.common import any_described_arm, run_verb
+from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.parameters.arm import check_actuation
 
 NAME = 'converge'
@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    values, arm = any_described_arm(options)
+    values, arm = described_arm(options)
     check_actuation(arm, values)
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     if not options.gravity:

@@ -19,12 +19,7 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.checks import Check, FAIL, OK, WARN
-from soft_continuum.mechanics.arm import (
-    PLANAR_AXES,
-    SPATIAL_AXES,
-    STANDARD_GRAVITY,
-    TENDONS,
-)
+from soft_continuum.mechanics.arm import PAIR, PLANAR_AXES, SPATIAL_AXES, STANDARD_GRAVITY
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
     measured_pose_from_ros,
@@ -133,7 +128,7 @@ def judged(heard: dict[str, Any], sources: dict[str, tuple[str, ...]], space: st
         yield _status(topic.removesuffix('/status'), heard[topic][-1][1])
     frame = next((m.header.frame_id for _, m in heard.get('disc_poses', ())), '')
     tendons = next((list(m.name) for _, m in heard.get('tendon_states', ())), [])
-    spatial = bool(tendons) and tuple(tendons) != TENDONS
+    spatial = bool(tendons) and tuple(tendons) != PAIR
     for topic in poses:
         by = ', '.join(printable(name, MAX_NAME) for name in sources.get(topic, ()))
         yield _check(topic.replace('/', ' ').replace('_pose', ' pose').replace('_', ' '),

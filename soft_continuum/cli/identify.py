@@ -25,7 +25,7 @@ from soft_continuum.analysis.unknowns import (
     spread_out,
     Values,
 )
-from soft_continuum.cli.common import any_described_arm, run_verb, shapes_parser
+from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.parameters.files import write_parameters
 
@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    values, arm = any_described_arm(options)
+    values, arm = described_arm(options)
     names = options.fit or [f'stiffness_{n + 1}' for n in range(len(arm.segments))]
     begun = spread_out(values)
     unknowns = find_unknowns(names, begun)

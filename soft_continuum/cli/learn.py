@@ -22,7 +22,7 @@ from soft_continuum.parameters.parameter import ParameterError, Value
 
 if TYPE_CHECKING:
     from soft_continuum.client.estimate import Estimate
-    from soft_continuum.mechanics.either import AnyArm
+    from soft_continuum.mechanics.arm import Arm
 
 NAME = 'learn'
 FILE = 'learned.yaml'
@@ -119,7 +119,7 @@ def _say(learned: Learned) -> None:
         print(f'{NAME}: warning: {text}; look at the arm before you use it', file=sys.stderr)
 
 
-def learn(parameters: Sequence[LearnedParameter], arm: 'AnyArm') -> Learned:
+def learn(parameters: Sequence[LearnedParameter], arm: 'Arm') -> Learned:
     """Return what a description takes of what is estimated of an arm that was described."""
     from soft_continuum.analysis.unknowns import stiffnesses_of
     learned = Learned()

@@ -20,7 +20,7 @@ from soft_continuum.cli.common import run_verb
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
     from soft_continuum.client.measured import MeasuredDisc
-    from soft_continuum.mechanics.either import AnyArm
+    from soft_continuum.mechanics import arm as mechanics
 
 FILES = 'points.csv', 'pulls.csv'
 SETTLING = 1.0  # s of holding before it is measured
@@ -133,7 +133,7 @@ def _with_position(discs: 'dict[int, MeasuredDisc]') -> 'dict[int, MeasuredDisc]
     return found
 
 
-def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'AnyArm') -> list[str]:
+def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'mechanics.Arm') -> list[str]:
     """Return the bottom and the top of each disc as rows; without orientation the bottom only."""
     rows = []
     axes = arm.pose_axes[:3]

@@ -15,13 +15,13 @@ import scipy
 
 from soft_continuum.analysis.results import ResultError, text_table
 from soft_continuum.arguments import DONE, FAILED, given_path, number_in, Parser, whole_number_in
-from soft_continuum.cli.common import any_described_arm, run_verb
+from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.cli.operate import bendings
 from soft_continuum.cli.plan_picture import plan_figure, SUFFIXES
 from soft_continuum.cli.tip_options import add_tip, given_tip, tip_problem, UNITS
 from soft_continuum.cli.tip_path import read_tip_path
 from soft_continuum.extras import require
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.obstacles.files import load_obstacles
 from soft_continuum.parameters.reach import reach_from_parameters
@@ -79,7 +79,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
                          'written there')
         if options.picture.exists() and not options.force:
             raise ResultError(f'{options.picture} exists; add --force to overwrite it')
-    values, arm = any_described_arm(options)
+    values, arm = described_arm(options)
     for name, value in (('obstacles.margin', options.margin and 1e-3 * options.margin),
                         ('reach.time_limit', options.time_limit), ('reach.seed', options.seed),
                         ('reach.states', options.states)):
@@ -101,7 +101,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
     return parser.fail(found.why, FAILED) if found.why else DONE
 
 
-def _planned(arm: AnyArm, values: dict[str, Any], around: Surroundings,
+def _planned(arm: Arm, values: dict[str, Any], around: Surroundings,
              start: Sequence[Any] | None, tips: Sequence[Tip]) -> tuple[Any, Reach]:
     """Return the state at the start, and the plan; raises PlanError for what is no goal."""
     planner, settings = Planner(arm, PlanSettings.of(values)), reach_from_parameters(values)

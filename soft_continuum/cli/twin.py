@@ -81,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='vacuum regulators on an output board, in place of pump and valves')
     options = parser.parse_args(argv)
     from soft_continuum.nodes.up import description_file
-    from soft_continuum.parameters.arm import any_arm_from_parameters
+    from soft_continuum.parameters.arm import arm_from_parameters
     from soft_continuum.parameters.files import load_description
     from soft_continuum.twin.rig import TwinRig
     from soft_continuum.twin.sensor_topics import SensorTopics
@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     def begin(running: ExitStack) -> None:
         values = load_description(*options.params_file or [description_file()],
                                   namespace=options.namespace)
-        arm = any_arm_from_parameters(values)
+        arm = arm_from_parameters(values)
         rig = running.enter_context(TwinRig(
             arm, chosen_differences(options), options.tendon_link or '',
             options.modbus_link or '', tendon_driver=options.tendon_driver,

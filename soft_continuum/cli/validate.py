@@ -14,11 +14,10 @@ from soft_continuum.analysis.result_figures import validation_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.analysis.validation import predict, Prediction
 from soft_continuum.arguments import given_path
-from soft_continuum.cli.common import any_described_arm, run_verb, shapes_parser
-from soft_continuum.mechanics.arm import ArmError
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
+from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.spatial.directions import hinged
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 
 NAME = 'validate'
@@ -36,10 +35,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    values, arm = any_described_arm(options)
+    values, arm = described_arm(options)
     corrected = None
     if options.corrected:
-        corrected = any_arm_from_parameters(
+        corrected = arm_from_parameters(
             load_description(*options.params_file, *options.corrected,
                              namespace=options.namespace))
         sizes = [([s.length for s in a.segments], [d.height for d in a.discs])
@@ -70,7 +69,7 @@ def _run(options: argparse.Namespace) -> None:
     print(f'\nFigure: {figure}\nError of each point: {listing}')
 
 
-def _summary(predictions: Sequence[Prediction], arm: AnyArm) -> str:
+def _summary(predictions: Sequence[Prediction], arm: Arm) -> str:
     segments = range(len(arm.segments))
     head = ['shape', 'model', 'mean mm', 'max mm', '% of distance', '% of length',
             *(f'segment {s + 1} mm' for s in segments), 'no tendon taut']
@@ -108,7 +107,7 @@ def _pulls(predictions: Sequence[Prediction], tendons: Sequence[str]) -> str:
     return text_table(['shape', 'segment', 'measured', *models], rows)
 
 
-def _write_errors(path: Path, predictions: Sequence[Prediction], arm: AnyArm) -> None:
+def _write_errors(path: Path, predictions: Sequence[Prediction], arm: Arm) -> None:
     with path.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(['shape', 'model', 'segment', 'point', *(f'{x} [mm]' for x in arm.axes),

@@ -12,10 +12,8 @@ from soft_continuum.analysis.result_figures import workspace_figure
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.analysis.workspace import bendings, furthest_apart, Reach, reach
 from soft_continuum.arguments import FOR_ANALYSIS, Parser, whole_number_in
-from soft_continuum.cli.common import any_described_arm, run_verb
-from soft_continuum.mechanics.arm import ArmError
-from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.cli.common import described_arm, run_verb
+from soft_continuum.mechanics.arm import Arm, ArmError, BEND_TIME
 from soft_continuum.mechanics.spatial.directions import hinged
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.parameters.arm import check_actuation
@@ -37,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--per-segment', type=whole_number_in(2, MOST_ANGLES), metavar='N',
                         help='bending angles between the limits of each segment (default: 11, '
                         f'fewer where that would be more than {USUAL_SHAPES} shapes, in space '
-                        f'{_limit(SpatialArm, USUAL_SHAPES, USUAL_TIME)})')
+                        f'{round(USUAL_TIME / BEND_TIME[False])})')
     parser.add_argument('--directions', type=whole_number_in(3, 72), metavar='N',
                         help='of an arm in space: directions in which each segment is bent '
                         f'(default: {USUAL_DIRECTIONS})')
@@ -45,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    values, arm = any_described_arm(options)
+    values, arm = described_arm(options)
     check_actuation(arm, values)
     if hinged(arm) and options.directions:
         raise ArmError('a planar arm bends in its plane; leave out --directions')
@@ -59,7 +57,7 @@ def _run(options: argparse.Namespace) -> None:
                        f'{_remedy(arm, directions, most)}')
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     base_first = tuple(range(len(arm.segments)))
-    cases: list[tuple[str, AnyArm, tuple[int, ...]]] = [
+    cases: list[tuple[str, Arm, tuple[int, ...]]] = [
         ('without gravity', arm.without_gravity(), base_first),
         ('gravity, base first' if jamming else 'gravity', arm, base_first)]
     if jamming:
@@ -94,28 +92,28 @@ def _table(reaches: Sequence[tuple[str, Reach]], axes: str) -> str:
         f'hull cm^{len(axes)}', 'apart mm'], rows)
 
 
-def _limit(arm: AnyArm | type[SpatialArm], shapes: int, time: float) -> int:
+def _limit(arm: Arm, shapes: int, time: float) -> int:
     return min(shapes, round(time / arm.bend_time))
 
 
-def _shapes(arm: AnyArm, angles: int, directions: int) -> int:
+def _shapes(arm: Arm, angles: int, directions: int) -> int:
     return prod(map(len, bendings(arm, angles, directions)))
 
 
-def _most_angles(arm: AnyArm, directions: int, count: int) -> int:
+def _most_angles(arm: Arm, directions: int, count: int) -> int:
     """Return the fewest angles of each segment that make most shapes up to ``count``; 0: none."""
     shapes = {n: _shapes(arm, n, directions) for n in range(MOST_ANGLES, 1, -1)}
     fitting = [(of, -n) for n, of in shapes.items() if of <= count]
     return -max(fitting, default=(0, 0))[1]
 
 
-def default_angles(arm: AnyArm, directions: int = USUAL_DIRECTIONS) -> int:
+def default_angles(arm: Arm, directions: int = USUAL_DIRECTIONS) -> int:
     """Return the bending angles of each segment that make no more than the usual shapes."""
     return max(2, min(11, _most_angles(
         arm, directions, _limit(arm, USUAL_SHAPES, USUAL_TIME))))
 
 
-def _remedy(arm: AnyArm, directions: int, most: int) -> str:
+def _remedy(arm: Arm, directions: int, most: int) -> str:
     fitting = _most_angles(arm, directions, most)
     if fitting > 1:
         return f'--per-segment {fitting} is the most that is practical'
@@ -123,7 +121,7 @@ def _remedy(arm: AnyArm, directions: int, most: int) -> str:
     return f'an arm of so many segments has too many for any; allowed: {most}{fewer}'
 
 
-def _duration(arm: AnyArm, angles: int, directions: int, jamming: bool) -> float:
+def _duration(arm: Arm, angles: int, directions: int, jamming: bool) -> float:
     """Estimate how long ``reach`` takes (s), from two bendings of each segment."""
     def solves(angles: int, directions: int) -> int:
         each = list(map(len, bendings(arm, angles, directions)))

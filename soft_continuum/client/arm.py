@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # stop must not wait for any of these
     from soft_continuum.client.plan import Plan
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
-    from soft_continuum.mechanics.either import AnyArm
+    from soft_continuum.mechanics import arm as mechanics
     from soft_continuum.tip import Tip
 
 T = TypeVar('T')
@@ -60,7 +60,7 @@ class Arm:
         self._requests = self._connection.requests
         self._observed: ObservedArm | None = None
         self._sequences: list[RunningSequence] = []
-        self._description: AnyArm | None = None
+        self._description: mechanics.Arm | None = None
         self._measured: MeasuredArm | None = None
         self._obstacles: ArmObstacles | None = None
 
@@ -147,7 +147,7 @@ class Arm:
         return self._do(self._requests.shape_directions())
 
     @property
-    def description(self) -> 'AnyArm':
+    def description(self) -> 'mechanics.Arm':
         """The mechanical description that the kinematics node works with, planar or spatial."""
         if self._description is None:
             self._description = self._do(self._requests.description())

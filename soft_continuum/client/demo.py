@@ -26,8 +26,9 @@ from soft_continuum.client.state import ArmState, Pose, Progress
 from soft_continuum.client.state_text import angles_text
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.extras import require
+from soft_continuum.mechanics import arm as mechanics
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.either import chain_of
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.spatial.orientations import quaternions
@@ -122,7 +123,7 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
           f'Picture: {picture}')
 
 
-def _show_poses(description: AnyArm, bending: Array, state: ArmState,
+def _show_poses(description: mechanics.Arm, bending: Array, state: ArmState,
                 measured: Mapping[int, MeasuredDisc]) -> None:
     """Print where segments and tip are, by the chain, as measured and by constant curvature."""
     signed = description.pose_axes[3:].sum() == 1  # then one angle tells where it points

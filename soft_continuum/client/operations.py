@@ -31,7 +31,7 @@ from soft_continuum_interfaces.srv import SetVacuum
 
 if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
     from soft_continuum.client.observed import ObservedArm
-    from soft_continuum.mechanics.either import AnyArm
+    from soft_continuum.mechanics.arm import Arm
     from soft_continuum_interfaces.msg import TendonTrajectory
 
 CLOSED_LOOP = 'closed_loop'  # parameter of shape_sequencer
@@ -123,16 +123,16 @@ class Operations(Tasks):
 
     # What the nodes were started with.
 
-    async def description(self) -> 'AnyArm':
+    async def description(self) -> 'Arm':
         """Return the mechanical description that kinematics works with, planar or spatial."""
-        from soft_continuum.parameters.arm import any_arm_from_parameters, ARM_PARAMETERS
+        from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
         from soft_continuum.parameters.parameter import ParameterError
         values = await self.parameters(KINEMATICS, [p.name for p in ARM_PARAMETERS])
         if len(values) < len(ARM_PARAMETERS):
             raise ClientError(f'{KINEMATICS} lacks parameters of an arm; run nodes and client '
                               'from the same version')
         try:
-            return any_arm_from_parameters(values)
+            return arm_from_parameters(values)
         except ParameterError as error:
             raise ClientError(f'{KINEMATICS}: {error}') from None
 
@@ -140,7 +140,7 @@ class Operations(Tasks):
         """Return whether the arm of kinematics has segments that can be stiffened."""
         return bool((await self.parameters(KINEMATICS, ['arm.jamming'])).get('arm.jamming', True))
 
-    async def shapes(self, description: 'AnyArm') -> dict[str, tuple[float, ...]]:
+    async def shapes(self, description: 'Arm') -> dict[str, tuple[float, ...]]:
         """Return the shape library: bending angles (rad) of each segment by name."""
         from soft_continuum.parameters.parameter import ParameterError
         from soft_continuum.parameters.shapes import SHAPE_PREFIX, shapes_from_parameters

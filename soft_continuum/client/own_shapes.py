@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.sequence import MAX_HOLD
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable
@@ -70,7 +70,7 @@ class Saved:
         return (replace(self, shapes=group) if kind == 'shapes' else
                 replace(self, sequences=group))
 
-    def offered(self, arm: AnyArm, library: Collection[str]) -> 'Saved':
+    def offered(self, arm: Arm, library: Collection[str]) -> 'Saved':
         """
         Return what this arm can be set to.
 

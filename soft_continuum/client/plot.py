@@ -11,7 +11,8 @@ from soft_continuum.analysis.figures import draw_arm, projection_of
 from soft_continuum.analysis.obstacle_figures import draw_obstacles
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import KINEMATICS_STATE, ObservedArm
-from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import chain_of
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.conversions import equilibrium_from_ros
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def plot(observed: ObservedArm, arm: AnyArm, axes: 'Axes | None',
+def plot(observed: ObservedArm, arm: Arm, axes: 'Axes | None',
          obstacles: Sequence[Obstacle] = ()) -> 'Axes':
     """Draw the shape that kinematics has, and obstacles around it, as Arm.plot."""
     chain, message = chain_of(arm), observed.message(KINEMATICS_STATE)

@@ -38,8 +38,8 @@ from soft_continuum.estimation.unknowns import (
     limited,
     statics_with,
 )
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.mechanics.errors import StaticsError
 
 HISTORY = 2.0  # s for which pulls are kept: a measurement may be that late
@@ -62,7 +62,7 @@ MINUTE, CENTIMETRE = 60.0, 0.01
 class Estimator:
     """The estimate of one arm.  Times are in s on the clock of the measurements' stamps."""
 
-    def __init__(self, arm: AnyArm, state: Any, prior: Prior, drift: Drift) -> None:
+    def __init__(self, arm: Arm, state: Any, prior: Prior, drift: Drift) -> None:
         """Begin with a shape of which the prior says how well it is known."""
         self.layout, self.prior = layout_of(arm), prior
         self._described, self._drift = arm, drift
@@ -88,7 +88,7 @@ class Estimator:
 
     @property
     def arm(self) -> Any:
-        """The arm as it is estimated to be: Arm or SpatialArm."""
+        """The arm as it is estimated to be: Arm or Arm."""
         return self._statics.chain.arm
 
     @property

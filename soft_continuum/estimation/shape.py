@@ -18,8 +18,9 @@ from soft_continuum.estimation.estimator import Estimator, HISTORY
 from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
 from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings
 from soft_continuum.estimation.unknowns import MAX_OFFSET
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 from soft_continuum.sensing.rigid import IDENTITY
@@ -49,7 +50,7 @@ class UnknownShapeError(ShapeError):
 class ArmShape:
     """Follows one arm."""
 
-    def __init__(self, arm: AnyArm, straight_tolerance: float,
+    def __init__(self, arm: Arm, straight_tolerance: float,
                  settings: EstimationSettings = DEFAULT_ESTIMATION) -> None:
         """
         Begin without knowing the shape.

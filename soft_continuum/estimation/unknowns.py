@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.estimation.settings import Prior
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, LawError
 
@@ -106,12 +107,12 @@ class Layout:
         return self.tension_bias(self.tendons)
 
 
-def layout_of(arm: AnyArm) -> Layout:
+def layout_of(arm: Arm) -> Layout:
     """Return where each unknown of an arm is."""
     return Layout(len(arm.segments), len(arm.tendon_names))
 
 
-def first_values(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
+def first_values(arm: Arm, layout: Layout, prior: Prior) -> Array:
     """Return the vector (size,) of the described arm."""
     values = np.zeros(layout.size)
     values[layout.ratio] = [log(prior.rigid_ratio if s.jam.rigid else
@@ -120,7 +121,7 @@ def first_values(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
     return values
 
 
-def first_covariance(arm: AnyArm, layout: Layout, prior: Prior) -> Array:
+def first_covariance(arm: Arm, layout: Layout, prior: Prior) -> Array:
     """Return the covariance (size, size) before anything was measured; biases are added later."""
     variances = np.zeros(layout.size)
     variances[layout.held] = arm.bending_axes.ravel() * prior.straight**2
@@ -143,7 +144,7 @@ def limited(values: Array, layout: Layout) -> Array:
     return after
 
 
-def arm_with(arm: AnyArm, layout: Layout, values: Array) -> Any:
+def arm_with(arm: Arm, layout: Layout, values: Array) -> Any:
     """
     Return a described arm with the estimated stiffness, K and payload; its jams and tendons give.
 
@@ -160,7 +161,7 @@ def arm_with(arm: AnyArm, layout: Layout, values: Array) -> Any:
     return replace(compliant, segments=segments, payload=float(values[layout.payload]))
 
 
-def statics_with(arm: AnyArm, layout: Layout, values: Array, state: Any) -> Any:
+def statics_with(arm: Arm, layout: Layout, values: Array, state: Any) -> Any:
     """
     Return the statics of arm_with.
 

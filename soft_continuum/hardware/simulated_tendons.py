@@ -26,9 +26,9 @@ class SimulatedTendons:
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
         """Return what the parameters of the node describe."""
         # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import any_arm_from_parameters
+        from soft_continuum.parameters.arm import arm_from_parameters
 
-        return cls(clock, any_arm_from_parameters(values).tendon_names, values['speed_limit'],
+        return cls(clock, arm_from_parameters(values).tendon_names, values['speed_limit'],
                    values['acceleration_limit'], values['simulated_tendons.step'])
 
     def __init__(self, clock: Callable[[], float], tendons: Sequence[str], speed_limit: float,

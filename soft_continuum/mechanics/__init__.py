@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Mechanics of a planar tendon-driven continuum arm with segments that jamming locks.
+Mechanics of a tendon-driven continuum arm with segments that jamming locks.
 
 ``Statics(arm)`` solves for the equilibrium shape; ``set_shape`` and its neighbours go the other
 way, from shapes and tips to pulls.  docs/explanation/mechanics.md derives the method.
@@ -17,11 +17,13 @@ if TYPE_CHECKING:
         Arm,
         ArmError,
         Disc,
+        mounted,
         PAPER,
-        PointForce,
         SECOND_ORDER,
         Segment,
         Tendon,
+        tendon_pair,
+        Wrench,
     )
     from soft_continuum.mechanics.batch import Batch, solve_batch, solve_path
     from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain, SLACK
@@ -41,9 +43,10 @@ if TYPE_CHECKING:
 __all__ = [
     'LEFT', 'PAPER', 'RIGHT', 'SECOND_ORDER', 'SLACK', 'AngleFit', 'Arm', 'ArmError', 'Batch',
     'Disc', 'Equilibrium', 'Jam', 'LawError', 'Linearisation', 'MomentCurvature',
-    'OverconstrainedError', 'PointForce', 'RigidChain', 'Segment', 'Sensitivity', 'Statics',
-    'StaticsError', 'Tendon', 'TipFit', 'angles_for_tip', 'constant_curvature', 'pulls_for_angles',
-    'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'workspace',
+    'OverconstrainedError', 'RigidChain', 'Segment', 'Sensitivity', 'Statics', 'StaticsError',
+    'Tendon', 'TipFit', 'Wrench', 'angles_for_tip', 'constant_curvature', 'mounted',
+    'pulls_for_angles', 'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'tendon_pair',
+    'workspace',
 ]
 
 # Cheap ones first: who wants an Arm does not load the solver, who solves does not load SciPy.

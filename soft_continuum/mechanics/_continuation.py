@@ -38,7 +38,7 @@ class Continuation:
         """Take the chain and its joints."""
         self.chain, self.laws = chain, laws
         self._tendon = (chain.straight_length + sum(d.height for d in chain.arm.discs)
-                        + chain.arm.tendon.free_length)
+                        + chain.tendon.free_length)
 
     def tolerance(self, stiff: Sequence[bool]) -> Array:
         """Return 1e-11 N m and 1e-13 m, or what rounding allows for very stiff or long arms."""
@@ -53,7 +53,7 @@ class Continuation:
 
         sliding: as in Statics.solve.  Raises StaticsError or OverconstrainedError.
         """
-        rubs = self.chain.arm.tendon.friction > 0.0 and any(sliding)
+        rubs = self.chain.tendon.friction > 0.0 and any(sliding)
         if not rubs and (found := self.in_one_step(start, problem)) is not None:
             return found
         end, problem, jumped = self._step(self.point_of(start), problem)

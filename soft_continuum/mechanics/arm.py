@@ -3,24 +3,28 @@
 """
 The arm: a base disc, then segments and discs in turn, straight up in its reference state.
 
-Frame ``base_link``: origin at the bottom centre of the base disc, z along the straight arm, x in
-the bending plane.  A positive angle rotates about +y and carries the tip towards +x.
+Frame ``base_link``: origin at the bottom centre of the base disc, z along the straight arm, x and
+y across it.  A positive bending about y carries the tip towards +x.
 """
 
-from collections.abc import Sequence, Sized
-from dataclasses import dataclass, replace
-from math import inf, pi
-from typing import ClassVar
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import combinations
+from math import atan2, cos, inf, pi, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.mechanics._checks import finite, whole
-from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 LENGTH_RANGE = (1e-3, 10.0)  # m; outside it the unit is wrong
+MIN_OFFSET = 1e-4  # m, of a guide that is not on the axis
+HALF_TURN_TOLERANCE = 1e-3  # rad: tendons opposite each other are written with so many digits
 
 
 class ArmError(ValueError):
@@ -37,53 +41,88 @@ def check_range(name: str, value: float, low: float, high: float, unit: str) -> 
         raise ArmError(f'{name} is {value:g} {unit}; allowed: {low:g} to {high:g} {unit}{hint}')
 
 
+def _check_vector(name: str, value: Sequence[float], unit: str, most: float = 1e6) -> None:
+    if not isinstance(value, tuple | list) or len(value) != 3:
+        raise ArmError(f'{name} is {value!r}; give x, y and z in {unit}')
+    for part in value:
+        check_range(name, part, -most, most, unit)
+
+
 @dataclass(frozen=True)
 class Segment:
     """
-    A bending segment.
+    A segment that bends.
 
-    length: l, m.  bending_stiffness: E I of the soft state, N m^2.  mass: kg, spread evenly along
-    the length.  guide_offsets: distance of the tendon guides from the backbone at the lower and
-    at the upper end, m.  bending_angle_limit: largest allowed size of the bending angle, rad.
-    outer_diameter: m, for drawing.
-    soft_law: measured moment over curvature of the soft state, in place of E I.  jam: what the
-    stiff state adds.
+    length: m.  stiffness_x, stiffness_y: E I of the soft state about the x and y axes of its
+    cross-section, N m^2; inf for a hinge about the other axis, as a leaf spring is.
+    torsional_stiffness: G J, N m^2.  mass: kg, spread evenly along the length.
+    jam: what the stiff state adds; it yields by the moment of bending, about the softer axis
+    at its yield moment, about the other at as many times it as the root of the stiffness.
+    outer_diameter: m, for drawing.  bending_angle_limit: largest bending angle in any direction
+    that goals and inverse problems may use, rad.
+    friction: moment, N m, with which the soft segment resists being bent, whichever way, as do
+    tendons that rub in guides; so its shape depends on those before.  presliding: curvature, 1/m,
+    by which it bends against its friction before this slides.
+    soft_law: measured moment over curvature of the soft state about the softer axis, in place of
+    its E I; the other axis is as many times stiffer as stiffness_x and stiffness_y say.  In a
+    round spring the moment is along the bending, by its size.
     """
 
     length: float
-    bending_stiffness: float
-    guide_offsets: tuple[float, float]
+    stiffness_x: float
+    stiffness_y: float
+    torsional_stiffness: float = inf
     mass: float = 0.0
-    bending_angle_limit: float = pi / 2
+    jam: Jam = field(default_factory=Jam)
     outer_diameter: float = 0.04
+    bending_angle_limit: float = pi / 2
+    friction: float = 0.0
+    presliding: float = 0.5
     soft_law: MomentCurvature | None = None
-    jam: Jam = Jam()
+
+    @classmethod
+    def leaf_spring(cls, length: float, stiffness: float, mass: float = 0.0, **others: Any
+                    ) -> 'Segment':
+        """Return a segment that bends about y only: E I in N m^2; the rest as of a Segment."""
+        return cls(length, inf, stiffness, mass=mass, **others)
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical segment."""
         check_range('segment length', self.length, *LENGTH_RANGE, 'm')
-        check_range('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
-        if not isinstance(self.guide_offsets, Sized) or len(self.guide_offsets) != 2:
-            raise ArmError('a segment has guide offsets at its lower and its upper end; '
-                           f'given: {self.guide_offsets}')
-        for offset in self.guide_offsets:
-            check_range('guide offset', offset, 1e-4, LENGTH_RANGE[1], 'm')
-        check_range('bending stiffness E I', self.bending_stiffness, 1e-9, 1e3, 'N m^2')
+        for name, value, most in (
+                ('bending stiffness E I about x', self.stiffness_x, 1e3),
+                ('bending stiffness E I about y', self.stiffness_y, 1e3),
+                ('torsional stiffness G J', self.torsional_stiffness, 1e6)):
+            if value != inf:
+                check_range(name, value, 1e-9, most, 'N m^2')
+        if self.stiffness_x == self.stiffness_y == inf:
+            raise ArmError('a segment must bend about one axis at least; both stiffnesses are '
+                           'infinite')
+        check_range('bending angle limit', self.bending_angle_limit, 1e-3,
+                    2 * pi if inf in (self.stiffness_x, self.stiffness_y) else pi, 'rad')
         check_range('segment mass', self.mass, 0.0, 10.0, 'kg')
+        check_range('outer diameter', self.outer_diameter, *LENGTH_RANGE, 'm')
+        check_range('friction of a segment', self.friction, 0.0, 1e3, 'N m')
+        check_range('presliding curvature', self.presliding, 1e-3, 1e3, '1/m')
         if not isinstance(self.jam, Jam):
             raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
         if not isinstance(self.soft_law, MomentCurvature | None):
             raise ArmError(f'soft law is {self.soft_law!r}; give a MomentCurvature or none')
-        check_range('bending angle limit', self.bending_angle_limit, 1e-3, 2 * pi, 'rad')
+        if self.jam.law is not None:  # what the jam adds must be a law, too
+            self.jam.law.minus(
+                self.soft_law or linear(min(self.stiffness_x, self.stiffness_y)))
 
     @property
     def stiffnesses(self) -> tuple[float, ...]:
-        """What resists to bending and twisting where it does: E I about y, N m^2."""
-        return (self.bending_stiffness,)
+        """What resists to bending and twisting where it does: E I about y, x, and G J, N m^2."""
+        all_three = self.stiffness_y, self.stiffness_x, self.torsional_stiffness
+        return all_three[:1] if all_three[1:] == (inf, inf) else all_three
 
     def with_stiffness_factor(self, factor: float) -> 'Segment':
-        """Return the same segment with E I times a factor."""
-        return replace(self, bending_stiffness=self.bending_stiffness * factor)
+        """Return it with all stiffnesses times a factor, and without friction."""
+        return replace(self, stiffness_x=self.stiffness_x * factor,
+                       stiffness_y=self.stiffness_y * factor,
+                       torsional_stiffness=self.torsional_stiffness * factor, friction=0.0)
 
 
 @dataclass(frozen=True)
@@ -107,115 +146,192 @@ class Disc:
 @dataclass(frozen=True)
 class Tendon:
     """
-    What both tendons are made of.
+    A tendon, from the bottom of the base disc to the disc where it ends.
 
-    axial_stiffness: E A in N, infinite for the paper's inextensible tendon.  free_length: m of
-    tendon between stepper and base, which stretches too.  friction: Capstan coefficient at every
-    guide.
+    name: unique.  angle: of its guide at the base, rad about z from x.  offset: m from the axis;
+    one for all guides, or two for each segment up to the disc where it ends, at its lower and its
+    upper end.  end: number of that disc (base 0).  twist: rad per m of arm, by which a helical
+    tendon winds around it.  axial_stiffness: E A in N, infinite for one that does not stretch.
+    friction: Capstan coefficient at every guide.  free_length: m of it between motor and base,
+    which stretches by the tension at the base.
     """
 
+    name: str
+    angle: float
+    offset: float | tuple[float, ...]
+    end: int
+    twist: float = 0.0
     axial_stiffness: float = inf
-    free_length: float = 0.0
     friction: float = 0.0
+    free_length: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is not a tendon."""
+        if not (isinstance(self.name, str) and self.name):
+            raise ArmError(f'the name of a tendon is {self.name!r}; give a text')
+        check_range(f'angle of {self.name}', self.angle, -4 * pi, 4 * pi, 'rad')
+        if not (whole(self.end) and self.end >= 1):
+            raise ArmError(f'{self.name} ends at disc {self.end!r}; the base is 0, a tendon ends '
+                           'at 1 or above')
+        offsets = self.offset if isinstance(self.offset, tuple) else (self.offset,)
+        for offset in offsets:
+            if offset != 0.0:
+                check_range(f'offset of {self.name}', offset, MIN_OFFSET, LENGTH_RANGE[1], 'm')
+        if len(offsets) not in (1, 2 * self.end):
+            raise ArmError(f'{self.name} has {len(offsets)} offsets; needed: one, or '
+                           f'{2 * self.end}, two for each segment up to disc {self.end}')
+        check_range(f'twist of {self.name}', self.twist, -1e3, 1e3, 'rad/m')
         if self.axial_stiffness != inf:
-            check_range('tendon axial stiffness E A', self.axial_stiffness, 1.0, 1e9, 'N')
-        check_range('tendon free length', self.free_length, 0.0, 100.0, 'm')
-        check_range('tendon friction coefficient', self.friction, 0.0, 2.0, '')
+            check_range(f'axial stiffness E A of {self.name}', self.axial_stiffness,
+                        1e-3, 1e9, 'N')
+        check_range(f'friction coefficient of {self.name}', self.friction, 0.0, 2.0, '')
+        check_range(f'free length of {self.name}', self.free_length, 0.0, 100.0, 'm')
+
+    def offset_at(self, segment: int, part: float) -> float:
+        """Distance from the axis in a segment (0-based), part 0 to 1 along it, m."""
+        if not isinstance(self.offset, tuple) or len(self.offset) == 1:
+            return self.offset[0] if isinstance(self.offset, tuple) else self.offset
+        lower, upper = self.offset[2 * segment:2 * segment + 2]
+        return lower + part * (upper - lower)
+
+
+PAIR = ('right_tendon', 'left_tendon')
+"""The tendons of a planar arm, at +x and -x."""
+
+
+def tendon_pair(offset: float | tuple[float, ...], end: int, **others: Any
+                ) -> tuple[Tendon, Tendon]:
+    """Return the right and the left tendon of a planar arm; the rest as of a Tendon."""
+    right, left = (Tendon(name, angle, offset, end, **others)
+                   for name, angle in zip(PAIR, (0.0, pi), strict=True))
+    return right, left
 
 
 @dataclass(frozen=True)
-class PointForce:
-    """A dead force on the centre of a disc (0: base): x and z in the base frame, N."""
+class Wrench:
+    """A dead force (N) and moment (N m) on the centre of a disc (0: base), in base_link."""
 
     disc: int
-    x: float
-    z: float
+    force: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    moment: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
+BEND_TIME = {True: 5e-4, False: 0.02}  # s, of planar arms and others
 PAPER, SECOND_ORDER = 'paper', 'second_order'
-TENDONS = ('right_tendon', 'left_tendon')
-"""The tendons of a planar arm, at +x and -x."""
-
 
 PLANAR_AXES = np.array([True, False, True, False, True, False])
 SPATIAL_AXES = np.ones(6, dtype=bool)
 """Which of a disc's shifts along x, y, z and turns about them there are."""
 
 
-def check_discretisation(value: str) -> None:
-    """Refuse what is no discretisation; raises ArmError."""
-    if value not in (PAPER, SECOND_ORDER):
-        raise ArmError(f'discretisation is {value!r}; allowed: {PAPER}, {SECOND_ORDER}')
+def mounted(angle: float, gravity: float = STANDARD_GRAVITY) -> tuple[float, float, float]:
+    """Return the gravity in base_link turned about +y from upright by an angle, rad; pi: hangs."""
+    check_range('mounting angle', angle, -2 * pi, 2 * pi, 'rad')
+    check_range('gravity', gravity, 0.0, 100.0, 'm/s^2')
+    return gravity * sin(angle), 0.0, -gravity * cos(angle)
 
 
 @dataclass(frozen=True)
 class Arm:
     """
-    A planar arm: n segments between n + 1 discs, base first.
+    An arm: n segments between n + 1 discs, base first, and its tendons.
 
-    bodies_per_segment: rigid bodies n of the chain model.  discretisation: PAPER, n + 1 equal
+    bodies_per_segment: rigid bodies n of the chain model; a multiple of spacers + 1.  spacers:
+    guides of every tendon inside each segment, evenly spaced.  discretisation: PAPER, n + 1 equal
     springs, which converges to the rod like 1/n; or SECOND_ORDER, end springs twice as stiff as
     those between the bodies, which converges like 1/n^2.  payload: kg at the top of the tip disc.
-    mounting_angle: rotation about +y of base_link from upright, rad: 0 upright, pi hanging.
-    gravity: m/s^2, 0 to leave it out.
+    gravity: acceleration of free fall in base_link, m/s^2, such as mounted(pi).
     """
 
     segments: tuple[Segment, ...]
     discs: tuple[Disc, ...]
+    tendons: tuple[Tendon, ...]
     bodies_per_segment: int = 12
+    spacers: int = 0
     discretisation: str = PAPER
-    tendon: Tendon = Tendon()
     payload: float = 0.0
-    forces: tuple[PointForce, ...] = ()
-    mounting_angle: float = 0.0
-    gravity: float = STANDARD_GRAVITY
-
-    bend_time: ClassVar[float] = 5e-4
-    """How long the statics take for one bending, roughly, s."""
+    wrenches: tuple[Wrench, ...] = ()
+    gravity: tuple[float, float, float] = mounted(0.0)
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical arm."""
-        for name, parts, kind in (('segments', self.segments, Segment),
-                                  ('discs', self.discs, Disc),
-                                  ('forces', self.forces, PointForce)):
-            if not (isinstance(parts, Sequence) and all(isinstance(p, kind) for p in parts)):
+        for name, kind in (('segments', Segment), ('discs', Disc), ('tendons', Tendon),
+                           ('wrenches', Wrench)):
+            parts = getattr(self, name)
+            if not (isinstance(parts, tuple) and all(isinstance(p, kind) for p in parts)):
                 raise ArmError(f'{name} are {parts!r}; give a tuple, each a {kind.__name__}')
-        if not isinstance(self.tendon, Tendon):
-            raise ArmError(f'tendon is {self.tendon!r}; give a Tendon')
         if not self.segments:
             raise ArmError('an arm needs at least one segment')
         if len(self.discs) != len(self.segments) + 1:
             raise ArmError(
                 f'{len(self.segments)} segments need {len(self.segments) + 1} discs, '
                 f'one below each segment and one at the tip; given: {len(self.discs)}')
-        if not (whole(self.bodies_per_segment)
-                and 1 <= self.bodies_per_segment <= 1000):
-            raise ArmError(
-                f'bodies per segment is {self.bodies_per_segment}; allowed: a whole '
-                'number from 1 to 1000')
-        check_discretisation(self.discretisation)
-        for force in self.forces:
-            if not (whole(force.disc) and 0 <= force.disc < len(self.discs)):
-                raise ArmError(f'there is no disc {force.disc}; the discs are 0 to '
+        names = [tendon.name for tendon in self.tendons]
+        if len(set(names)) != len(names):
+            raise ArmError(f'the tendons are named {", ".join(names)}; give each its own name')
+        for tendon in self.tendons:
+            if tendon.end > len(self.segments):
+                raise ArmError(f'{tendon.name} ends at disc {tendon.end}; the last one is '
+                               f'{len(self.segments)}')
+        for wrench in self.wrenches:
+            if not (whole(wrench.disc) and 0 <= wrench.disc < len(self.discs)):
+                raise ArmError(f'there is no disc {wrench.disc}; the discs are 0 to '
                                f'{len(self.discs) - 1}')
-            check_range('point force x', force.x, -1e6, 1e6, 'N')
-            check_range('point force z', force.z, -1e6, 1e6, 'N')
+            _check_vector('force', wrench.force, 'N')
+            _check_vector('moment', wrench.moment, 'N m')
+        if self.discretisation not in (PAPER, SECOND_ORDER):
+            raise ArmError(f'discretisation is {self.discretisation!r}; allowed: {PAPER}, '
+                           f'{SECOND_ORDER}')
+        for name, least in (('bodies_per_segment', 1), ('spacers', 0)):
+            value = getattr(self, name)
+            if not (whole(value) and least <= value <= 1000):
+                raise ArmError(f'{name.replace("_", " ")} is {value!r}; allowed: a whole number '
+                               f'from {least} to 1000')
+        if self.bodies_per_segment % (self.spacers + 1):
+            raise ArmError(f'{self.bodies_per_segment} bodies per segment and {self.spacers} '
+                           'spacers; bodies must be a multiple of spacers + 1, so that spacers '
+                           'sit between bodies')
         check_range('payload', self.payload, 0.0, 100.0, 'kg')
-        check_range('mounting angle', self.mounting_angle, -2 * pi, 2 * pi, 'rad')
-        check_range('gravity', self.gravity, 0.0, 100.0, 'm/s^2')
+        _check_vector('gravity', self.gravity, 'm/s^2', 100.0)
+
+    @cached_property
+    def planar(self) -> bool:
+        """Whether it is hinges about y that a pair of like tendons bends: RigidChain's arm."""
+        right, left = self.tendons if len(self.tendons) == len(PAIR) else (None, None)
+        return (
+            right is not None and left is not None
+            and (right.angle, left.angle) == (0.0, pi)
+            and replace(right, name=left.name, angle=pi) == left
+            and right.end == len(self.segments) and not right.twist and not self.spacers
+            and all((s.stiffness_x, s.torsional_stiffness, s.friction) == (inf, inf, 0.0)
+                    for s in self.segments)
+            and not any(wrench.moment[1] for wrench in self.wrenches))
+
+    @property
+    def bend_time(self) -> float:
+        """How long the statics take for one bending, roughly, s."""
+        return BEND_TIME[self.planar]
+
+    @property
+    def axes(self) -> str:
+        """Names of the axes of base_link along which its points move."""
+        return 'xz' if self.planar else 'xyz'
+
+    @property
+    def pose_axes(self) -> NDArray[np.bool_]:
+        """Which of its discs' shifts along x, y, z and turns about them there are, (6,)."""
+        return PLANAR_AXES if self.planar else SPATIAL_AXES
 
     @property
     def tendon_names(self) -> tuple[str, ...]:
         """Names of the tendons, in the order of every list of tendons."""
-        return TENDONS
+        return tuple(tendon.name for tendon in self.tendons)
 
     @property
     def tendon_labels(self) -> tuple[str, ...]:
-        """How tables name the tendons."""
-        return tuple(name.removesuffix('_tendon') for name in TENDONS)
+        """How tables name the tendons: right and left those of a pair."""
+        return tuple(name.removesuffix('_tendon') if name in PAIR else name
+                     for name in self.tendon_names)
 
     @property
     def bending_angle_limits(self) -> NDArray[np.float64]:
@@ -224,92 +340,99 @@ class Arm:
 
     @property
     def bending_axes(self) -> NDArray[np.bool_]:
-        """Whether each segment bends about x and y, (segments, 2): about y only."""
-        return np.tile([False, True], (len(self.segments), 1))
+        """Whether each segment bends about x and y, (segments, 2)."""
+        return np.isfinite([[s.stiffness_x, s.stiffness_y] for s in self.segments])
 
     @property
     def tendon_ends(self) -> tuple[int, ...]:
-        """Number of the disc where each tendon ends (base 0): the last one."""
-        return (len(self.segments),) * len(TENDONS)
+        """Number of the disc where each tendon ends (base 0)."""
+        return tuple(tendon.end for tendon in self.tendons)
 
     @property
     def opposing_tendons(self) -> list[list[int]]:
-        """Numbers of the tendons that oppose each other, in groups: the two."""
-        return [[0, 1]]
+        """
+        Numbers of the tendons that oppose each other, twos and threes of a disc.
+
+        The backbone is between them: what all of them carry bends nothing.
+        """
+        found = []
+        for end in set(self.tendon_ends):
+            of_disc = [t for t, tendon in enumerate(self.tendons) if tendon.end == end]
+            for which in (*combinations(of_disc, 2), *combinations(of_disc, 3)):
+                angles = np.sort([self.tendons[t].angle % (2 * pi) for t in which])
+                if np.diff(angles, append=angles[0] + 2 * pi).max() <= pi + HALF_TURN_TOLERANCE:
+                    found.append([*which])
+        return found
+
+    def tendon_place(self, tendon: int, segment: int, part: float = 0.5) -> tuple[float, float]:
+        """Return (x, y) of a tendon in a segment (both 0-based), part 0 to 1 along it, m."""
+        below = sum(s.length for s in self.segments[:segment]) + sum(
+            d.height for d in self.discs[:segment + 1])
+        one = self.tendons[tendon]
+        angle = one.angle + one.twist * (below + part * self.segments[segment].length)
+        offset = one.offset_at(segment, part)
+        return offset * cos(angle), offset * sin(angle)
 
     @property
     def guide_radii(self) -> NDArray[np.float64]:
         """Largest distance of a guide from the backbone in each segment, (segments,), m."""
-        return np.array([max(segment.guide_offsets) for segment in self.segments])
-
-    def tendon_places(self, segment: int) -> NDArray[np.float64]:
-        """Return x and y of the tendons at both ends of a segment (0-based), (k, 2) m."""
-        offsets = self.segments[segment].guide_offsets
-        return np.array([(side * offset, 0.0) for side in (1.0, -1.0) for offset in offsets])
+        return np.array([max((tendon.offset_at(s, part) for tendon in self.tendons
+                              if tendon.end > s for part in (0.0, 1.0)), default=0.0)
+                         for s in range(len(self.segments))])
 
     @property
-    def spacers(self) -> int:
-        """Guides of every tendon inside each segment: none."""
-        return 0
+    def ropes(self) -> NDArray[np.float64]:
+        """Length of each tendon of the straight arm from its motor to its end, (tendons,), m."""
+        parts = np.linspace(0.0, 1.0, self.spacers + 2)
+        found = np.zeros(len(self.tendons))
+        for t, tendon in enumerate(self.tendons):
+            spans = [np.hypot(np.linalg.norm(np.diff(
+                [self.tendon_place(t, s, part) for part in parts], axis=0), axis=1),
+                self.segments[s].length / (self.spacers + 1)).sum() for s in range(tendon.end)]
+            found[t] = tendon.free_length + sum(spans) + sum(
+                disc.height for disc in self.discs[:tendon.end + 1])
+        return found
 
     @property
-    def free_fall(self) -> NDArray[np.float64]:
-        """Acceleration of free fall in base_link, (3,), m/s^2."""
-        turn = self.mounting_angle
-        return self.gravity * np.array([np.sin(turn), 0.0, -np.cos(turn)])
+    def compliance(self) -> NDArray[np.float64]:
+        """By how much each tendon stretches where nothing rubs, (tendons,), m/N."""
+        return self.ropes / [tendon.axial_stiffness for tendon in self.tendons]
 
     @property
-    def axes(self) -> str:
-        """Names of the axes of base_link along which its points move."""
-        return 'xz'
-
-    @property
-    def pose_axes(self) -> NDArray[np.bool_]:
-        """Which of its discs' shifts along x, y, z and turns about them there are, (6,)."""
-        return PLANAR_AXES
+    def mounting_angle(self) -> float:
+        """Rotation of base_link about +y from upright, rad, as gravity has it."""
+        return atan2(self.gravity[0], -self.gravity[2])
 
     @property
     def length(self) -> float:
         """Length of the straight arm from the bottom of the base disc to the tip, m."""
         return sum(s.length for s in self.segments) + sum(d.height for d in self.discs)
 
-    @property
-    def straight_spans(self) -> tuple[float, ...]:
-        """Length of a tendon between the guides at both ends of each segment, straight arm, m."""
-        return tuple(
-            float((s.length**2 + (s.guide_offsets[1] - s.guide_offsets[0])**2)**0.5)
-            for s in self.segments)
-
     def without_gravity(self) -> 'Arm':
         """Return the same arm with gravity left out."""
-        return replace(self, gravity=0.0)
+        return replace(self, gravity=(0.0, 0.0, 0.0))
 
     def without_friction(self) -> 'Arm':
-        """Return the same arm with the friction of its tendons left out."""
-        return replace(self, tendon=replace(self.tendon, friction=0.0))
+        """Return the same arm with the friction of its tendons and segments left out."""
+        return replace(self.with_tendons(friction=0.0), segments=tuple(
+            replace(segment, friction=0.0) for segment in self.segments))
+
+    def with_tendons(self, **changes: Any) -> 'Arm':
+        """Return the same arm with values of all its tendons replaced."""
+        return replace(self, tendons=tuple(replace(t, **changes) for t in self.tendons))
 
     def with_force(self, disc: int, force: Sequence[float]) -> 'Arm':
-        """Return the same arm with one more dead force (3,) N, of which x and z act, on a disc."""
-        x, _, z = map(float, force)
-        return replace(self, forces=(*self.forces, PointForce(disc, x, z)))
+        """Return the same arm with one more dead force (3,) N on a disc."""
+        x, y, z = map(float, force)
+        return replace(self, wrenches=(*self.wrenches, Wrench(disc, (x, y, z))))
 
     def with_compliant_tendons(self, stretch: float) -> 'Arm':
         """Return the same arm, inextensible tendons now stretching by ``stretch`` m/N."""
-        if self.tendon.axial_stiffness < inf:
-            return self
-        length = self.tendon.free_length + self.length
-        return replace(self, tendon=replace(self.tendon, axial_stiffness=length / stretch))
+        return replace(self, tendons=tuple(
+            replace(tendon, axial_stiffness=float(rope) / stretch)
+            if tendon.axial_stiffness == inf else tendon
+            for tendon, rope in zip(self.tendons, self.ropes, strict=True)))
 
     def with_bodies(self, bodies_per_segment: int) -> 'Arm':
         """Return the same arm with another number of rigid bodies per segment."""
         return replace(self, bodies_per_segment=bodies_per_segment)
-
-    def with_bending_stiffness(self, segment: int, bending_stiffness: float) -> 'Arm':
-        """Return the same arm with E I (N m^2) of one segment (0-based) replaced."""
-        if not (whole(segment) and 0 <= segment < len(self.segments)):
-            raise ArmError(f'there is no segment {segment}; the segments are 0 to '
-                           f'{len(self.segments) - 1}')
-        segments = tuple(
-            replace(s, bending_stiffness=bending_stiffness) if i == segment else s
-            for i, s in enumerate(self.segments))
-        return replace(self, segments=segments)

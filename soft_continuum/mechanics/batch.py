@@ -91,7 +91,7 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
     wanted, masks = _pairs(pulls), rows_of(soft)
     parts = [None] if vacuum is None else rows_of(vacuum)
     slides = [sliding_signs(pair) for pair in ([(0, 0)] if sliding is None else rows_of(sliding))]
-    friction = max(m.chain.arm.tendon.friction for m in models)
+    friction = max(m.chain.tendon.friction for m in models)
     if sliding is None:
         refuse_friction(friction, 'a batch without sliding')
     sizes = {'arms': len(models), 'starts': len(starts), 'pairs of pulls': len(wanted),

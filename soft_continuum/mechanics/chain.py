@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics._checks import real_array
-from soft_continuum.mechanics.arm import Arm, PAPER
+from soft_continuum.mechanics.arm import Arm, ArmError, PAPER
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -179,8 +179,14 @@ class RigidChain:
     """About which the URDF turns each joint, one after another."""
 
     def __init__(self, arm: Arm) -> None:
-        """Discretise ``arm``."""
+        """Discretise ``arm``; raises ArmError for one that is not planar."""
+        if not arm.planar:
+            raise ArmError('this arm is a spatial one, for SpatialStatics and SpatialChain: a '
+                           'planar one has a right and a left tendon that are alike, at 0 and '
+                           'pi, and segments that bend about y only')
         self.arm = arm
+        self.tendon = arm.tendons[RIGHT]
+        """What both are made of."""
         n = arm.bodies_per_segment
         self.segments = len(arm.segments)
         self.joints_per_segment = n + 1
@@ -191,13 +197,15 @@ class RigidChain:
             masses += [segment.mass / n] * n + [disc.mass]
             parts = joint_lengths_of(segment.length, n, arm.discretisation)
             joint_lengths += parts
-            stiffness += [segment.bending_stiffness / part for part in parts]
+            stiffness += [segment.stiffness_y / part for part in parts]
         self.body_lengths = np.array(lengths)
         self.body_masses = np.array(masses)
         self.joint_lengths = np.array(joint_lengths)
         self.joint_stiffness = np.array(stiffness)
-        self.guides = np.array([s.guide_offsets for s in arm.segments])
-        self.straight_length = sum(arm.straight_spans)
+        self.guides = np.array([[self.tendon.offset_at(s, part) for part in (0.0, 1.0)]
+                                for s in range(self.segments)])
+        self.straight_length = np.hypot([s.length for s in arm.segments],
+                                        np.diff(self.guides)[:, 0]).sum()
         self.last_joint = np.arange(1, self.segments + 1) * (n + 1) - 1
 
     @property
@@ -220,14 +228,13 @@ class RigidChain:
         """
         above = np.cumsum(self.body_masses[::-1])[::-1] - self.body_masses + self.arm.payload
         lever = self.body_lengths * (0.5 * self.body_masses + above)
-        up = np.array([-np.sin(self.arm.mounting_angle), np.cos(self.arm.mounting_angle)])
-        coefficients: Array = self.arm.gravity * lever[:, None] * up
-        for force in self.arm.forces:
-            if force.disc > 0:  # the base does not move
-                body = self.last_joint[force.disc - 1]
+        coefficients: Array = -lever[:, None] * self.arm.gravity[::2]
+        for wrench in self.arm.wrenches:
+            if wrench.disc > 0:  # the base does not move
+                body = self.last_joint[wrench.disc - 1]
                 arms = self.body_lengths[:body + 1].copy()
                 arms[-1] *= 0.5
-                coefficients[:body + 1] -= arms[:, None] * [force.x, force.z]
+                coefficients[:body + 1] -= arms[:, None] * wrench.force[::2]
         return coefficients
 
     def straight(self) -> Equilibrium:

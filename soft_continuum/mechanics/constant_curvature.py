@@ -12,7 +12,7 @@ from math import sin
 import numpy as np
 from numpy.typing import ArrayLike
 
-from soft_continuum.mechanics.arm import Arm, ArmError, Segment
+from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array
 
 
@@ -22,15 +22,16 @@ def chord(length: float, angle: float) -> float:
     return length * (1.0 - half * half / 6.0 if abs(half) < 1e-4 else sin(half) / half)
 
 
-def segment_pulls(segment: Segment, angle: float) -> tuple[float, float]:
+def segment_pulls(arm: Arm, segment: int, angle: float) -> tuple[float, float]:
     """
-    Return by how much the right and left tendon shorten (m) in one segment bent to ``angle`` rad.
+    Return by how much both tendons shorten (m) in one segment (0-based) bent to ``angle`` rad.
 
     The tendon runs straight between the guides at the segment's two ends.
     """
-    lower, upper = segment.guide_offsets
-    straight = (segment.length**2 + (upper - lower)**2)**0.5
-    arc = chord(segment.length, angle)
+    length = arm.segments[segment].length
+    lower, upper = (arm.tendons[0].offset_at(segment, part) for part in (0.0, 1.0))
+    straight = (length**2 + (upper - lower)**2)**0.5
+    arc = chord(length, angle)
     # Seen along the chord both end planes are turned by half the angle, to opposite sides.
     across = (upper - lower) * np.cos(angle / 2.0)
     along = (upper + lower) * np.sin(angle / 2.0)
@@ -42,33 +43,33 @@ def segment_pulls(segment: Segment, angle: float) -> tuple[float, float]:
 def pulls(arm: Arm, angles: Sequence[float]) -> tuple[float, float]:
     """Return the pulls (m) of the right and left tendon for bending angles (rad) per segment."""
     _check_angles(arm, angles)
-    each = [segment_pulls(s, a) for s, a in zip(arm.segments, angles, strict=True)]
+    each = [segment_pulls(arm, segment, angle) for segment, angle in enumerate(angles)]
     return sum(right for right, _ in each), sum(left for _, left in each)
 
 
-def bending_angle(segment: Segment, pull: float) -> float:
+def bending_angle(arm: Arm, segment: int, pull: float) -> float:
     """
-    Return the bending angle (rad) at which the right tendon is ``pull`` m shorter in a segment.
+    Return the angle (rad) at which the right tendon is ``pull`` m shorter in a segment (0-based).
 
     Negative pulls (tendon paid out) give negative angles.  Raises ArmError when the segment cannot
     take up that pull within its bending angle limit.
     """
     from scipy.optimize import brentq  # 0.3 s that nodes that find none need not wait for
 
-    limit = segment.bending_angle_limit
+    limit = arm.segments[segment].bending_angle_limit
     # Far from straight the pull turns back: the angles between the turns around zero count.
     grid = np.linspace(-limit, limit, 721)
-    rising = np.diff([segment_pulls(segment, a)[0] for a in grid]) > 0.0
+    rising = np.diff([segment_pulls(arm, segment, a)[0] for a in grid]) > 0.0
     turns = np.flatnonzero(~rising)
     least = grid[turns[turns < 360].max() + 1] if np.any(turns < 360) else -limit
     most = grid[turns[turns >= 360].min()] if np.any(turns >= 360) else limit
-    low, high = segment_pulls(segment, least)[0], segment_pulls(segment, most)[0]
+    low, high = segment_pulls(arm, segment, least)[0], segment_pulls(arm, segment, most)[0]
     if not low <= pull <= high:
         raise ArmError(
             f'a pull of {pull:g} m needs more than the bending angle limit of {limit:g} rad; '
             f'allowed: {low:.4g} to {high:.4g} m')
     return float(brentq(
-        lambda a: segment_pulls(segment, a)[0] - pull, least, most, xtol=1e-15, rtol=1e-14))
+        lambda a: segment_pulls(arm, segment, a)[0] - pull, least, most, xtol=1e-15, rtol=1e-14))
 
 
 def bending(arm: Arm, pulls_of: Sequence[float], start: Array, soft: Sequence[bool]) -> Array:
@@ -83,12 +84,12 @@ def bending(arm: Arm, pulls_of: Sequence[float], start: Array, soft: Sequence[bo
         raise ArmError('two tendons determine the bending of one soft segment; soft: '
                        f'{list(soft)}')
     found, index = np.array(start, dtype=float), list(soft).index(True)
-    segment, found[index] = arm.segments[index], 0.0
-    limit, others = segment.bending_angle_limit, pulls(arm, found[:, 1].tolist())
+    limit, found[index] = arm.segments[index].bending_angle_limit, 0.0
+    others = pulls(arm, found[:, 1].tolist())
     bounds = []
     for sign, pull, other in zip((1.0, -1.0), pulls_of, others, strict=True):
         try:
-            angle = bending_angle(segment, pull - other) if pull > -np.inf else -limit
+            angle = bending_angle(arm, index, pull - other) if pull > -np.inf else -limit
         except ArmError:  # paid out or pulled in beyond the limit
             angle = -limit if pull < other else limit
         bounds.append(sign * angle)

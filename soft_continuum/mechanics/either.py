@@ -16,7 +16,6 @@ from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, RigidChain, SLACK
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
 from soft_continuum.mechanics.spatial.directions import ONE_PLANE
 
@@ -25,15 +24,14 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.statics import HeldBending, Statics
 
 SMALL = 1e-3  # rad, for derivatives
-AnyArm = Arm | SpatialArm
-AnyChain = RigidChain | SpatialChain
+Chain = RigidChain | SpatialChain
 
 
 class State(Protocol):
     """Equilibrium or SpatialEquilibrium."""
 
     @property
-    def chain(self) -> AnyChain:
+    def chain(self) -> Chain:
         """The arm."""
 
     @property
@@ -117,7 +115,7 @@ class Solver(Protocol):
     """Statics or SpatialStatics."""
 
     @property
-    def chain(self) -> AnyChain:
+    def chain(self) -> Chain:
         """The arm."""
 
     @property
@@ -135,33 +133,33 @@ class Solver(Protocol):
         """Return the pulls (tendons,) m at the motors that give a state: paths and stretch."""
 
 
-def chain_of(arm: AnyArm) -> AnyChain:
+def chain_of(arm: Arm) -> Chain:
     """Return an arm as a chain of rigid bodies."""
-    return RigidChain(arm) if isinstance(arm, Arm) else SpatialChain(arm)
+    return RigidChain(arm) if arm.planar else SpatialChain(arm)
 
 
-def arc_pulls(arm: AnyArm, bending: Array) -> Array:
+def arc_pulls(arm: Arm, bending: Array) -> Array:
     """Return the pulls (tendons,) m of a bending, as State.bending, of constant curvature."""
-    if isinstance(arm, Arm):
+    if arm.planar:
         return np.array(constant_curvature.pulls(arm, bending[:, 1].tolist()))
     return spatial_curvature.pulls(arm, bending)
 
 
-def arc_bending(arm: AnyArm, pulls: Sequence[float], start: Array, soft: Sequence[bool]) -> Array:
+def arc_bending(arm: Arm, pulls: Sequence[float], start: Array, soft: Sequence[bool]) -> Array:
     """Return the bending (segments, 2), rad, by constant_curvature.bending; SLACK: not pulled."""
-    if isinstance(arm, Arm):
+    if arm.planar:
         return constant_curvature.bending(arm, pulls, start, soft)
     return spatial_curvature.bending(
         arm, [pull if pull > SLACK else np.nan for pull in pulls], start, soft)
 
 
-def arc_tips(arm: AnyArm, bending: Array) -> tuple[Array, Array]:
+def arc_tips(arm: Arm, bending: Array) -> tuple[Array, Array]:
     """
     Return where tips are, (m, 3) m, and their orientations (m, 3, 3), by constant curvature.
 
     bending: (m, segments, 2), rad, each as State.bending.
     """
-    if not isinstance(arm, Arm):
+    if not arm.planar:
         points, turns = spatial_curvature.poses(arm, bending)
         return points[..., -1, :], turns[..., -1, :, :]
     x, z, angle = np.moveaxis(constant_curvature.poses(arm, bending[..., 1])[..., -1, :], -1, 0)
@@ -172,7 +170,7 @@ def arc_tips(arm: AnyArm, bending: Array) -> tuple[Array, Array]:
     return np.stack([x, np.zeros_like(x), z], axis=-1), turned
 
 
-def fully_actuated(arm: AnyArm) -> bool:
+def fully_actuated(arm: Arm) -> bool:
     """
     Return whether tendons alone bend each segment by itself to where it can bend, all being soft.
 
@@ -202,9 +200,9 @@ def linearised(statics: Any, state: Any, sliding: Sequence[int] = ()) -> Any:
     return SpatialLinearisation(statics, state)
 
 
-def statics_of(arm: AnyArm) -> 'Statics | SpatialStatics':
+def statics_of(arm: Arm) -> 'Statics | SpatialStatics':
     """Return what solves for the equilibria of an arm."""
-    if isinstance(arm, Arm):  # here, because descriptions are read by those that solve nothing
+    if arm.planar:  # here, because descriptions are read by those that solve nothing
         from soft_continuum.mechanics.statics import Statics
         return Statics(arm)
     from soft_continuum.mechanics.spatial.statics import SpatialStatics

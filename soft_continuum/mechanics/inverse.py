@@ -68,7 +68,7 @@ def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: Array
     errors is least.  The tendon that does better carries, the other is slack.  Followed from
     ``start``; raises StaticsError where no equilibrium exists.
     """
-    refuse_friction(statics.chain.arm.tendon.friction, 'pulls_for_angles')
+    refuse_friction(statics.chain.tendon.friction, 'pulls_for_angles')
     check_start(start, Equilibrium)
     wanted = real_array(bending_angles, 'bending_angles must be numbers (rad), or nan')
     soft = soft_flags(soft, statics.chain.segments)
@@ -156,7 +156,7 @@ def set_shape(statics: Statics, bending_angles: Sequence[float],
     bending_angles: (segments,) rad, of which only those of the segments in ``order`` count.  For
     the rest see spatial.set_shape, which takes bending about x and y, of any arm.
     """
-    refuse_friction(statics.chain.arm.tendon.friction, 'set_shape')
+    refuse_friction(statics.chain.tendon.friction, 'set_shape')
     segments = statics.chain.segments
     wanted = real_array(bending_angles, 'bending_angles must be finite numbers (rad)')
     if wanted.shape != (segments,) or not np.isfinite(
@@ -206,7 +206,7 @@ def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None =
     softened.  Out of reach, a tip is returned that no small change brings nearer, with its
     distance: that of the segments which come nearest by constant curvature.
     """
-    refuse_friction(statics.chain.arm.tendon.friction, 'angles_for_tip')
+    refuse_friction(statics.chain.tendon.friction, 'angles_for_tip')
     given = (x, z, 0.0 if tangent is None else tangent)
     if not all(finite(number) for number in given):
         raise ValueError(f'the tip wanted must be finite numbers; given: {x}, {z}, {tangent}')
@@ -321,7 +321,7 @@ def workspace(statics: Statics, per_segment: int = 9) -> tuple[Array, Array]:
     tips: (m, 3), x, z in m and tangent in rad.  angles: (m, segments) rad, ``per_segment`` values
     between the limits of every segment.  Shapes that no tendon holds are left out.
     """
-    refuse_friction(statics.chain.arm.tendon.friction, 'the workspace')
+    refuse_friction(statics.chain.tendon.friction, 'the workspace')
     if not whole(per_segment) or per_segment < 2:
         raise ValueError(
             f'per_segment is {per_segment!r}; a whole number, at least 2, is needed')

@@ -40,7 +40,7 @@ class JointLaws:
             if segment.jam.law is not None:
                 jam[rows] = 1.0, len(tables)
                 tables.append(segment.jam.law.minus(
-                    segment.soft_law or linear(segment.bending_stiffness)))
+                    segment.soft_law or linear(segment.stiffness_y)))
             elif not segment.jam.rigid and segment.soft_law is None:
                 jam[rows, 0] = (segment.jam.ratio - 1.0) * chain.joint_stiffness[rows]
             elif not segment.jam.rigid:
@@ -74,7 +74,7 @@ class JointLaws:
         greatest = 0.0
         for s, segment in enumerate(self._segments):
             jam = segment.jam if stiff[s] and not segment.jam.rigid else Jam()
-            law, slope = jam.law or segment.soft_law, segment.bending_stiffness
+            law, slope = jam.law or segment.soft_law, segment.stiffness_y
             if law is not None:
                 slope = np.max(np.diff(law.moments) / np.diff(law.curvatures))
             factor = 1.0 if jam.rigid or jam.law else jam.ratio
@@ -185,7 +185,7 @@ def tension_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int
 
 def compliances(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
     """Return by how much (2,) m each tendon stretches per N at the base, friction included."""
-    tendon = chain.arm.tendon
+    tendon = chain.tendon
     if not np.isfinite(tendon.axial_stiffness):
         return np.zeros(2)
     carried = _run_ratios(chain, joint_angles, sliding) @ _straight_runs(chain)
@@ -205,9 +205,9 @@ def friction_gradients(chain: RigidChain, joint_angles: Array, sliding: Sequence
     passed = np.cumsum(np.sign(bend)[..., None] * np.diff(rates, axis=1), axis=1)
     direction = np.asarray(sliding, dtype=float)[:, None, None]
     ratios = _run_ratios(chain, joint_angles, sliding)[:, 1:, None]
-    change = -chain.arm.tendon.friction * direction * ratios * passed
+    change = -chain.tendon.friction * direction * ratios * passed
     stretches: Array = (np.einsum('tri,r->ti', change, _straight_runs(chain)[1:])
-                        / chain.arm.tendon.axial_stiffness)
+                        / chain.tendon.axial_stiffness)
     return change[:, ::2], stretches
 
 
@@ -255,7 +255,7 @@ def wrapped(angles: Array) -> Array:
 
 def _run_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
     """Return the tension over that at the base through discs and spans in turn, base first."""
-    if chain.arm.tendon.friction == 0.0:
+    if chain.tendon.friction == 0.0:
         return np.ones((2, 2 * chain.segments + 1))
     runs = np.diff(chain.guide_points(joint_angles), axis=1)
     heading = np.arctan2(runs[:, :, 0], runs[:, :, 1])
@@ -263,7 +263,7 @@ def _run_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) 
     turn = np.abs(wrapped(np.diff(heading, axis=1)))
     passed = np.cumsum(np.insert(turn, 0, 0.0, axis=1), axis=1)
     direction = np.asarray(sliding, dtype=float)[:, None]
-    ratios: Array = np.exp(-chain.arm.tendon.friction * direction * passed)
+    ratios: Array = np.exp(-chain.tendon.friction * direction * passed)
     return ratios
 
 

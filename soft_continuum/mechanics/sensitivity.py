@@ -88,7 +88,7 @@ class Linearisation:
         self._state = state
         problem = statics.problem(
             state, [not s for s in state.stiff], np.zeros(2), state.vacuum or None)
-        friction = chain.arm.tendon.friction > 0.0 and any(sliding)
+        friction = chain.tendon.friction > 0.0 and any(sliding)
         if friction:
             problem = problem.with_friction(chain, state.joint_angles, sliding)
         self._groups = groups = problem.groups
@@ -170,7 +170,7 @@ class Linearisation:
         where bending_stiffness raises ValueError.
         """
         segments = self._chain.arm.segments
-        stiffness = self._by_bending_stiffness() * [s.bending_stiffness for s in segments]
+        stiffness = self._by_bending_stiffness() * [s.stiffness_y for s in segments]
         if np.any(self._system.joints[:, SOFT_TABLE] >= 0):
             stiffness[:] = 0.0
         held = np.zeros((len(stiffness), 2 * len(segments)))
@@ -195,7 +195,7 @@ class Linearisation:
         jam[np.abs(self._jams[0]) >= joints[:, YIELD]] = 0.0
         moments = joints[:, SOFT] * self._state.joint_angles + jam
         return self._by_segment(
-            moments, [s.bending_stiffness for s in self._chain.arm.segments])
+            moments, [s.stiffness_y for s in self._chain.arm.segments])
 
     def _by_stiffness_ratio(self) -> Array:
         moments = self._jams[0]
@@ -211,8 +211,9 @@ class Linearisation:
 
     def _by_payload(self) -> Array:
         chain, free = self._chain, self._system.group >= 0
-        arm = chain.arm
-        turning = arm.gravity * chain.body_lengths * -np.sin(arm.mounting_angle + self.theta)
+        along_x, _, along_z = chain.arm.gravity
+        turning = chain.body_lengths * (
+            along_z * np.sin(self.theta) - along_x * np.cos(self.theta))
         right_side = np.zeros((len(self._matrix), 1))
         np.subtract.at(right_side[:, 0], self._system.group[free], turning[free])
         return right_side

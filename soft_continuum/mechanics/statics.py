@@ -152,7 +152,7 @@ class Statics:
             start.stiff, start.held_angles, False, start.vacuum, chain=self.chain)
         reasons: dict[int, str] = {}
         # What a jam holds depends on where it was stiffened, so on both solves.
-        at_once = self.laws.rigid_only and not (any(sliding) and self.chain.arm.tendon.friction)
+        at_once = self.laws.rigid_only and not (any(sliding) and self.chain.tendon.friction)
         rows = slice(segment * self.chain.joints_per_segment,
                      (segment + 1) * self.chain.joints_per_segment)
         turn = angle - float(start.joint_angles[rows].sum()) or angle

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from math import ceil, tau
 from typing import Any
 
-from soft_continuum.mechanics.arm import SECOND_ORDER
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
 from soft_continuum.new_arm.answers import (
     Answer,
     AnswerError,
@@ -19,7 +18,7 @@ from soft_continuum.new_arm.answers import (
     TENDONS,
 )
 from soft_continuum.new_arm.questions import QUESTIONS
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import Value
 
 ASSUMED = 'ASSUMED'
@@ -46,9 +45,9 @@ class Description:
     directions: tuple[float, ...]
 
     @property
-    def arm(self) -> AnyArm:
+    def arm(self) -> Arm:
         """The arm; raises ParameterError where the answers do not make one."""
-        return any_arm_from_parameters(self.values)
+        return arm_from_parameters(self.values)
 
 
 def questions_of(kind: str) -> tuple[Question, ...]:

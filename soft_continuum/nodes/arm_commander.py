@@ -13,8 +13,8 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.ros.conversions import trajectory_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import COMMAND
@@ -43,7 +43,7 @@ class MotionCommander:
     motion_failure: of the present motion.
     """
 
-    def __init__(self, node: Node, arm: AnyArm) -> None:
+    def __init__(self, node: Node, arm: Arm) -> None:
         """Create the publisher for ``node``, whose name begins the ids of its motions."""
         self.motion_failure: Failure | None = None
         self._tendons: Sequence[str] = arm.tendon_names
@@ -113,7 +113,7 @@ class ArmCommander(MotionCommander):
     switch_failure: why jamming_valves did not switch.
     """
 
-    def __init__(self, node: Node, arm: AnyArm, jamming: bool = True) -> None:
+    def __init__(self, node: Node, arm: Arm, jamming: bool = True) -> None:
         """Create the publisher and, with ``jamming``, the clients."""
         super().__init__(node, arm)
         self.switch_failure = ''

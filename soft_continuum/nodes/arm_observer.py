@@ -9,7 +9,8 @@ from typing import Any
 
 from sensor_msgs.msg import JointState
 
-from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import chain_of
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.age import Age
@@ -31,7 +32,7 @@ class ArmObserver(ReportedArm):
     A fault counts once it has lasted for silence_timeout.
     """
 
-    def __init__(self, node: Any, arm: AnyArm, parameters: Mapping[str, Any],
+    def __init__(self, node: Any, arm: Arm, parameters: Mapping[str, Any],
                  on_tendon_state: Callable[[TendonActuationState], None]) -> None:
         """Subscribe; call ``on_tendon_state`` with every state of tendon_actuation."""
         self._faults: dict[str, tuple[str, Age]] = {}  # by node: its fault, and for how long

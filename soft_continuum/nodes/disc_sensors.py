@@ -18,7 +18,7 @@ from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.age import Age
@@ -56,7 +56,7 @@ class DiscSensors(Node):
         self.parameters = values = NodeParameters(self, NODE_PARAMETERS[DISC_SENSORS])
         self.status = Status(self, 'trackers and IMUs')
         self._about = About(self, values)
-        arm = any_arm_from_parameters(values)
+        arm = arm_from_parameters(values)
         self._heights = straight_heights(arm)
         count = len(self._heights)
         self._tracker = Tracker.of(values, arm)

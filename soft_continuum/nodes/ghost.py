@@ -5,7 +5,8 @@
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import chain_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.ros.qos import LATCHED
@@ -15,7 +16,7 @@ from soft_continuum.sequencing.planner import Shape
 class Ghost:
     """Publishes target_markers (visualization_msgs/MarkerArray, latched)."""
 
-    def __init__(self, node: Node, arm: AnyArm, frame: str) -> None:
+    def __init__(self, node: Node, arm: Arm, frame: str) -> None:
         """Begin without any: an earlier process may have left one."""
         self._node, self._arm, self._frame = node, arm, frame
         self._shape: Shape | None = None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.shapes import (
     angles_problem,
     directions_from_parameters,
@@ -31,7 +31,7 @@ MAX_TIPS = 200
 """Goals of the tip in all."""
 
 
-def shape_library(parameters: Mapping[str, Any], arm: AnyArm) -> dict[str, Shape]:
+def shape_library(parameters: Mapping[str, Any], arm: Arm) -> dict[str, Shape]:
     """Return the shapes that parameters describe, by name; raises ParameterError."""
     directions = directions_from_parameters(parameters)
     vacuums = vacuums_from_parameters(parameters)
@@ -47,7 +47,7 @@ def check_aim(aim: int) -> None:
         raise PlanError(f'aim is {aim}; allowed: {angles} (angles), {tip} (tip)')
 
 
-def shapes_of(items: Sequence[ShapeMessage], library: Mapping[str, Shape], arm: AnyArm,
+def shapes_of(items: Sequence[ShapeMessage], library: Mapping[str, Shape], arm: Arm,
               parameters: Mapping[str, Any]) -> list[Shape]:
     """
     Return the shapes of a request; raises PlanError for what is not allowed.
@@ -64,7 +64,7 @@ def shapes_of(items: Sequence[ShapeMessage], library: Mapping[str, Shape], arm: 
             for number, item in enumerate(items, start=1)]
 
 
-def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: AnyArm,
+def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: Arm,
            parameters: Mapping[str, Any]) -> Shape:
     if problem := name_problem(item.name):
         raise PlanError(f'shape {number}: its name is {problem}')
@@ -107,7 +107,7 @@ def regulator_problem(shapes: Sequence[Shape], regulators: bool) -> str:
                  for shape in shapes if shape.vacuums and not regulators), '')
 
 
-def _tips(label: str, item: ShapeMessage, arm: AnyArm, parameters: Mapping[str, Any]
+def _tips(label: str, item: ShapeMessage, arm: Arm, parameters: Mapping[str, Any]
           ) -> tuple[TipGoal, ...]:
     """Return the goals of the tip of a shape, none for angles; raises PlanError."""
     if not item.tips:
@@ -125,7 +125,7 @@ def _tips(label: str, item: ShapeMessage, arm: AnyArm, parameters: Mapping[str, 
     return tuple(goals)
 
 
-def _tips_name(tips: Sequence[TipGoal], arm: AnyArm) -> str:
+def _tips_name(tips: Sequence[TipGoal], arm: Arm) -> str:
     """Return what people know goals of the tip by."""
     if len(tips) > 1:
         return f'path through {len(tips)} points'

@@ -21,7 +21,7 @@ from soft_continuum.nodes.jamming_control import Driver, JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest
-from soft_continuum.parameters.arm import any_arm_from_parameters, check_jamming
+from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
 from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
@@ -49,7 +49,7 @@ class JammingValves(ManagedNode):
         super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
         check_jamming(self.parameters)
         self._settings = jamming_settings(self.parameters)
-        self._jams = [s.jam for s in any_arm_from_parameters(self.parameters).segments]
+        self._jams = [s.jam for s in arm_from_parameters(self.parameters).segments]
         self._segments = len(self._jams)
         self._control = JammingControl(
             self._segments, self._settings, Newest(self.on_ros_thread, self._publish).put)

@@ -39,7 +39,7 @@ from soft_continuum.nodes.question import Question
 from soft_continuum.nodes.refusals import Refusals
 from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.conversions import (
@@ -99,7 +99,7 @@ class Kinematics(Node):
         super().__init__('kinematics', **options)
         self.parameters = NodeParameters(self, NODE_PARAMETERS['kinematics'])
         self.status = Status(self, 'rigid multibody model')
-        self._arm = any_arm_from_parameters(self.parameters)
+        self._arm = arm_from_parameters(self.parameters)
         self._tendons = self._arm.tendon_names
         self._compiled = False
         self._shape = ArmShape(self._arm, self.parameters['straight_tolerance'],

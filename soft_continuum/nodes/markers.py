@@ -23,14 +23,14 @@ from soft_continuum.colours import (
     WRONG,
 )
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyChain, State
+from soft_continuum.mechanics.either import Chain, State
 
 LIFETIME = Duration(nanosec=500_000_000)
 """Of what is not always there: it goes when it is not published any more."""
 TEXT_HEIGHT, TEXT_WIDTH = 0.012, 60  # m, characters
 
 
-def shape_markers(chain: AnyChain, state: State, stiff: Sequence[bool | None],
+def shape_markers(chain: Chain, state: State, stiff: Sequence[bool | None],
                   tension_limit: float, frame: str, stamp: Time) -> MarkerArray:
     """
     Return a line strip for every segment and tendon and a cylinder for every disc.

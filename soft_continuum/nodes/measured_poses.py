@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.conversions import measured_pose_from_ros, seconds
 from soft_continuum.ros.names import MEASURED_POSE
@@ -33,7 +33,7 @@ class MeasuredPoses:
     The base does not move: it tells whether the camera did, but alone nothing of the arm.
     """
 
-    def __init__(self, node: Any, arm: AnyArm, frame: str, on_pose: Callable[[], None]) -> None:
+    def __init__(self, node: Any, arm: Arm, frame: str, on_pose: Callable[[], None]) -> None:
         """
         Subscribe for ``node``; frame: in which poses have to be.
 

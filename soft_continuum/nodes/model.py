@@ -8,7 +8,8 @@ import threading
 from typing import Any
 
 from soft_continuum.mechanics._kernel import must_build
-from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.nodes.threads import on_ros_thread
 
@@ -19,7 +20,7 @@ def loading() -> str:
             'loading the model')
 
 
-def load_model(node: Any, arm: AnyArm, loaded: Callable[[], None] | None = None,
+def load_model(node: Any, arm: Arm, loaded: Callable[[], None] | None = None,
                later: Sequence[str] = ()) -> None:
     """
     Load the compiled model on a thread of its own; compiling takes tens of seconds.

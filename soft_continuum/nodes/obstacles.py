@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 from visualization_msgs.msg import Marker, MarkerArray
 
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.entries import repeat, subscribe
 from soft_continuum.obstacles import Mesh, Obstacle, ObstacleError, Surroundings
 from soft_continuum.obstacles.files import load_obstacles, MAX_OBSTACLES
@@ -44,7 +44,7 @@ class KnownObstacles:
     known, after a DELETEALL.  All on the thread that spins the node.
     """
 
-    def __init__(self, node: Node, arm: AnyArm, parameters: Mapping[str, Any],
+    def __init__(self, node: Node, arm: Arm, parameters: Mapping[str, Any],
                  on_change: Callable[[], None]) -> None:
         """
         Read the file of the parameter obstacles.file.

@@ -9,7 +9,8 @@ from functools import partial
 from math import inf
 from typing import Any, TypeVar
 
-from soft_continuum.mechanics.either import AnyArm, chain_of, State
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import chain_of, State
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.obstacles import Surroundings
@@ -35,7 +36,7 @@ Result = TypeVar('Result')
 class Planning:
     """Begins to plan; only the newest plan is made."""
 
-    def __init__(self, arm: AnyArm, parameters: Mapping[str, Any], observed: ArmObserver,
+    def __init__(self, arm: Arm, parameters: Mapping[str, Any], observed: ArmObserver,
                  surroundings: Callable[[], Surroundings], warn: Callable[[str], None]) -> None:
         """
         Plan for what is ``observed`` of ``arm``, within the limits of the parameters.
@@ -143,7 +144,7 @@ class Planning:
             PlanSettings.of(self._parameters).with_slack_for(model.offset_deviations))
 
 
-def aim_of(shape: Shape, kind: int, arm: AnyArm, settings: PlanSettings) -> Aim:
+def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
     """
     Return what a planned shape aims at; kind: of RunShapeSequence.
 
@@ -163,7 +164,7 @@ def aim_of(shape: Shape, kind: int, arm: AnyArm, settings: PlanSettings) -> Aim:
     return Aim(bending, state.backbone[-1], kind == RunShapeSequence.Goal.TIP)
 
 
-def tip_aim(shape: Shape, arm: AnyArm) -> Aim:
+def tip_aim(shape: Shape, arm: Arm) -> Aim:
     """Return what a shape aims at that was planned to goals of the tip: the last of them."""
     return Aim(bending_vectors(arm, shape.bending_angles, shape.bending_directions),
                shape.tips[-1].position, on_tip=True)

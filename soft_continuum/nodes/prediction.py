@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, Solver, State, statics_of
+from soft_continuum.mechanics.either import Solver, State, statics_of
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
@@ -33,7 +34,7 @@ class TensionLimits:
 class TensionPrediction:
     """Follows a trajectory with the model, and refuses what would need too much tension."""
 
-    def __init__(self, arm: AnyArm) -> None:
+    def __init__(self, arm: Arm) -> None:
         """Prepare the model of ``arm``, which is compiled when it is first used."""
         self._statics: Solver = statics_of(arm)
         self._tendons = arm.tendon_names

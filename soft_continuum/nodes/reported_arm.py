@@ -11,7 +11,7 @@ import numpy as np
 from sensor_msgs.msg import FluidPressure
 
 from soft_continuum.hardware.tendon_controller import Reason
-from soft_continuum.mechanics.either import AnyChain
+from soft_continuum.mechanics.either import Chain
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.age import Age
@@ -63,7 +63,7 @@ class ReportedArm:
     whole.
     """
 
-    def __init__(self, node: Any, chain: AnyChain, parameters: Mapping[str, Any]) -> None:
+    def __init__(self, node: Any, chain: Chain, parameters: Mapping[str, Any]) -> None:
         """Subscribe for ``node``; parameters: with arm.jamming and silence_timeout, s."""
         self.chain, self.parameters = chain, parameters
         self._jamming: bool = parameters['arm.jamming']

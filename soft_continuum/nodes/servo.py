@@ -24,7 +24,7 @@ from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import on_ros_thread, Worker
-from soft_continuum.parameters.arm import any_arm_from_parameters, check_actuation
+from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import Stiffness
@@ -69,7 +69,7 @@ class Servo(Node):
         super().__init__(SERVO, **options)
         self.parameters = NodeParameters(self, NODE_PARAMETERS[SERVO])
         self.status = Status(self, 'servo')
-        arm = any_arm_from_parameters(self.parameters)
+        arm = arm_from_parameters(self.parameters)
         check_actuation(arm, self.parameters)
         self._jamming: bool = self.parameters['arm.jamming']
         self._segments = len(arm.segments)

@@ -32,7 +32,7 @@ from soft_continuum.nodes.sequence_server import (
     SequenceServer,
 )
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
-from soft_continuum.parameters.arm import any_arm_from_parameters, check_actuation
+from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.reach import reach_from_parameters
@@ -102,7 +102,7 @@ class ShapeSequencer(Node):
             self.parameters.declare_numbers(direction_parameter(name))
             self.parameters.declare_numbers(vacuum_parameter(name))
         self.status = Status(self, 'shape sequencer')
-        self._arm = any_arm_from_parameters(self.parameters)
+        self._arm = arm_from_parameters(self.parameters)
         check_actuation(self._arm, self.parameters)
         self._library = shape_library(self.parameters, self._arm)
         self._check: Check | None = None

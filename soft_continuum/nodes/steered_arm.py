@@ -24,9 +24,9 @@ from soft_continuum.client.errors import (
 )
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
-from soft_continuum.mechanics.arm import PLANAR_AXES
+from soft_continuum.mechanics.arm import Arm, PLANAR_AXES
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, fully_actuated
+from soft_continuum.mechanics.either import fully_actuated
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.graph import running_nodes
@@ -70,7 +70,7 @@ class SteeredArm:
         self._requests = Requests(node, ANSWER_TIMEOUT, DISCOVERY_TIMEOUT)
         self._requests.hears_feedback = False  # that a sequence runs is all that is asked
         self._observed = self._requests.observed
-        self._arm: AnyArm | None = None
+        self._arm: Arm | None = None
         self._actuated = False  # fully, by its tendons alone
         self._jamming = True
         self._describing: Future[None] | None = None

@@ -35,7 +35,7 @@ from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
 from soft_continuum.nodes.tendon_control import Device, TendonControl
 from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.nodes.threads import Newest, Worker
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import trajectory_from_ros
@@ -77,7 +77,7 @@ class TendonActuation(ManagedNode):
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
         super().__init__('tendon_actuation', NODE_PARAMETERS['tendon_actuation'], **options)
-        arm = any_arm_from_parameters(self.parameters)
+        arm = arm_from_parameters(self.parameters)
         self._tendons = arm.tendon_names
         self._prediction = TensionPrediction(arm)
         self._arm = ReportedArm(self, self._prediction.chain, self.parameters)

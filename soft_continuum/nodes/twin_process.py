@@ -13,7 +13,7 @@ from soft_continuum.arguments import Parser
 from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.nodes.processes import Child, end
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.twin.differences import DEFAULT_PRESET, load_cell_parameters, PRESETS
@@ -48,7 +48,7 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
         yield {}
         return
     from soft_continuum.nodes.up import description_file  # which needs this module itself
-    tendons = len(load_any_arm(
+    tendons = len(load_arm(
         *params_files or [description_file()], namespace=namespace).tendon_names)
     with TemporaryDirectory(prefix='soft_continuum_') as directory:
         driver = tendon_driver or 'grbl'

@@ -20,7 +20,8 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
-from soft_continuum.mechanics.either import AnyArm, fully_actuated
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import fully_actuated
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import (
     argument_error,
@@ -29,7 +30,7 @@ from soft_continuum.nodes.runtime import (
     Signals,
 )
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description, parameters_text
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.overrides import Overrides
@@ -140,10 +141,10 @@ def with_asked(options: Namespace, asked: Mapping[str, Value]) -> list[str]:
 def nodes_of(files: Sequence[str | Path], namespace: str = '') -> tuple[str, ...]:
     """Return the nodes that drive the described arm; raises ParameterError."""
     values = load_description(*files, node=KINEMATICS, namespace=namespace)
-    return nodes_for(any_arm_from_parameters(values), bool(values['arm.jamming']))
+    return nodes_for(arm_from_parameters(values), bool(values['arm.jamming']))
 
 
-def nodes_for(arm: AnyArm, jamming: bool) -> tuple[str, ...]:
+def nodes_for(arm: Arm, jamming: bool) -> tuple[str, ...]:
     """
     Return the nodes that drive an arm, with jamming or not.
 

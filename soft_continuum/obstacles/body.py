@@ -19,10 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Segment
+from soft_continuum.mechanics.arm import Arm, Segment
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, chain_of, State
-from soft_continuum.mechanics.spatial.arm import SpatialSegment
+from soft_continuum.mechanics.either import chain_of, State
 
 TENDON_RADIUS = 0.0005
 """Of every tendon, m: no description has it; the ropes of such arms are thinner."""
@@ -51,7 +50,7 @@ class Cylinders:
 class Body:
     """The cylinders of one arm, state by state."""
 
-    def __init__(self, arm: AnyArm) -> None:
+    def __init__(self, arm: Arm) -> None:
         """Take radii and lengths from a description."""
         chain = chain_of(arm)
         self._last = np.arange(1, chain.segments + 1) * chain.joints_per_segment - 1
@@ -106,7 +105,7 @@ class Body:
         return below * self._radii, above * self._radii
 
 
-def _spans_that_come_out(arm: AnyArm, radii: Array, guides: Sequence[Array]
+def _spans_that_come_out(arm: Arm, radii: Array, guides: Sequence[Array]
                          ) -> list[tuple[int, int]]:
     """
     Return tendon and lower guide of the spans that can leave segments of radii (m).
@@ -115,7 +114,7 @@ def _spans_that_come_out(arm: AnyArm, radii: Array, guides: Sequence[Array]
     """
     offsets, each = arm.guide_radii, arm.spacers + 1  # spans of a tendon in a segment
     found = []
-    segments: Sequence[Segment | SpatialSegment] = arm.segments
+    segments: Sequence[Segment | Segment] = arm.segments
     for s, segment in enumerate(segments):
         length = segment.length / each
         bend = min(UNEVEN * segment.bending_angle_limit / each, np.pi)

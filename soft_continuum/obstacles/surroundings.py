@@ -8,8 +8,9 @@ from math import inf
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.either import State
 from soft_continuum.obstacles.body import Body, Cylinders, MIN_HALF_LENGTH
 from soft_continuum.obstacles.geometry import distance, placed
 from soft_continuum.obstacles.mesh import Mesh
@@ -45,7 +46,7 @@ class Surroundings:
     disc counts, from its first millimetre on. Surroundings never change: make new ones.
     """
 
-    def __init__(self, arm: AnyArm, obstacles: Iterable[Obstacle] = ()) -> None:
+    def __init__(self, arm: Arm, obstacles: Iterable[Obstacle] = ()) -> None:
         """
         Take the obstacles (base_link, m) of an arm.
 

@@ -6,30 +6,56 @@ from collections.abc import Mapping, Sequence
 import hashlib
 import json
 from math import inf, pi
+import re
 from typing import Any
 
 from soft_continuum.mechanics.arm import (
     Arm,
     ArmError,
     Disc,
+    mounted,
     PAPER,
     SECOND_ORDER,
     Segment,
     STANDARD_GRAVITY,
     Tendon,
+    tendon_pair,
 )
-from soft_continuum.mechanics.either import AnyArm, fully_actuated
+from soft_continuum.mechanics.either import fully_actuated
 from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters.parameter import Parameter, ParameterError, spread
-from soft_continuum.parameters.spatial_arm import (
-    NO_NAMES,
-    refuse_spatial,
-    spatial_arm,
-    SPATIAL_PARAMETERS,
-    SPATIAL_PER_SEGMENT,
-)
 
+NO_NAMES = ('',)
+SPATIAL_PER_SEGMENT = (
+    Parameter('arm.lateral_bending_stiffnesses', (0.0,),
+              'E I of each segment of a spatial arm about x; 0: as about y, a round spring',
+              0.0, 1e3, unit='N m^2'),
+    Parameter('arm.torsional_stiffnesses', (0.0,),
+              'G J of each segment of a spatial arm; 0: it does not twist',
+              0.0, 1e3, unit='N m^2'),
+)
+TENDONS = (
+    Parameter('arm.tendon_names', NO_NAMES,
+              'name of each tendon, which makes the arm a spatial one; one empty name: a planar '
+              'arm with right_tendon and left_tendon'),
+    Parameter('arm.tendon_angles', (0.0,),
+              'where each tendon is at the base: angle about z from x', -2 * pi, 2 * pi,
+              unit='rad'),
+    Parameter('arm.tendon_ends', (0,),
+              'number of the disc where each tendon ends, 1 above the first segment; 0: the last',
+              0, 1000),
+    Parameter('arm.tendon_twists', (0.0,),
+              'by how much each tendon winds around the arm; 0: parallel to it', -1e3, 1e3,
+              unit='rad/m'),
+)
+SPATIAL_PARAMETERS = (
+    *TENDONS,
+    Parameter('arm.spacers', 0,
+              'guides of the tendons inside each segment of a spatial arm, evenly spaced', 0, 100),
+)
+SAME_ANGLE = 1e-3  # rad
+NAME = re.compile(r'[A-Za-z]\w{0,99}', re.ASCII)
 LEAF_SPRINGS = (
     Parameter('arm.leaf_thicknesses', (0.0005, 0.00035, 0.00025),
               'thickness of each leaf spring', 1e-5, 1e-2, unit='m'),
@@ -119,20 +145,6 @@ def description_digest(values: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16] if described else ''
 
 
-def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
-    """Build a planar arm as any_arm_from_parameters; raises ParameterError for a spatial one."""
-    return planar(any_arm_from_parameters(values))
-
-
-def planar(arm: AnyArm) -> Arm:
-    """Return a planar arm as it is; raises ParameterError for a spatial one."""
-    if not isinstance(arm, Arm):
-        raise ParameterError(
-            'the description is of a spatial arm (arm.tendon_names), and this works with planar '
-            'arms only so far; docs/how_to/use_a_spatial_arm.md says what works in space')
-    return arm
-
-
 def check_jamming(values: Mapping[str, Any]) -> None:
     """Raise ParameterError for an arm without jamming, for nodes that are nothing without."""
     if not values['arm.jamming']:
@@ -141,7 +153,7 @@ def check_jamming(values: Mapping[str, Any]) -> None:
             'switch them are not needed; `soft_continuum up` starts those that are')
 
 
-def check_actuation(arm: AnyArm, values: Mapping[str, Any]) -> None:
+def check_actuation(arm: Arm, values: Mapping[str, Any]) -> None:
     """Raise ParameterError for an arm whose segments nothing bends each by itself."""
     if not (values['arm.jamming'] or fully_actuated(arm)):
         raise ParameterError(
@@ -150,12 +162,12 @@ def check_actuation(arm: AnyArm, values: Mapping[str, Any]) -> None:
             'nodes that set them are not needed; `soft_continuum up` starts those that are')
 
 
-def any_arm_from_parameters(values: Mapping[str, Any]) -> AnyArm:
+def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     """
-    Build the arm, planar or spatial, from parameter values by their names in ARM_PARAMETERS.
+    Build the arm from parameter values by their names in ARM_PARAMETERS.
 
     A list of one value counts for every segment, guide, disc or tendon.  A measured law takes the
-    place of a bending stiffness or stiffness ratio.
+    place of a bending stiffness or stiffness ratio.  Without names of tendons it is planar.
 
     Raises ParameterError when the lists do not fit together or a value is not physical.
     """
@@ -189,32 +201,87 @@ def any_arm_from_parameters(values: Mapping[str, Any]) -> AnyArm:
     try:
         get['soft_laws'] = _laws(get, 'soft', count)
         get['jams'] = _jams(get, count)
-        if get['tendon_names'] not in (NO_NAMES, ()):
-            return spatial_arm(get)
-        refuse_spatial(get)
-        return _planar_arm(get, count)
+        return Arm(
+            tuple(_segment(get, i) for i in range(count)),
+            tuple(Disc(height=height, mass=mass) for height, mass in zip(
+                get['disc_heights'], get['disc_masses'], strict=True)),
+            _tendons(get, count),
+            **{name: get[name] for name in ('bodies_per_segment', 'spacers', 'discretisation',
+                                            'payload')},
+            gravity=mounted(get['mounting_angle'], get['gravity']))
     except (ArmError, LawError) as error:
         raise ParameterError(f'arm: {error}') from None
 
 
-def _planar_arm(get: Mapping[str, Any], count: int) -> Arm:
-    return Arm(
-        segments=tuple(_segment(get, i) for i in range(count)),
-        discs=tuple(Disc(height=height, mass=mass) for height, mass in zip(
-            get['disc_heights'], get['disc_masses'], strict=True)),
-        tendon=Tendon(get['tendon_axial_stiffness'] or inf, get['tendon_free_length'],
-                      get['tendon_friction']),
-        **{name: get[name] for name in ('bodies_per_segment', 'discretisation', 'payload',
-                                        'mounting_angle', 'gravity')})
-
-
 def _segment(get: Mapping[str, Any], i: int) -> Segment:
+    about_y = get['bending_stiffnesses'][i]
+    planar = get['tendon_names'] in (NO_NAMES, ())
     return Segment(
-        length=get['segment_lengths'][i], outer_diameter=get['outer_diameters'][i],
-        mass=get['segment_masses'][i], bending_stiffness=get['bending_stiffnesses'][i],
-        guide_offsets=get['guide_offsets'][2 * i:2 * i + 2],
-        bending_angle_limit=get['bending_angle_limits'][i], soft_law=get['soft_laws'][i],
-        jam=get['jams'][i])
+        get['segment_lengths'][i],
+        inf if planar else get['lateral_bending_stiffnesses'][i] or about_y, about_y,
+        get['torsional_stiffnesses'][i] or inf, get['segment_masses'][i],
+        get['jams'][i], get['outer_diameters'][i], get['bending_angle_limits'][i],
+        soft_law=get['soft_laws'][i])
+
+
+def _tendons(get: Mapping[str, Any], count: int) -> tuple[Tendon, ...]:
+    """Return the tendons by their names; without names the pair of a planar arm."""
+    alike = {'axial_stiffness': get['tendon_axial_stiffness'] or inf,
+             'friction': get['tendon_friction'], 'free_length': get['tendon_free_length']}
+    names = get['tendon_names']
+    if names in (NO_NAMES, ()):
+        _refuse_spatial(get)
+        return tendon_pair(get['guide_offsets'], count, **alike)
+    for name in names:
+        if not NAME.fullmatch(name) or names.count(name) > 1:
+            raise ParameterError(
+                f'parameter arm.tendon_names is {list(names)}; each tendon needs a name of its '
+                'own, of letters, digits and _, such as tendon_1')
+    angles, ends, twists = (
+        spread(parameter.name, get[parameter.name.removeprefix('arm.')], len(names),
+               f'arm.tendon_names has {len(names)}', alone=parameter.name != 'arm.tendon_angles')
+        for parameter in TENDONS[1:])
+    if max(ends) > count:
+        raise ParameterError(
+            f'parameter arm.tendon_ends is {list(ends)}; allowed: 1 to {count}, the discs above '
+            f'the {count} segments, or 0 for the last')
+    reached = max(end or count for end in ends)
+    if reached < count:
+        passed = ' and '.join(str(number) for number in range(reached + 1, count + 1))
+        raise ParameterError(
+            f'parameter arm.tendon_ends is {list(ends)}, so no tendon passes segment {passed}; '
+            f'let one end at {count}, or at 0, the last disc')
+    _refuse_same_place(names, angles, ends, twists, count)
+    return tuple(
+        Tendon(name, angle, get['guide_offsets'][:2 * (end or count)], end or count, twist,
+               **alike)
+        for name, angle, end, twist in zip(names, angles, ends, twists, strict=True))
+
+
+def _refuse_same_place(names: Sequence[str], angles: Sequence[float], ends: Sequence[int],
+                       twists: Sequence[float], count: int) -> None:
+    """Refuse two tendons that are one: at the same angle all the way, to the same disc."""
+    for second in range(len(names)):
+        for first in range(second):
+            apart = (angles[second] - angles[first] + pi) % (2.0 * pi) - pi
+            if (abs(apart) < SAME_ANGLE and twists[first] == twists[second]
+                    and (ends[first] or count) == (ends[second] or count)):
+                raise ParameterError(
+                    f'{names[first]} and {names[second]} are one tendon: both are at '
+                    f'{angles[first]:g} rad and end at disc {ends[first] or count}; give '
+                    'another angle in arm.tendon_angles, or another disc in arm.tendon_ends')
+
+
+def _refuse_spatial(get: Mapping[str, Any]) -> None:
+    """Refuse what only spatial arms have; get: checked parameters of a planar one, by name."""
+    for parameter in (*SPATIAL_PER_SEGMENT, *SPATIAL_PARAMETERS):
+        value = get[parameter.name.removeprefix('arm.')]
+        if isinstance(value, tuple):
+            value = tuple(set(value))  # of all segments
+        if value not in (parameter.default, ()):
+            raise ParameterError(
+                f'parameter {parameter.name} is given, but a planar arm has none; give '
+                f'arm.tendon_names to describe a spatial one, or leave {parameter.name} out')
 
 
 def _jams(get: Mapping[str, Any], count: int) -> list[Jam]:

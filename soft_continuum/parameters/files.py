@@ -15,8 +15,7 @@ from typing import Any
 import yaml
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import AnyArm
-from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import (
     ALL_PARAMETERS,
     default_frame,
@@ -77,7 +76,7 @@ def described(overrides: Overrides, node: str) -> dict[str, Value]:
     values[FRAME.name] = default_frame(node.rpartition('/')[0])
     values |= given_parameters(overrides, (*ALL_PARAMETERS, *OF_ROS), node, UNCHECKED)
     try:
-        arm = any_arm_from_parameters(values)
+        arm = arm_from_parameters(values)
         shapes_from_parameters(values, arm)
         jamming_settings(values)
     except ParameterError as error:
@@ -86,18 +85,9 @@ def described(overrides: Overrides, node: str) -> dict[str, Value]:
     return values
 
 
-def load_arm(*paths: str | Path) -> Arm:
-    """
-    Read a planar arm from description files.
-
-    Raises ParameterError as load_description does, and for a spatial arm.
-    """
-    return arm_from_parameters(load_description(*paths))
-
-
-def load_any_arm(*paths: str | Path, namespace: str = '') -> AnyArm:
-    """Read an arm, planar or spatial; raises ParameterError as load_description does."""
-    return any_arm_from_parameters(load_description(*paths, namespace=namespace))
+def load_arm(*paths: str | Path, namespace: str = '') -> Arm:
+    """Read an arm from description files; raises ParameterError as load_description does."""
+    return arm_from_parameters(load_description(*paths, namespace=namespace))
 
 
 def load_rig(paths: Sequence[str | Path], namespace: str = '') -> dict[str, Value]:

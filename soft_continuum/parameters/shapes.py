@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import degrees, pi, radians
 from typing import Any
 
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.spatial.directions import direction_problem
 from soft_continuum.parameters.parameter import (
     degrees_hint,
@@ -53,7 +53,7 @@ def vacuum_parameter(name: str) -> Parameter:
         0.0, 101e3, unit='Pa')
 
 
-def shapes_from_parameters(values: Mapping[str, Any], arm: AnyArm
+def shapes_from_parameters(values: Mapping[str, Any], arm: Arm
                            ) -> dict[str, tuple[float, ...]]:
     """
     Return the shape library: bending angles (rad) per segment by name.
@@ -127,7 +127,7 @@ def _given(values: Mapping[str, Any], prefix: str) -> dict[str, Any]:
                                            or len(value))}
 
 
-def vacuums_problem(vacuums: Sequence[float], arm: AnyArm, full_vacuum: float,
+def vacuums_problem(vacuums: Sequence[float], arm: Arm, full_vacuum: float,
                     soft_vacuum: float, jamming: bool) -> str:
     """
     Say why segments cannot be held with these vacuums (Pa below ambient); empty if they can.
@@ -150,7 +150,7 @@ def vacuums_problem(vacuums: Sequence[float], arm: AnyArm, full_vacuum: float,
     return ''
 
 
-def angles_problem(angles: Sequence[float], arm: AnyArm, directions: Sequence[float] = ()) -> str:
+def angles_problem(angles: Sequence[float], arm: Arm, directions: Sequence[float] = ()) -> str:
     """
     Say what is wrong with bending angles (rad) for this arm; empty when nothing is.
 
@@ -159,7 +159,7 @@ def angles_problem(angles: Sequence[float], arm: AnyArm, directions: Sequence[fl
     return _angles_problem(angles, arm) or _directions_problem(angles, directions, arm)
 
 
-def _angles_problem(angles: Sequence[float], arm: AnyArm) -> str:
+def _angles_problem(angles: Sequence[float], arm: Arm) -> str:
     limits = arm.bending_angle_limits.tolist()
     if len(angles) != len(limits):
         return f'{len(angles)} bending angles given, the arm has {len(limits)} segments'
@@ -171,7 +171,7 @@ def _angles_problem(angles: Sequence[float], arm: AnyArm) -> str:
     return ''
 
 
-def _directions_problem(angles: Sequence[float], directions: Sequence[float], arm: AnyArm) -> str:
+def _directions_problem(angles: Sequence[float], directions: Sequence[float], arm: Arm) -> str:
     if len(directions) not in (0, len(angles)):
         return (f'{len(directions)} bending directions given, the arm has {len(angles)} segments; '
                 'give one for each, or none for 0 of all')

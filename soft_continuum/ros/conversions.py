@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyChain, State
+from soft_continuum.mechanics.either import Chain, State
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
 from soft_continuum.sensing.rigid import in_plane, planar_pose
@@ -203,7 +203,7 @@ def equilibrium_to_ros(state: State) -> KinematicsState:
         stiff=list(state.stiff), vacuum=list(state.vacuum or [1.0] * len(state.stiff)))
 
 
-def equilibrium_from_ros(message: KinematicsState, chain: AnyChain) -> Any:
+def equilibrium_from_ros(message: KinematicsState, chain: Chain) -> Any:
     """
     Return the state of the model in a message, None when it is that of no such arm.
 

@@ -12,8 +12,9 @@ import numpy as np
 from soft_continuum.estimation.discs import angle_deviations, lever
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, chain_of
+from soft_continuum.mechanics.either import chain_of
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
@@ -42,7 +43,7 @@ class Model:
     offset_deviations: Array
 
 
-def parameter_names(arm: AnyArm) -> tuple[str, ...]:
+def parameter_names(arm: Arm) -> tuple[str, ...]:
     """
     Return the names of what is estimated of an arm beside its shape, as they are published.
 
@@ -109,7 +110,7 @@ def _problem(name: str, value: float) -> str:
     return ''
 
 
-def model_from_ros(parameters: Sequence[EstimatedParameter], arm: AnyArm) -> Model:
+def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
     """
     Return the model that published parameters make of a described arm.
 

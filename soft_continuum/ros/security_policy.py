@@ -14,7 +14,7 @@ import re
 from xml.etree import ElementTree
 
 from soft_continuum.hardware.drivers import driver_topics
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.nodes import DESCRIBED
 from soft_continuum.parameters.overrides import full_name
 from soft_continuum.parameters.parameter import ParameterError, Value
@@ -123,7 +123,7 @@ def _of_driver(values: Mapping[str, Value], parameter: str) -> Iterator[Interfac
 
 def _numbered(rows: Iterable[Interface], values: Mapping[str, Value]) -> Iterator[Interface]:
     """Yield the rows with the names of segments, discs and nodes."""
-    segments = len(any_arm_from_parameters(dict(values)).segments)
+    segments = len(arm_from_parameters(dict(values)).segments)
     meant = {'segment_N': [f'segment_{n}' for n in range(1, segments + 1)],
              'disc_N': [f'disc_{n}' for n in range(segments + 1)], 'NODE': DESCRIBED}
     for row in rows:

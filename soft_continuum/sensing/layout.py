@@ -10,8 +10,8 @@ from typing import Any, Self, TYPE_CHECKING
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import full_poses
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.sensing.lens import Lens
@@ -101,7 +101,7 @@ class Layout(ABC):
         """Return the pages to print, without the board; raises ParameterError."""
 
 
-def of_arm(arm: AnyArm, values: Mapping[str, Any]) -> dict[str, Any]:
+def of_arm(arm: Arm, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what all layouts have of an arm and of parameters tags.*, by the names of Layout."""
     return {name: values[f'tags.{name}'] for name in (
         'disc_size', 'fixed_size', 'deviation', 'fixed_deviation')} | {
@@ -124,7 +124,7 @@ class TagLayout(Layout):
     depth_deviation: float
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], arm: AnyArm) -> Self:
+    def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
         """Return the layout of parameters tags.* for this arm; raises ParameterError."""
         positions: Sequence[float] = values['tags.fixed_positions']
         if len(positions) % 2 or len(positions) < 2 * MIN_FIXED:

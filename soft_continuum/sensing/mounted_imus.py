@@ -10,8 +10,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.rigid import moved_by, UNKNOWN
 from soft_continuum.sensing.tare import turn_of, Window
@@ -49,7 +49,7 @@ class MountedImus:
         self._windows = [Window[Array]() for _ in mounts]
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], arm: AnyArm) -> Self:
+    def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
         """Return those of parameters imu.*; raises ParameterError."""
         axes, discs, mounts = arm.pose_axes[3:], len(arm.discs), np.zeros((len(arm.discs), 3))
         name, needed = MOUNTED[axes.sum()]
@@ -59,10 +59,10 @@ class MountedImus:
             raise ParameterError(f'parameter imu.{name} has {len(given)} values; needed: '
                                  f'{needed.format(discs)}')
         mounts[:, axes] = np.reshape(given, (discs, -1)) if len(given) > 1 else given[0]
-        gravity = float(np.linalg.norm(arm.free_fall))
+        gravity = float(np.linalg.norm(arm.gravity))
         return cls(ImuSettings(gravity, *(values[f'imu.{name}'] for name in SETTINGS)),
                    arm.pose_axes, mounts,
-                   -arm.free_fall / gravity if gravity else np.array([0.0, 0.0, 1.0]))
+                   -np.array(arm.gravity) / gravity if gravity else np.array([0.0, 0.0, 1.0]))
 
     def measure(self, n: int, sample: ImuSample, accelerations: Array, rates: Array, now: float
                 ) -> tuple[Array, Array] | None:

@@ -10,8 +10,9 @@ from typing import Any, Self, TYPE_CHECKING
 import numpy as np
 import scipy
 
-from soft_continuum.mechanics.either import AnyArm, chain_of
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.either import chain_of
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.sensing.layout import CORNERS, FIRST_FIXED, Layout, of_arm, QUIET, TagLayout
@@ -73,7 +74,7 @@ class RingLayout(Layout):
     disc_radii: tuple[float, ...]
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], arm: AnyArm) -> Self:
+    def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
         """Return the layout of parameters tags.* for this arm; raises ParameterError."""
         numbers = values['tags.fixed_poses']
         if len(numbers) % 4 or len(numbers) < 4 * MIN_FIXED:
@@ -171,7 +172,7 @@ def layout_of(values: Mapping[str, Any]) -> Layout:
 
     Discs that stay in a plane show a tag to a camera before it; others need one on every side.
     """
-    arm = any_arm_from_parameters(values)
+    arm = arm_from_parameters(values)
     return (RingLayout if arm.pose_axes.all() else TagLayout).of(values, arm)
 
 

@@ -9,8 +9,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.sensing.rigid import angle_between, compose, IDENTITY, inverse, mean_pose
 from soft_continuum.sensing.tilt import SensorError, turn_between
 
@@ -36,7 +36,7 @@ MAX_TILT = 0.5
 T = TypeVar('T')
 
 
-def straight_heights(arm: AnyArm) -> tuple[float, ...]:
+def straight_heights(arm: Arm) -> tuple[float, ...]:
     """Return z of the bottom of each disc of the straight arm, m."""
     heights = np.array([disc.height for disc in arm.discs])
     lengths = np.array([segment.length for segment in arm.segments])

@@ -10,8 +10,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.rigid import compose, IDENTITY, inverse, moved_by, rotate
 from soft_continuum.sensing.tare import straight_heights
@@ -46,7 +46,7 @@ class Tracker:
     axes: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, values: Mapping[str, Any], arm: AnyArm) -> Self:
+    def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
         """Return the tracker of parameters frame_id and tracker.*; raises ParameterError."""
         given, discs = values['tracker.mounts'], len(arm.discs)
         if tuple(given) == (0.0,):

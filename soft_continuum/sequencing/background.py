@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from threading import Event
 from typing import Any, TypeVar
 
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 
 Result = TypeVar('Result')
@@ -21,7 +21,7 @@ class PlanningThread:
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='planner')
         self._abandoned = Event()
 
-    def start(self, work: Callable[[Any], Result], arm: AnyArm, offsets: Sequence[float],
+    def start(self, work: Callable[[Any], Result], arm: Arm, offsets: Sequence[float],
               settings: PlanSettings) -> 'Future[Result]':
         """
         Abandon the present plan and begin the next one.

@@ -17,8 +17,9 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors, within_limits
 from soft_continuum.mechanics.statics import HeldBending, SLACK_ALLOWANCE, StaticsError
 from soft_continuum.parameters.shapes import angles_problem
@@ -177,7 +178,7 @@ class Planner:
     statics: of the arm, Statics or SpatialStatics.
     """
 
-    def __init__(self, arm: AnyArm, settings: PlanSettings,
+    def __init__(self, arm: Arm, settings: PlanSettings,
                  abandoned: Callable[[], bool] = lambda: False,
                  offsets: Sequence[float] | None = None) -> None:
         """

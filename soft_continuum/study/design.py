@@ -32,10 +32,10 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import Obstacle, ObstacleError, Surroundings
 from soft_continuum.obstacles.files import load_obstacles
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_yaml
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import name_hint, Parameter, ParameterError, Value
@@ -64,9 +64,9 @@ class Design:
     obstacles: tuple[Obstacle, ...] = ()
 
     @cached_property
-    def arm(self) -> AnyArm:
+    def arm(self) -> Arm:
         """The arm."""
-        return any_arm_from_parameters(self.values)
+        return arm_from_parameters(self.values)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, statics_of
+from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.spatial.directions import hinged
 from soft_continuum.mechanics.spatial.inverse import set_shape
@@ -52,7 +53,7 @@ def shapes(design: Design, first: int, count: int, seed: int) -> list[dict[str, 
     return rows
 
 
-def drawn(arm: AnyArm, draw: np.random.Generator, jamming: bool) -> Array:
+def drawn(arm: Arm, draw: np.random.Generator, jamming: bool) -> Array:
     """Return random bending within the limits, of some of the segments, or of all at once."""
     count = len(arm.segments)
     limits = arm.bending_angle_limits

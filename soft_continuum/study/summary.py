@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.study.design import described, Design
 from soft_continuum.study.queries import FOUND, NONE
 from soft_continuum.study.sampling import FALLS, HELD
@@ -92,12 +92,12 @@ def _answered(asked: Any) -> tuple[float, float]:
     return float(found.sum()) / count, float(softenings.mean()) if found.any() else float('nan')
 
 
-def cell_size(arm: AnyArm) -> float:
+def cell_size(arm: Arm) -> float:
     """Return the side (m) of the cells in which tips are counted."""
     return float(arm.length) / CELLS
 
 
-def _sector(arm: AnyArm, pointing: Array) -> Any:
+def _sector(arm: Arm, pointing: Array) -> Any:
     turns = arm.pose_axes[3:].sum()
     return np.argmax(pointing @ (CORNERS if turns > 1 else AROUND).T, axis=1)
 

@@ -18,8 +18,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.mechanics.arm import PAPER
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm, PAPER
 from soft_continuum.twin.differences import Differences, TwinError
 
 Array = NDArray[np.float64]
@@ -40,7 +39,7 @@ class AnyPlant(ABC):
     Arrays have one entry for each tendon (m, N), joint (rad), or segment.
     """
 
-    def __init__(self, arm: AnyArm, differences: Differences, model: str, springs: Array,
+    def __init__(self, arm: Arm, differences: Differences, model: str, springs: Array,
                  jams: Array) -> None:
         """
         Build the arm with its differences; raises TwinError for what MuJoCo cannot be given.
@@ -233,7 +232,7 @@ class AnyPlant(ABC):
         return int(self._model.body(f'b{number * self._per_segment - 1}').id)
 
 
-def joint_stiffness(arm: AnyArm, stiffnesses: Array) -> Array:
+def joint_stiffness(arm: Arm, stiffnesses: Array) -> Array:
     """
     Return the stiffness of every joint of segments about its axes, (joints, axes), N m/rad.
 
@@ -254,7 +253,7 @@ def _spring_lengths(length: float, bodies: int, discretisation: str) -> Array:
     return lengths
 
 
-def stiffness_factors(arm: AnyArm, differences: Differences) -> Array:
+def stiffness_factors(arm: Arm, differences: Differences) -> Array:
     """
     Return the factor of each segment, (segments,).
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import full_poses
-from soft_continuum.mechanics.either import AnyArm
 from soft_continuum.twin import mjcf
 from soft_continuum.twin.any_plant import (
     AnyPlant,
@@ -26,9 +25,9 @@ __all__ = ('Plant', 'plant_of', 'TIME_STEP')
 ARMATURE = 1e-3  # kg m^2 of each hinge: with less, taut tendons chatter at this time step
 
 
-def plant_of(arm: AnyArm, differences: Differences) -> AnyPlant:
+def plant_of(arm: Arm, differences: Differences) -> AnyPlant:
     """Return the plant of an arm, planar or spatial; raises TwinError."""
-    if isinstance(arm, Arm):
+    if arm.planar:
         return Plant(arm, differences)
     return SpatialPlant(arm, differences)
 
@@ -41,7 +40,7 @@ class Plant(AnyPlant):
     def __init__(self, arm: Arm, differences: Differences) -> None:
         """Build it as AnyPlant."""
         factors = stiffness_factors(arm, differences)
-        stiffnesses = np.array([s.bending_stiffness for s in arm.segments]) * factors
+        stiffnesses = np.array([s.stiffness_y for s in arm.segments]) * factors
         springs = joint_stiffness(arm, stiffnesses[:, None])
         super().__init__(arm, differences,
                          _model(arm, differences.mass_factor, differences.obstacles),
@@ -76,9 +75,9 @@ class Plant(AnyPlant):
         return full_poses(self.points)
 
     def _load(self) -> None:
-        for force in self.arm.forces:
-            if force.disc > 0:  # the base does not move
-                self._data.xfrc_applied[self._disc(force.disc), :3] = force.x, 0.0, force.z
+        for wrench in self.arm.wrenches:
+            if wrench.disc > 0:  # the base does not move
+                self._data.xfrc_applied[self._disc(wrench.disc), :3] = wrench.force
 
     def _angles(self) -> Array:
         angles: Array = self._data.qpos[:, None]
@@ -102,7 +101,8 @@ def _model(arm: Arm, mass_factor: float, obstacles: Sequence[Obstacle]) -> str:
     """Return the arm as MJCF, in base_link: z along the straight arm, bending about y."""
     half_width = max(segment.outer_diameter for segment in arm.segments)
     hinge = f'<joint type="hinge" axis="0 1 0" stiffness="1" armature="{ARMATURE!r}"/>'
-    lines = [_sites('base', arm.segments[0].guide_offsets[0], arm.discs[0].height)]
+    pulled = arm.tendons[0]
+    lines = [_sites('base', pulled.offset_at(0, 0.0), arm.discs[0].height)]
     guides = ['base']
     below, joint = arm.discs[0].height, 0
     for k, segment in enumerate(arm.segments):
@@ -115,19 +115,18 @@ def _model(arm: Arm, mass_factor: float, obstacles: Sequence[Obstacle]) -> str:
                 lines.append(f'<geom type="box" size="{half!r} {half!r} {length / 2.0!r}" '
                              f'pos="0 0 {length / 2.0!r}" {mjcf.ARM} {mjcf.CONTACT}/>')
             below, joint = length, joint + 1
-        lines.append(_sites(f'top{k}', segment.guide_offsets[1], 0.0))
+        lines.append(_sites(f'top{k}', pulled.offset_at(k, 1.0), 0.0))
         guides.append(f'top{k}')
         if k + 1 < len(arm.segments):
-            lines.append(_sites(f'end{k}', arm.segments[k + 1].guide_offsets[0], disc.height))
+            lines.append(_sites(f'end{k}', pulled.offset_at(k + 1, 0.0), disc.height))
             guides.append(f'end{k}')
     lines.append(mjcf.payload(below, arm.payload))
     tendons = [mjcf.tendon([f'{guide}_{name}' for guide in guides], 10.0 * arm.length)
                for name in arm.tendon_names]
     spans = [mjcf.tendon([f'{lower}_{name}', f'{upper}_{name}']) for name in arm.tendon_names
              for lower, upper in zip(guides[::2], guides[1::2], strict=True)]
-    gravity = (arm.gravity * sin(arm.mounting_angle), 0.0, -arm.gravity * cos(arm.mounting_angle))
     return mjcf.document(
-        gravity, TIME_STEP,
+        [float(part) for part in arm.gravity], TIME_STEP,
         mjcf.cylinders(obstacles, half_width) + ''.join(lines) + '</body>' * joint,
         ''.join(tendons + spans))
 

@@ -14,7 +14,7 @@ from soft_continuum.emulators.modbus_rig import ModbusEmulator
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant
-from soft_continuum.mechanics.either import AnyArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.parameter import Value
 from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import plant_of, TIME_STEP
@@ -33,7 +33,7 @@ class TwinRig:
     the computer was too slow.
     """
 
-    def __init__(self, arm: AnyArm, differences: Differences, tendon_link: str | Path = '',
+    def __init__(self, arm: Arm, differences: Differences, tendon_link: str | Path = '',
                  modbus_link: str | Path = '', clock: Clock = STEADY, *,
                  tendon_driver: str = 'grbl', jams: bool = True,
                  regulators: bool = False) -> None:

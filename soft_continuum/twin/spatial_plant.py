@@ -17,7 +17,7 @@ from math import cos, inf, pi, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.mechanics.spatial.arm import SpatialArm
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.twin import mjcf
 from soft_continuum.twin.any_plant import (
     AnyPlant,
@@ -42,9 +42,9 @@ AXES = 'xyz'
 class SpatialPlant(AnyPlant):
     """The plant of a spatial arm; joints are rotation vectors about x, y, z of the body below."""
 
-    arm: SpatialArm
+    arm: Arm
 
-    def __init__(self, arm: SpatialArm, differences: Differences) -> None:
+    def __init__(self, arm: Arm, differences: Differences) -> None:
         """Build it as AnyPlant."""
         factors = stiffness_factors(arm, differences)[:, None]
         if any(segment.friction for segment in arm.segments):
@@ -61,7 +61,7 @@ class SpatialPlant(AnyPlant):
             0.0, differences.angle_error, len(arm.tendons)).tolist())
         super().__init__(arm, differences, _model(
             arm, self._guides, springs, differences), springs, finite)
-        self._compliance += [tendon.compliance for tendon in arm.tendons]
+        self._compliance += arm.compliance
         spans = [(t, high.body) for t, guides in enumerate(self._guides)
                  for low, high in zip(guides, guides[1:], strict=False) if high.ends_span]
         self._span_tendons, self._span_bodies = np.array(spans, dtype=np.intp).reshape(-1, 2).T
@@ -150,7 +150,7 @@ class Guide:
     ends_span: bool
 
 
-def _guides(arm: SpatialArm, turns: list[float]) -> list[list[Guide]]:
+def _guides(arm: Arm, turns: list[float]) -> list[list[Guide]]:
     """Return the guides of each tendon, base first; turns: rad, of all of a tendon."""
     found: list[list[Guide]] = []
     n, spans = arm.bodies_per_segment, arm.spacers + 1
@@ -171,7 +171,7 @@ def _guides(arm: SpatialArm, turns: list[float]) -> list[list[Guide]]:
     return found
 
 
-def _model(arm: SpatialArm, guides: list[list[Guide]], springs: Array,
+def _model(arm: Arm, guides: list[list[Guide]], springs: Array,
            differences: Differences) -> str:
     """Return the arm as MJCF, in base_link: z along the straight arm; springs: as of AnyPlant."""
     sites: dict[int, str] = {}

@@ -11,10 +11,10 @@ import pytest
 from soft_continuum.analysis.convergence import converge
 from soft_continuum.cli import converge as cli_converge
 from soft_continuum.mechanics.arm import SECOND_ORDER
-from soft_continuum.mechanics.spatial import spatial
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from support import specimen_data as data
+from support.spatial_arms import in_space
 from support.two_rods import ARM
 
 PAPER = arm_from_parameters(load_description()).without_gravity()
@@ -54,7 +54,7 @@ def test_an_analysis_that_ends_too_early_has_no_result():
 
 def test_a_planar_arm_converges_in_space_as_it_does_in_the_plane():
     angles = np.radians([36.0, 20.0, 36.0])
-    one, other = (converge(arm, angles, 1e-3, 5) for arm in (PAPER, spatial(PAPER)))
+    one, other = (converge(arm, angles, 1e-3, 5) for arm in (PAPER, in_space(PAPER)))
     assert other.bodies.tolist() == one.bodies.tolist() == [2, 3, 4, 5]
     assert other.angles == pytest.approx(one.angles, rel=1e-6)
     assert other.error == pytest.approx(one.error, rel=1e-4)

@@ -11,7 +11,7 @@ import pytest
 
 from soft_continuum.analysis.figures import draw_arm, shapes_figure
 from soft_continuum.mechanics import RigidChain
-from soft_continuum.mechanics.spatial import spatial, SpatialChain
+from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 
@@ -76,7 +76,7 @@ def test_a_straight_arm_stands_from_the_origin_to_its_length():
 
 
 def test_a_picture_of_shapes_in_space_is_a_readable_png(tmp_path):
-    chain = SpatialChain(spatial(CHAIN.arm))
+    chain = SpatialChain(CHAIN.arm)
     bending = [[0.0, 0.4], [0.3, 0.3], [-0.5, 0.1]]
     path = tmp_path / 'in_space.png'
     shapes_figure(path, {'bow': (chain.uniform(bending), np.array(bending))})

@@ -18,14 +18,14 @@ from soft_continuum.analysis.unknowns import (
     with_values,
 )
 from soft_continuum.mechanics import SLACK
-from soft_continuum.mechanics.arm import SECOND_ORDER
+from soft_continuum.mechanics.arm import mounted, SECOND_ORDER
 from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from support import specimen_data as data
 
 STIFFNESS = ['stiffness_1', 'stiffness_2', 'stiffness_3']
-TRUE_STIFFNESS = np.array([s.bending_stiffness for s in data.TRUE.segments])
+TRUE_STIFFNESS = np.array([s.stiffness_y for s in data.TRUE.segments])
 DESCRIBED = spread_out(data.DESCRIPTION)
 
 
@@ -44,7 +44,7 @@ def with_jams(described=DESCRIBED, ratio=12.0, **more):
 
 def true_with(described):
     """Return the true arm, in what the description has besides its stiffness and bodies."""
-    return any_arm_from_parameters({
+    return arm_from_parameters({
         **stiff_as(TRUE_STIFFNESS, described), 'arm.discretisation': SECOND_ORDER,
         'arm.bodies_per_segment': data.TRUE.bodies_per_segment})
 
@@ -60,11 +60,11 @@ def follow(arm, shape):
 def test_deviations_are_those_of_the_linearised_statics():
     described = {**DESCRIBED, 'arm.mounting_angle': 0.5}
     steps = (Step(0, (SLACK, SLACK)),)
-    arm = any_arm_from_parameters({**described, 'arm.discretisation': SECOND_ORDER})
+    arm = arm_from_parameters({**described, 'arm.discretisation': SECOND_ORDER})
     tip = simulate_steps(statics_of(arm), steps)[-1].poses[-1:, :3]
     found = fit(['stiffness_1'], [MeasuredShape('bow', steps, (7,), tip + [1e-4, np.nan, -1e-4])],
                 described)
-    statics = statics_of(any_arm_from_parameters(found.arm))
+    statics = statics_of(arm_from_parameters(found.arm))
     slope = Linearisation(
         statics, simulate_steps(statics, steps)[-1]).bending_stiffness().tip[:2, 0]
     assert found.deviations[0] == pytest.approx(found.noise / np.linalg.norm(slope), rel=1e-3)
@@ -103,7 +103,7 @@ def test_masses_come_out_beside_stiffness_where_a_known_payload_hangs():
 
 
 def test_tilt_of_the_base_and_guide_offsets_come_out():
-    tilted = replace(data.TRUE, mounting_angle=0.02)
+    tilted = replace(data.TRUE, gravity=mounted(0.02))
     shapes = [data.measure(tilted, s, 0.3e-3, k)
               for k, s in enumerate(specimen.identification_shapes())]
     found = fit([*STIFFNESS, 'offset_2', 'tilt'], shapes)

@@ -18,7 +18,7 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.twin.differences import read_differences
@@ -30,7 +30,7 @@ NOISE = 3e-4  # m of each coordinate of a point
 DESCRIBED = spread_out({
     **load_description(description_file()), 'arm.discretisation': SECOND_ORDER,
     'arm.mounting_angle': pi, 'arm.bodies_per_segment': 4, 'arm.stiffness_ratios': (RATIO,)})
-ARM = any_arm_from_parameters(DESCRIBED)
+ARM = arm_from_parameters(DESCRIBED)
 SLACK = (-0.03, -0.03)
 STEPS = (Step(0, (0.010, -0.020)), Step(1, (-0.025, 0.012)), Step(0, SLACK),
          Step(2, (0.012, -0.035)), Step(1, SLACK), Step(2, SLACK))
@@ -68,7 +68,7 @@ def fitted(recording):
               for k, points in enumerate(recording)]
     found = identify(
         DESCRIBED, find_unknowns([f'stiffness_{n}' for n in (1, 2, 3)], DESCRIBED), shapes)
-    described = np.array([s.bending_stiffness for s in ARM.segments])
+    described = np.array([s.stiffness_y for s in ARM.segments])
     return found.values / described, found.deviations / described
 
 

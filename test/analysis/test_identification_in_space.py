@@ -18,8 +18,8 @@ from soft_continuum.cli.identify import main as identify_main
 from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.new_arm.description import complete, describe
-from soft_continuum.parameters.arm import any_arm_from_parameters
-from soft_continuum.parameters.files import load_any_arm, load_description, write_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_arm, load_description, write_parameters
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
 
 DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
@@ -46,7 +46,7 @@ def given(tmp_path, points=POINTS, pulls=PULLS, **changes):
     paths = tmp_path / 'points.csv', tmp_path / 'pulls.csv'
     for path, text in zip(paths, (points, pulls), strict=True):
         path.write_text(text, encoding='utf-8')
-    return read_shapes(*paths, any_arm_from_parameters(described(JAMMING)), **changes)
+    return read_shapes(*paths, arm_from_parameters(described(JAMMING)), **changes)
 
 
 def test_shapes_in_space_have_a_y_and_their_tendons_by_name(tmp_path):
@@ -81,7 +81,7 @@ def test_what_is_not_measured_of_this_arm_is_named(tmp_path, changes, words):
 
 def measured(values, noise):
     """Return shapes of an arm, each released at the end, measured with noise (m)."""
-    rng, statics = np.random.default_rng(4), SpatialStatics(any_arm_from_parameters(values))
+    rng, statics = np.random.default_rng(4), SpatialStatics(arm_from_parameters(values))
     shapes = []
     for k, pulls in enumerate([(0.012, SLACK, SLACK), (SLACK, 0.012, SLACK),
                                (SLACK, 0.008, 0.008)]):
@@ -109,7 +109,7 @@ def test_stiffness_is_found_within_what_is_said_of_it(truth):
     assert np.abs(found.values - [0.025, 0.008]).max() < 4.0 * found.deviations.max()
     assert np.all(found.deviations < 0.03 * found.values)
     assert found.noise == pytest.approx(3e-4, rel=0.4)
-    arm = any_arm_from_parameters(found.arm)
+    arm = arm_from_parameters(found.arm)
     assert [s.stiffness_x for s in arm.segments] == pytest.approx(found.values)
 
 
@@ -148,7 +148,7 @@ def test_identify_writes_a_layer_with_which_validate_is_right(tmp_path, capsys, 
     assert '2 shapes, 24 measured coordinates' in capsys.readouterr().out
     layer = tmp_path / 'identify.yaml'
     assert load_description(files[2], layer)['arm.discretisation'] == 'second_order'
-    assert [s.stiffness_y for s in load_any_arm(files[2], layer).segments] == pytest.approx(
+    assert [s.stiffness_y for s in load_arm(files[2], layer).segments] == pytest.approx(
         [0.025, 0.008], rel=0.02)
     assert validate.main([*words, '--corrected', str(layer)]) == 0
     assert 'chain, gravity, corrected' in capsys.readouterr().out

@@ -12,8 +12,9 @@ import pytest
 
 from soft_continuum.analysis.workspace import furthest_apart, Reach, reach
 from soft_continuum.cli import workspace
+from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.either import statics_of
-from soft_continuum.mechanics.spatial import set_shape, SpatialStatics, SpatialTendon
+from soft_continuum.mechanics.spatial import set_shape, SpatialStatics
 from soft_continuum.new_arm.description import complete, describe
 from soft_continuum.parameters.files import parameters_text
 from support import specimen_data as data
@@ -80,7 +81,7 @@ def test_an_arm_in_space_fills_a_volume_and_one_in_a_plane_does_not(sets):
 def test_a_segment_is_set_towards_a_tendon_whose_angle_is_rounded():
     # As descriptions have it: then the next tendon would carry less than nothing.
     statics = SpatialStatics(replace(ARM, tendons=tuple(
-        SpatialTendon(f't{i}', 2.094395 * i, 0.01, 2) for i in range(3))))
+        Tendon(f't{i}', 2.094395 * i, 0.01, 2) for i in range(3))))
     towards = 1.2 * np.array([-np.sin(2 * np.pi / 3), np.cos(2 * np.pi / 3)])
     state = set_shape(statics, [towards, towards])
     assert state.bending == pytest.approx(np.array([towards, towards]), abs=1e-5)

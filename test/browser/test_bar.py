@@ -25,7 +25,7 @@ from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.observed import KINEMATICS_STATE
 from soft_continuum.client.state import Pose, Progress
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.arm import any_arm_from_parameters, arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
@@ -168,7 +168,7 @@ def test_no_message_of_a_node_breaks_the_readings(
 
 def test_bendings_in_space_have_a_direction_and_nine_tendons_a_short_table() -> None:
     values = load_description(description_file().with_name('tendon_arm.yaml'))
-    described = Description(any_arm_from_parameters(values), values['arm.jamming'])
+    described = Description(arm_from_parameters(values), values['arm.jamming'])
     names = described.arm.tendon_names
     top = Pose((0.0123, -0.0456, 0.2), (0.0, 0.0, 0.0, 1.0))
     state = replace(

@@ -13,7 +13,6 @@ from soft_continuum.cli.learn import learn as what_is_learned
 from soft_continuum.client.estimate import LearnedParameter
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import (
-    load_any_arm,
     load_arm,
     write_parameters,
 )
@@ -53,8 +52,8 @@ def test_what_is_determined_becomes_a_description_that_nodes_read(
         learned('offset_left_tendon', -0.0012, 1e-4)])
     assert (status, errors) == (0, '')
     arm = load_arm(description_file(), tmp_path / FILE)
-    before = [s.bending_stiffness for s in ARM.segments]
-    assert [s.bending_stiffness for s in arm.segments] == pytest.approx(
+    before = [s.stiffness_y for s in ARM.segments]
+    assert [s.stiffness_y for s in arm.segments] == pytest.approx(
         [1.25 * before[0], *before[1:]])
     assert [s.jam.ratio for s in arm.segments] == pytest.approx(
         [*(s.jam.ratio for s in ARM.segments[:2]), 40.0])
@@ -113,13 +112,13 @@ def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> No
     files = description_file().with_name('spatial_jamming.yaml'), tmp_path / 'leaf_springs.yaml'
     write_parameters(files[1], {'arm.lateral_bending_stiffnesses': (0.05, 0.0, 0.01),
                                 'arm.torsional_stiffnesses': (0.02, 0.0, 0.003)}, [])
-    arm = load_any_arm(*files)
+    arm = load_arm(*files)
     estimated = dict.fromkeys(parameter_names(arm), 1e-3) | {
         'stiffness_factor_1': 1.25, 'stiffness_factor_2': 0.9, 'stiffness_factor_3': 1.1,
         'stiff_ratio_1': 20.0, 'stiff_ratio_2': 30.0, 'stiff_ratio_3': 40.0, 'payload': 0.02}
     parameters = [learned(name, value, 1e-4) for name, value in estimated.items()]
     written(arm, parameters, tmp_path / FILE)
-    loaded = load_any_arm(*files, tmp_path / FILE)
+    loaded = load_arm(*files, tmp_path / FILE)
     model = model_from_ros(parameters, arm).chain.arm
     assert loaded.payload == pytest.approx(model.payload)
     for one, other, described in zip(loaded.segments, model.segments, arm.segments, strict=True):

@@ -20,7 +20,7 @@ from soft_continuum.client import Arm, ClientError
 from soft_continuum.client.measured import mean_of
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm, load_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_from_ros, tracked_pose_to_ros
 from soft_continuum.sensing.rigid import in_plane, planar_pose
 from soft_continuum.sequencing.progress import Phase, Progress
@@ -246,7 +246,7 @@ def test_shapes_in_space_are_read_by_identify_as_they_were(
     Tracker(rig, in_space=True).spoil = lambda message: None
     status, _, error = call('measure', 'c_form', '--output', str(tmp_path), '--duration', '0.5')
     assert status == 0, error
-    arm = load_any_arm(TENDON_ARM)
+    arm = load_arm(TENDON_ARM)
     shape, = read_shapes(
         tmp_path / 'points.csv', tmp_path / 'pulls.csv', arm, jamming=False)
     poses = poses_from_ros(rig.disc_poses.last)

@@ -18,7 +18,7 @@ from soft_continuum.client.own_file import (
 )
 from soft_continuum.client.own_shapes import OwnShapesError, Saved, steps_from_text
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum_interfaces.msg import Shape
 
 LIBRARY = ('c_form', 's_form')
@@ -125,7 +125,7 @@ def test_of_two_programs_that_save_at_once_neither_loses_what_the_other_saves() 
 
 
 def test_only_what_fits_an_arm_is_offered_to_it() -> None:
-    planar, spatial = (load_any_arm(description_file().with_name(name))
+    planar, spatial = (load_arm(description_file().with_name(name))
                        for name in ('manipulator.yaml', 'tendon_arm.yaml'))
     save_shape('plane', (0.1, -0.2, 0.3))
     save_shape('space', ((0.1, 1.0), (0.2, 2.0), (0.3, 0.0)))

@@ -12,7 +12,7 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
-from soft_continuum.mechanics import Arm, Jam, PointForce, Statics
+from soft_continuum.mechanics import Arm, Jam, Statics, Wrench
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
@@ -35,7 +35,7 @@ class Rig:
     def __init__(self) -> None:
         described = load_arm(description_file())
         self.arm: Arm = replace(described, segments=tuple(
-            replace(s, bending_stiffness=factor * s.bending_stiffness, jam=Jam(ratio=50.0))
+            replace(s, stiffness_y=factor * s.stiffness_y, jam=Jam(ratio=50.0))
             for s, factor in zip(described.segments, (0.9, 1.05, 1.1), strict=True)))
         self.state = Statics(self.arm).chain.straight()
         self.shape = ArmShape(described, 5e-4)
@@ -156,7 +156,7 @@ def test_a_bent_segment_that_loses_its_vacuum_is_named(rig):
 
 def test_a_force_on_the_arm_is_a_load(rig):
     rig.bend()
-    rig.arm = replace(rig.arm, forces=(PointForce(3, 0.4, 0.0),))
+    rig.arm = replace(rig.arm, wrenches=(Wrench(3, (0.4, 0.0, 0.0)),))
     rig.run(2.4)
     assert rig.causes == [Cause.LOAD]
 
@@ -164,7 +164,7 @@ def test_a_force_on_the_arm_is_a_load(rig):
 def test_a_load_that_takes_a_tendon_its_tension_is_a_load(rig):
     rig.bend(0.5, segment=2)
     carries = int(np.argmax(rig.state.tensions))
-    rig.arm = replace(rig.arm, forces=(PointForce(3, (1.0, -1.0)[carries], 0.0),))
+    rig.arm = replace(rig.arm, wrenches=(Wrench(3, ((1.0, -1.0)[carries], 0.0, 0.0)),))
     rig.run(2.4)
     assert not rig.state.taut[carries]
     assert rig.causes == [Cause.LOAD]

@@ -12,6 +12,7 @@ from scipy.special import chdtri
 from soft_continuum.estimation.discs import MODEL_ERROR
 from soft_continuum.estimation.estimator import FORGOTTEN, HISTORY, OWN_SHARE, PERSISTENT
 from soft_continuum.estimation.settings import Drift, Prior
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 from support.planar import IN_PLANE
@@ -27,7 +28,7 @@ from support.true_arm import (
     TrueArm,
 )
 
-HANGING = replace(ARM, mounting_angle=pi)
+HANGING = replace(ARM, gravity=mounted(pi))
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 ANGLE_ONLY = np.diag([1e6, 1e6, 1e-4])
 
@@ -216,7 +217,7 @@ def test_a_late_measurement_corrects_the_present_shape():
 
 def test_a_segment_is_not_estimated_to_be_stiffer_than_its_law_says_of_it_when_it_is_stiff():
     arm = replace(ARM, segments=tuple(replace(s, jam=Jam(law=MomentCurvature(
-        (0.0, 1.0, 10.0), (0.0, 20.0 * s.bending_stiffness, 29.9 * s.bending_stiffness))))
+        (0.0, 1.0, 10.0), (0.0, 20.0 * s.stiffness_y, 29.9 * s.stiffness_y))))
         for s in ARM.segments))
     session = Session(TrueArm(factors=(1.6,) * 3), arm=arm)
     session.switch(only(2))

@@ -18,11 +18,11 @@ from soft_continuum.estimation.shape import (
     UnknownShapeError,
 )
 from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
-from soft_continuum.mechanics.spatial import spatial
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.sensing.rigid import in_plane
+from support.flat_arm import made_of
+from support.spatial_arms import in_space
 from support.true_arm import ARM, COVARIANCE, only, STIFF, TrueArm
 
 TOLERANCE = 1e-3  # m
@@ -54,11 +54,11 @@ def lost(settings=DEFAULT):
 # Without measurements.
 
 
-@pytest.mark.parametrize('in_space', [False, True])
+@pytest.mark.parametrize('spatial', [False, True])
 def test_a_stiff_arm_whose_tendons_stretch_keeps_its_shape_while_they_are_pulled_as_they_were(
-        in_space):
-    flat = replace(ARM, tendon=Tendon(1e3))
-    shape = ArmShape(spatial(flat) if in_space else flat, TOLERANCE)
+        spatial):
+    flat = ARM.with_tendons(**made_of(1e3))
+    shape = ArmShape(in_space(flat) if spatial else flat, TOLERANCE)
     shape.follow(commands(0.0, (0.0, 0.0), STIFF))
     pulls = np.array([0.02, -0.03])
     shape.follow(commands(1.0, pulls, only(0)))

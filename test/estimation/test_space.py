@@ -17,15 +17,17 @@ from soft_continuum.estimation.measuring import DiscMeasurement, predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
-from soft_continuum.mechanics.spatial import spatial, SpatialStatics, Wrench
+from soft_continuum.mechanics.arm import Wrench
+from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import displacement
+from support.spatial_arms import in_space
 from support.spatial_truth import ARM, COVARIANCE, DEVIATIONS, PRIOR, SpatialSession, SpatialTruth
 from support.true_arm import ARM as PLANAR
 from support.true_arm import only, Session, STIFF, TrueArm
 
-TENDON_ARM = load_any_arm(description_file().with_name('tendon_arm.yaml'))
+TENDON_ARM = load_arm(description_file().with_name('tendon_arm.yaml'))
 UNSEEN = 1e6  # m^2 or rad^2
 NEAR = {'factors': (1.2, 0.9, 0.8), 'ratio': 20.0, 'offsets': (4e-4, -3e-4, 2e-4),
         'payload': 0.02}
@@ -121,7 +123,7 @@ def test_an_arm_turned_about_its_axis_has_the_turned_estimate(learned):
 
 
 def test_a_planar_arm_has_the_planar_estimate():
-    arm = spatial(PLANAR)
+    arm = in_space(PLANAR)
     plane = Session(TrueArm((1.2, 0.9, 0.8), 20.0, (3e-4, -5e-4)), own=0.0)
     space = Estimator(arm, SpatialStatics(arm).chain.straight(), PRIOR, Drift())
     for now_soft, pulls in ((STIFF, (0.0, 0.0)), (only(2), (0.003, -0.006)),

@@ -14,11 +14,12 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, Layout
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD, UNTOLD_TIME
 from soft_continuum_interfaces.msg import TendonActuationState
 from support.true_arm import ARM, only, Session, STIFF, TrueArm
 
-HANGING = replace(ARM, mounting_angle=pi)
+HANGING = replace(ARM, gravity=mounted(pi))
 KNOWN = Prior(ratio=0.05, offset=1e-5, payload=1e-3, straight=1e-3)  # all but the stiffness
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 FACTORS = (0.8, 1.0, 1.0)

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 from soft_continuum.mechanics.either import fully_actuated
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm, load_arm
+from soft_continuum.parameters.files import load_arm
+from support.flat_arm import of_segments
 from support.spatial_arms import three_segments
 
 PAPER = load_arm(description_file())
-TENDON_ARM = load_any_arm(description_file().with_name('tendon_arm.yaml'))
+TENDON_ARM = load_arm(description_file().with_name('tendon_arm.yaml'))
 
 
 def to_the_tip(count):
@@ -29,7 +30,7 @@ def test_two_tendons_along_three_segments_bend_them_together():
 
 
 def test_two_tendons_bend_one_planar_segment():
-    assert fully_actuated(replace(PAPER, segments=PAPER.segments[:1], discs=PAPER.discs[:2]))
+    assert fully_actuated(of_segments(PAPER, [0]))
 
 
 def test_three_tendons_for_each_segment_bend_each():

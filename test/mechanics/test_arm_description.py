@@ -8,17 +8,18 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import ArmError, Disc, PointForce, RigidChain, Segment
+from soft_continuum.mechanics import ArmError, Disc, RigidChain, Segment, Tendon, Wrench
 from support import paper_arm as paper
 
-GOOD = {'length': 0.07, 'bending_stiffness': 0.0265, 'guide_offsets': (0.025, 0.025),
-        'mass': 0.069, 'bending_angle_limit': 1.5, 'outer_diameter': 0.05}
+GOOD = {'length': 0.07, 'stiffness_x': 0.03, 'stiffness_y': 0.0265, 'mass': 0.069,
+        'bending_angle_limit': 1.5, 'outer_diameter': 0.05}
+TENDON = {'name': 'right', 'angle': 0.0, 'offset': (0.025, 0.02), 'end': 1}
 
 
 @pytest.mark.parametrize(('field', 'value'), [
     (field, value) for field in GOOD for value in (nan, inf, -inf, -0.01)
-    if field != 'guide_offsets'
-] + [('length', 0.0), ('bending_stiffness', 0.0), ('bending_angle_limit', 0.0),
+    if (field.startswith('stiffness'), value) != (True, inf)
+] + [('length', 0.0), ('stiffness_x', 0.0), ('stiffness_y', 0.0), ('bending_angle_limit', 0.0),
      ('outer_diameter', 0.0)])
 def test_a_segment_with_an_impossible_number_is_refused(field, value):
     with pytest.raises(ArmError, match='allowed'):
@@ -26,16 +27,16 @@ def test_a_segment_with_an_impossible_number_is_refused(field, value):
 
 
 @pytest.mark.parametrize('offsets', [
-    (nan, 0.02), (0.02, nan), (0.0, 0.02), (-0.02, 0.02), (0.02, inf)])
+    (nan, 0.02), (0.02, nan), (1e-5, 0.02), (-0.02, 0.02), (0.02, inf)])
 def test_an_impossible_guide_offset_is_refused(offsets):
     with pytest.raises(ArmError, match='allowed'):
-        Segment(**{**GOOD, 'guide_offsets': offsets})
+        Tendon(**{**TENDON, 'offset': offsets})
 
 
-@pytest.mark.parametrize('offsets', [0.02, (), (0.02,), (0.02, 0.02, 0.02)])
+@pytest.mark.parametrize('offsets', [(), (0.02, 0.02, 0.02)])
 def test_a_segment_has_a_guide_at_each_of_its_two_ends(offsets):
-    with pytest.raises(ArmError):
-        Segment(**{**GOOD, 'guide_offsets': offsets})
+    with pytest.raises(ArmError, match='needed: one, or 2'):
+        Tendon(**{**TENDON, 'offset': offsets})
 
 
 @pytest.mark.parametrize(('height', 'mass'), [
@@ -74,16 +75,22 @@ def test_an_arm_without_segments_or_with_missing_discs_is_refused():
 @pytest.mark.parametrize('segment', [0, 1, 2])
 @pytest.mark.parametrize(('field', 'factor'), [
     ('length', 1e3), ('length', 1e-3), ('outer_diameter', 1e3), ('outer_diameter', 1e-3),
-    ('guide_offsets', 1e3), ('guide_offsets', 1e-3), ('mass', 1e3), ('bending_stiffness', 1e6),
+    ('mass', 1e3), ('stiffness_y', 1e6),
     ('bending_angle_limit', 57.3)])
 def test_a_segment_in_the_wrong_unit_is_refused(segment, field, factor):
     arm = paper.build()
-    value = getattr(arm.segments[segment], field)
-    wrong = tuple(v * factor for v in value) if field == 'guide_offsets' else value * factor
+    wrong = factor * getattr(arm.segments[segment], field)
     with pytest.raises(ArmError):
         replace(arm, segments=tuple(
             replace(s, **{field: wrong}) if i == segment else s
             for i, s in enumerate(arm.segments)))
+
+
+@pytest.mark.parametrize('factor', [1e3, 1e-3])
+def test_guides_in_the_wrong_unit_are_refused(factor):
+    arm = paper.build()
+    with pytest.raises(ArmError):
+        arm.with_tendons(offset=tuple(factor * offset for offset in arm.tendons[0].offset))
 
 
 @pytest.mark.parametrize(('field', 'factor'), [('height', 1e3), ('height', 1e-3), ('mass', 1e3)])
@@ -150,16 +157,10 @@ def test_a_whole_number_of_numpy_is_a_whole_number_of_bodies():
     assert paper.build().with_bodies(np.int64(5)).bodies_per_segment == 5
 
 
-@pytest.mark.parametrize('segment', [-1, 3, 0.5])
-def test_the_stiffness_of_a_segment_that_is_not_there_is_refused(segment):
-    with pytest.raises(ArmError, match='0 to 2'):
-        paper.build().with_bending_stiffness(segment, 0.01)
-
-
 @pytest.mark.parametrize('disc', [-1, 4, 1.5])
 def test_a_force_on_a_disc_that_is_not_there_is_refused(disc):
     with pytest.raises(ArmError, match='0 to 3'):
-        replace(paper.build(), forces=(PointForce(disc, 0.0, 1.0),))
+        replace(paper.build(), wrenches=(Wrench(disc, (0.0, 0.0, 1.0)),))
 
 
 @pytest.mark.parametrize('field', ['jam', 'soft_law'])

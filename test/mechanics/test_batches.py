@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
-from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.batch import solve_batch, solve_path
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from support.flat_arm import guides_of, made_of
 from support.general_arms import arms, between, FEW, masks, paper_like
 
 
@@ -42,7 +43,7 @@ def test_one_arm_under_many_pulls(arm, data):
     statics = Statics(arm)
     soft = data.draw(masks(arm))
     start = statics.chain.straight()
-    reach = sum(min(s.guide_offsets) for s, free in zip(arm.segments, soft, strict=True) if free)
+    reach = sum(min(pair) for pair, free in zip(guides_of(arm), soft, strict=True) if free)
     right = [data.draw(between(-0.3, 0.6)) * reach for _ in range(6)]
     left = [data.draw(st.sampled_from([SLACK, -1.2 * abs(p) - 1e-3])) for p in right]
     asked = np.array([right, left]).T
@@ -58,8 +59,8 @@ def test_one_arm_under_many_pulls(arm, data):
 def test_many_arms_under_their_own_pulls(kinds, jam):
     base = paper_like(2, jam, gravity=9.80665)
     models = [Statics(replace(
-        base, mounting_angle=mounting, payload=0.01 * stiffness, segments=tuple(
-            replace(s, bending_stiffness=stiffness * s.bending_stiffness)
+        base, gravity=mounted(mounting), payload=0.01 * stiffness, segments=tuple(
+            replace(s, stiffness_y=stiffness * s.stiffness_y)
             for s in base.segments))) for stiffness, mounting, _ in kinds]
     asked = np.array([(pull, SLACK) for _, _, pull in kinds])
     start = models[0].chain.straight()
@@ -113,7 +114,7 @@ def test_a_single_problem_is_a_batch_of_one():
 
 
 def test_the_order_of_the_problems_does_not_matter():
-    statics = Statics(paper_like(3, tendon=Tendon(1e4)))
+    statics = Statics(paper_like(3, tendon=made_of(1e4)))
     start, soft = statics.chain.straight(), (True, False, True)
     asked = np.array([(p, SLACK) for p in np.linspace(0.0, 0.03, 40)])
     forth = solve_batch(statics, start, asked, soft)
@@ -146,7 +147,7 @@ def test_arms_of_which_some_are_rigid_where_others_are_elastic_are_not_mixed_up(
 def test_soft_and_very_stiff_arms_do_not_share_their_tolerances():
     base = paper_like(1, gravity=9.80665, mounting_angle=1.0)
     models = [Statics(replace(base, segments=(replace(
-        base.segments[0], bending_stiffness=stiffness),))) for stiffness in (900.0, 0.0265)]
+        base.segments[0], stiffness_y=stiffness),))) for stiffness in (900.0, 0.0265)]
     start, asked = models[0].chain.straight(), np.array([(1e-4, SLACK), (0.01, SLACK)])
     batch = solve_batch(models, start, asked, (True,))
     alone = models[1].solve(start, asked[1], (True,))
@@ -224,7 +225,7 @@ def test_a_batch_goes_on_from_the_states_of_another():
 
 
 def test_tendons_with_friction_slide_in_each_problem_their_own_way():
-    statics = Statics(paper_like(2, tendon=Tendon(friction=0.2)))
+    statics = Statics(paper_like(2, tendon=made_of(friction=0.2)))
     start, soft = statics.chain.straight(), (True, True)
     asked, ways = [(0.02, SLACK)] * 3, [(1, 0), (0, 0), (-1, 0)]
     batch = solve_batch(statics, start, asked, soft, sliding=ways)
@@ -272,7 +273,7 @@ def test_a_path_of_pulls_is_followed_from_row_to_row():
 
 
 def test_a_batch_does_not_find_the_arm_straight_where_it_buckles():
-    statics = Statics(paper_like(3, tendon=Tendon(5000.0)))
+    statics = Statics(paper_like(3, tendon=made_of(5000.0)))
     asked = np.array([[0.001, 0.001], [0.004, 0.003]])
     batch = solve_batch(statics, statics.chain.straight(), asked, (True,) * 3)
     assert batch.jumped.tolist() == [True, False]  # pulled unlike it bends without a jump

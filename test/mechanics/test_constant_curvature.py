@@ -9,26 +9,26 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import (
-    Arm,
-    ArmError,
-    constant_curvature,
-    Disc,
-    RigidChain,
-    Segment,
-)
+from soft_continuum.mechanics import ArmError, constant_curvature, Disc, RigidChain, Segment
 from support import paper_arm as paper
+from support.flat_arm import flat_arm, guides_of
 from support.random_arms import arms, between, MODERATE
 
 
-def drawn(segment, angle):
+def one_segment(length, limit):
+    return flat_arm([Segment.leaf_spring(length, 0.02, bending_angle_limit=limit)], 0.025,
+                    [Disc(0.03)] * 2)
+
+
+def drawn(arm, angle):
     """Return right and left span by drawing the arc: its end point, then the four guides."""
+    segment = arm.segments[0]
     if abs(angle) < 1e-12:
         x, z = 0.0, segment.length
     else:
         radius = segment.length / angle
         x, z = radius * (1 - cos(angle)), radius * sin(angle)
-    lower, upper = segment.guide_offsets
+    (lower, upper), = guides_of(arm)
     spans = []
     for side in (1, -1):
         dx = x + side * upper * cos(angle) - side * lower
@@ -40,10 +40,8 @@ def drawn(segment, angle):
 @MODERATE
 @given(arms(segments=(1, 1)), between(-2.0, 2.0))
 def test_pulls_are_those_of_guides_drawn_on_an_arc(arm, angle):
-    segment = arm.segments[0]
-    straight = drawn(segment, 0.0)
-    expected = np.array(straight) - drawn(segment, angle)
-    assert constant_curvature.segment_pulls(segment, angle) == pytest.approx(expected, abs=1e-14)
+    expected = np.array(drawn(arm, 0.0)) - drawn(arm, angle)
+    assert constant_curvature.segment_pulls(arm, 0, angle) == pytest.approx(expected, abs=1e-14)
 
 
 def test_an_angle_near_zero_joins_smoothly():
@@ -55,35 +53,34 @@ def test_an_angle_near_zero_joins_smoothly():
 @MODERATE
 @given(arms(segments=(1, 1)), between(-1.5, 1.5))
 def test_the_bending_angle_is_recovered_from_the_pull(arm, angle):
-    segment = arm.segments[0]
-    pull, _ = constant_curvature.segment_pulls(segment, angle)
-    found = constant_curvature.bending_angle(segment, pull)
+    pull, _ = constant_curvature.segment_pulls(arm, 0, angle)
+    found = constant_curvature.bending_angle(arm, 0, pull)
     # A slender segment has two angles of the same pull: the smaller one counts.
-    assert constant_curvature.segment_pulls(segment, found)[0] == pytest.approx(pull, abs=1e-12)
+    assert constant_curvature.segment_pulls(arm, 0, found)[0] == pytest.approx(pull, abs=1e-12)
     assert abs(found) <= abs(angle) + 1e-9
 
 
 def test_a_pull_beyond_the_bending_angle_limit_is_refused():
-    segment = paper.build().segments[0]
-    most, _ = constant_curvature.segment_pulls(segment, segment.bending_angle_limit)
+    arm = paper.build()
+    most, _ = constant_curvature.segment_pulls(arm, 0, arm.segments[0].bending_angle_limit)
     with pytest.raises(ArmError, match='allowed'):
-        constant_curvature.bending_angle(segment, most + 1e-6)
+        constant_curvature.bending_angle(arm, 0, most + 1e-6)
     with pytest.raises(ArmError, match='allowed'):
-        constant_curvature.bending_angle(segment, float('nan'))
+        constant_curvature.bending_angle(arm, 0, float('nan'))
 
 
 def test_a_pull_within_the_limit_has_the_smallest_angle_that_gives_it():
     # Wide guides meet before the limit: beyond, the same pull belongs to a second, useless angle.
-    segment = Segment(0.03, 0.02, (0.025, 0.025), bending_angle_limit=pi / 2)
+    arm = one_segment(0.03, pi / 2)
     for angle in (0.3, 0.8, 1.1):
-        pull, _ = constant_curvature.segment_pulls(segment, angle)
-        assert constant_curvature.bending_angle(segment, pull) == pytest.approx(angle, abs=1e-9)
+        pull, _ = constant_curvature.segment_pulls(arm, 0, angle)
+        assert constant_curvature.bending_angle(arm, 0, pull) == pytest.approx(angle, abs=1e-9)
 
 
 def test_a_limit_of_a_full_turn_leaves_small_pulls_allowed():
-    segment = Segment(0.07, 0.02, (0.025, 0.025), bending_angle_limit=2 * pi)
-    pull, _ = constant_curvature.segment_pulls(segment, 0.6)
-    assert constant_curvature.bending_angle(segment, pull) == pytest.approx(0.6, abs=1e-9)
+    arm = one_segment(0.07, 2 * pi)
+    pull, _ = constant_curvature.segment_pulls(arm, 0, 0.6)
+    assert constant_curvature.bending_angle(arm, 0, pull) == pytest.approx(0.6, abs=1e-9)
 
 
 @MODERATE
@@ -111,5 +108,5 @@ def test_wrong_angles_are_refused(angles):
 
 
 def test_any_number_of_segments():
-    arm = Arm((Segment(0.07, 0.02, (0.02, 0.02)),), (Disc(0.03), Disc(0.03)))
+    arm = one_segment(0.07, pi / 2)
     assert constant_curvature.poses(arm, [pi / 2])[-1, 2] == pytest.approx(pi / 2)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import ArmError, SLACK, Statics
-from soft_continuum.mechanics.arm import PAPER, PointForce, SECOND_ORDER
+from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER, Wrench
 from soft_continuum.mechanics.chain import RigidChain
 from support.general_arms import arms, FEW, paper_like
 
@@ -22,7 +22,7 @@ def test_all_springs_of_a_segment_together_give_way_as_its_rod_does(arm):
     for kind in (PAPER, SECOND_ORDER):
         chain = RigidChain(replace(arm, discretisation=kind))
         compliance = (1.0 / chain.joint_stiffness).reshape(len(arm.segments), -1).sum(axis=1)
-        rods = [s.length / s.bending_stiffness for s in arm.segments]
+        rods = [s.length / s.stiffness_y for s in arm.segments]
         assert compliance == pytest.approx(rods, rel=1e-12)
         lengths = chain.joint_lengths.reshape(len(arm.segments), -1).sum(axis=1)
         assert lengths == pytest.approx([s.length for s in arm.segments], rel=1e-12)
@@ -48,7 +48,7 @@ def test_end_springs_of_the_second_order_chain_are_twice_as_stiff_as_those_betwe
 def test_a_moment_bends_a_segment_as_its_rod_however_many_bodies(kind, bodies):
     # Two heavy forces a disc apart are nearly a moment: dead ones, on a straight arm, a small one.
     arm = paper_like(2, bodies=bodies, discretisation=kind,
-                     forces=(PointForce(1, -1e-4, 0.0), PointForce(2, 1e-4, 0.0)))
+                     wrenches=(Wrench(1, (-1e-4, 0.0, 0.0)), Wrench(2, (1e-4, 0.0, 0.0))))
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), (SLACK, SLACK), (True, False))
     moment = 1e-4 * (0.03 + 0.07)  # between the centres of the discs

@@ -10,16 +10,8 @@ import pytest
 
 from references import elastica
 from references.elastica import Elastica
-from soft_continuum.mechanics import (
-    Arm,
-    Disc,
-    LEFT,
-    RIGHT,
-    Segment,
-    SLACK,
-    Statics,
-    StaticsError,
-)
+from soft_continuum.mechanics import Arm, Disc, LEFT, RIGHT, Segment, SLACK, Statics, StaticsError
+from support.flat_arm import flat_arm
 
 BODIES = np.array([8, 16, 32, 64, 128])
 ALL = (True, True, True)
@@ -34,17 +26,18 @@ has_discretisation = pytest.mark.skipif(
 def paper_arm(gravity=9.80665, mounting_angle=0.0, bodies=12):
     """The paper's arm with the masses that MECHANICS.md estimates."""
     thickness, diameters = (0.50e-3, 0.35e-3, 0.25e-3), (0.050, 0.0425, 0.035)
-    segments = tuple(
-        Segment(0.07, 200e9 * 12.7e-3 * t**3 / 12, (d / 2, d / 2), mass)
-        for t, d, mass in zip(thickness, diameters, (0.069, 0.050, 0.034), strict=True))
-    discs = tuple(Disc(0.03, mass) for mass in (0.0, 0.060, 0.045, 0.033))
-    return Arm(segments, discs, bodies, mounting_angle=mounting_angle, gravity=gravity)
+    segments = [Segment.leaf_spring(0.07, 200e9 * 12.7e-3 * t**3 / 12, mass)
+                for t, mass in zip(thickness, (0.069, 0.050, 0.034), strict=True)]
+    discs = [Disc(0.03, mass) for mass in (0.0, 0.060, 0.045, 0.033)]
+    return flat_arm(segments, [(d / 2, d / 2) for d in diameters], discs,
+                    mounting_angle=mounting_angle, gravity=gravity, bodies_per_segment=bodies)
 
 
 def cantilever(length, stiffness, mass=0.0, tip_height=1e-3, tip_mass=0.0):
     """One segment held horizontally, its weight bending it towards +x."""
-    return Arm((Segment(length, stiffness, (0.02, 0.02), mass),),
-               (Disc(1e-3), Disc(tip_height, tip_mass)), 24, mounting_angle=pi / 2, gravity=10.0)
+    return flat_arm([Segment.leaf_spring(length, stiffness, mass)], 0.02,
+                    [Disc(1e-3), Disc(tip_height, tip_mass)], bodies_per_segment=24,
+                    mounting_angle=pi / 2, gravity=10.0)
 
 
 def rod_and_chain(arm, angles, pulls, soft):
@@ -216,7 +209,7 @@ def test_the_tensions_are_the_derivatives_of_the_energy_by_the_pulls():
         for segment in arm.segments:
             theta = rod.backbone[row:row + elastica.SAMPLES, 2]
             step = segment.length / (elastica.SAMPLES - 1)
-            energy += 0.5 * segment.bending_stiffness * (np.diff(theta)**2).sum() / step
+            energy += 0.5 * segment.stiffness_y * (np.diff(theta)**2).sum() / step
             row += elastica.SAMPLES
         return energy, rod.tensions[0]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import _kernel, Statics
-from soft_continuum.mechanics.arm import PointForce
+from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 from support.energy_reference import Reference
@@ -26,8 +26,8 @@ def points(draw):
     """Return (statics, reference, problem, joint angles, tensions) of no equilibrium at all."""
     arm = draw(arms(jam=JAMS, friction=True))
     arm = replace(
-        arm, payload=0.05, forces=(PointForce(len(arm.segments), 0.4, -0.3),
-                                   PointForce(draw(st.integers(0, 1)), -0.2, 0.1)),
+        arm, payload=0.05, wrenches=(Wrench(len(arm.segments), (0.4, 0.0, -0.3)),
+                                   Wrench(draw(st.integers(0, 1)), (-0.2, 0.0, 0.1))),
         segments=tuple(replace(s, soft_law=SOFT_TABLE if draw(st.booleans()) else None)
                        for s in arm.segments))
     statics = Statics(arm)
@@ -116,7 +116,7 @@ def test_with_friction_each_span_pulls_with_its_share_of_the_tension(case, slidi
 @FEW
 @given(arms(), st.data())
 def test_the_chains_own_energy_is_that_of_springs_weights_and_forces(arm, data):
-    arm = replace(arm, payload=0.1, forces=(PointForce(len(arm.segments), 0.5, -1.0),))
+    arm = replace(arm, payload=0.1, wrenches=(Wrench(len(arm.segments), (0.5, 0.0, -1.0)),))
     chain, reference = Statics(arm).chain, Reference(arm)
     angles = np.array([data.draw(between(-0.5, 0.5)) for _ in range(chain.joints)])
     straight = np.zeros(chain.joints)

@@ -3,7 +3,7 @@
 """Every state that the solver returns is an equilibrium of the arm as it is described."""
 
 from dataclasses import replace
-from math import cos, pi, sin
+from math import pi
 
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import (
-    Arm,
     Disc,
     LEFT,
     OverconstrainedError,
@@ -20,7 +19,9 @@ from soft_continuum.mechanics import (
     SLACK,
     Statics,
 )
+from soft_continuum.mechanics.arm import mounted
 from support import paper_arm as paper
+from support.flat_arm import flat_arm, guides_of
 from support.independent_statics import IndependentArm
 from support.random_arms import arms, between, masks, MODERATE, pulls
 
@@ -132,7 +133,7 @@ def moments_above(chain, state):
     n = arm.bodies_per_segment
     ends = chain.backbone(state.joint_angles)
     # Weight in the base frame: the frame is turned by the mounting angle about +y.
-    down = arm.gravity * np.array([sin(arm.mounting_angle), -cos(arm.mounting_angle)])
+    down = np.array(arm.gravity)[[0, 2]]
     points, forces, body_of = [], [], []
     for k, segment in enumerate(arm.segments):
         for i in range(n + 1):
@@ -217,8 +218,8 @@ def test_a_slack_tendon_might_as_well_be_cut(case):
 def test_swapping_the_tendons_of_the_mirrored_arm_mirrors_the_shape(case):
     statics, before, asked, soft, state = case
     assume(not state.jumped)
-    mirrored = Statics(replace(statics.chain.arm,
-                               mounting_angle=-statics.chain.arm.mounting_angle))
+    x, _, z = statics.chain.arm.gravity
+    mirrored = Statics(replace(statics.chain.arm, gravity=(-x, 0.0, z)))
     start = mirrored.chain.state(-before.joint_angles)
     start = replace(start, tensions=before.tensions[::-1].copy())
     image = mirrored.solve(start, asked[::-1], soft)
@@ -231,11 +232,12 @@ def test_swapping_the_tendons_of_the_mirrored_arm_mirrors_the_shape(case):
 @given(arms(load=(0.0, 2.0), segments=(2, 5)), between(-1.0, 1.0), st.data())
 def test_a_locked_bent_foot_is_the_same_as_a_turned_mounting(arm, angle, data):
     # All that is above segment 1 cannot tell a bent, locked segment from a turned base.
-    soft = (False, *data.draw(masks(replace(arm, segments=arm.segments[1:], discs=arm.discs[1:]))))
-    bent = Statics(arm)
-    turned = Statics(replace(
-        arm, segments=arm.segments[1:], discs=arm.discs[1:],
-        mounting_angle=max(-2 * pi, min(2 * pi, arm.mounting_angle + angle))))
+    above = flat_arm(
+        arm.segments[1:], guides_of(arm)[1:], arm.discs[1:],
+        mounting_angle=arm.mounting_angle + angle, gravity=float(np.linalg.norm(arm.gravity)),
+        bodies_per_segment=arm.bodies_per_segment, discretisation=arm.discretisation)
+    soft = (False, *data.draw(masks(above)))
+    bent, turned = Statics(arm), Statics(above)
     start = bent.chain.uniform([angle] + [0.0] * (len(arm.segments) - 1))
     above = turned.chain.straight()
     asked = data.draw(pulls(turned.chain.arm, soft[1:], above))
@@ -250,14 +252,14 @@ def test_a_full_turn_of_the_mounting_changes_nothing(paper_arm):
     asked, soft = (0.012, SLACK), (True, True, True)
     states = []
     for mounting in (-1.5 * pi, 0.5 * pi):
-        statics = Statics(replace(paper_arm, mounting_angle=mounting))
+        statics = Statics(replace(paper_arm, gravity=mounted(mounting)))
         states.append(statics.solve(statics.chain.straight(), asked, soft))
     assert states[0].joint_angles == pytest.approx(states[1].joint_angles, abs=1e-9)
 
 
 def test_a_hanging_arm_hangs_straight_and_a_horizontal_one_sags_down(paper_arm):
     for mounting, sign in ((pi, 0.0), (pi / 2, 1.0), (-pi / 2, -1.0)):
-        statics = Statics(replace(paper_arm, mounting_angle=mounting))
+        statics = Statics(replace(paper_arm, gravity=mounted(mounting)))
         state = statics.solve(statics.chain.straight(), (SLACK, SLACK), (True, True, True))
         angles = paper.degrees_of(statics, state)
         if sign:
@@ -268,8 +270,8 @@ def test_a_hanging_arm_hangs_straight_and_a_horizontal_one_sags_down(paper_arm):
 
 def test_a_horizontal_cantilever_sags_as_beam_theory_says():
     # Stiff and light, so that small deflections hold: uniform load plus load at the tip.
-    arm = Arm((Segment(0.5, 50.0, (0.02, 0.02), 0.2),), (Disc(0.01), Disc(0.01, 0.1)),
-              bodies_per_segment=200, mounting_angle=pi / 2)
+    arm = flat_arm([Segment.leaf_spring(0.5, 50.0, 0.2)], 0.02, [Disc(0.01), Disc(0.01, 0.1)],
+                   bodies_per_segment=200, mounting_angle=pi / 2)
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), (SLACK, SLACK), (True,))
     g, length, stiffness = 9.80665, 0.5, 50.0

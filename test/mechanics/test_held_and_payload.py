@@ -7,16 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import PointForce, SLACK, Statics
-from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics import SLACK, Statics, Wrench
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 from soft_continuum.mechanics.sensitivity import Linearisation
+from support.flat_arm import made_of
 from support.general_arms import paper_like
 from support.sensitivity_rows import column, numbers
 
 ELASTIC = Jam(8.0)
 TABLE = Jam(law=MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.28, 0.65)))
-ROPE = Tendon(1e4, 0.3)
+ROPE = made_of(1e4, 0.3)
 STIFF, ONE_SOFT = (False, False, False), (False, True, False)
 STEP = 1e-5  # rad or kg
 
@@ -53,8 +54,8 @@ CASES = {
     'all stiff by table': {'jam': TABLE, 'soft': STIFF},
     'both tendons taut': {'pulls': (0.009, -0.0035), 'soft': (True, False, True)},
     'slack tendons': {'pulls': (-0.03, -0.03)},
-    'rigid rope': {'tendon': Tendon()},
-    'friction': {'tendon': replace(ROPE, friction=0.2), 'sliding': (1, -1)},
+    'rigid rope': {'tendon': made_of()},
+    'friction': {'tendon': ROPE | {'friction': 0.2}, 'sliding': (1, -1)},
 }
 
 
@@ -83,8 +84,8 @@ def test_the_derivatives_by_forces_are_those_of_the_solutions(case):
     statics, state, again = bent(**case)
     found = Linearisation(statics, state, case.get('sliding', (0, 0))).forces()
     for k, disc, x, z in ((3, 2, STEP, 0.0), (5, 2, 0.0, STEP)):
-        low, high = (again(Statics(replace(statics.chain.arm, forces=(
-            PointForce(disc, sign * x, sign * z),))), state) for sign in (-1.0, 1.0))
+        low, high = (again(Statics(replace(statics.chain.arm, wrenches=(
+            Wrench(disc, (sign * x, 0.0, sign * z)),))), state) for sign in (-1.0, 1.0))
         assert close(column(found, k), (high - low) / (2.0 * STEP))
 
 
@@ -127,7 +128,7 @@ def test_where_a_jam_yields_its_held_shape_counts_only_when_it_turns_back():
 @pytest.mark.parametrize('case', CASES.values(), ids=CASES)
 def test_both_derivatives_are_mirror_images_of_those_of_the_mirrored_arm(case):
     statics, state, _ = bent(**case)
-    other = Statics(replace(statics.chain.arm, mounting_angle=-0.4))
+    other = Statics(replace(statics.chain.arm, gravity=mounted(-0.4)))
     image = replace(state, joint_angles=-state.joint_angles, held_angles=-state.held_angles,
                     tensions=state.tensions[::-1], pulls=state.pulls[::-1],
                     slack=state.slack[::-1], chain=other.chain)

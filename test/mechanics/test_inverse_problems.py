@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import inverse, LEFT, RIGHT, SLACK, Statics, StaticsError
-from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.inverse import (
     angles_for_tip,
     pulls_for_angles,
@@ -20,6 +19,7 @@ from soft_continuum.mechanics.inverse import (
     workspace,
 )
 from soft_continuum.mechanics.laws import Jam
+from support.flat_arm import made_of
 from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 
@@ -345,7 +345,7 @@ def test_tips_of_the_workspace_are_those_of_the_shapes_set_one_after_the_other(s
 def test_shapes_that_no_tendon_holds_are_left_out():
     # So heavy that it falls over before it is bent far.
     arm = paper_like(1, gravity=9.80665, payload=3.0, bodies=3)
-    statics = Statics(replace(arm, tendon=Tendon(50.0)))
+    statics = Statics(arm.with_tendons(**made_of(50.0)))
     tips, shapes = workspace(statics, 9)
     assert len(tips) == len(shapes) < 9
     assert tips.shape[1:] == (3,)

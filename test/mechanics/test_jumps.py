@@ -3,6 +3,7 @@
 """Where an equilibrium ends: buckling, snapping through, and coming to rest."""
 
 from dataclasses import replace
+from functools import partial
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +12,6 @@ import pytest
 from scipy.linalg import eigh
 
 from soft_continuum.mechanics import (
-    Arm,
     Disc,
     Linearisation,
     OverconstrainedError,
@@ -20,9 +20,10 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
-from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam
 from support.energy_reference import Reference
+from support.flat_arm import flat_arm, made_of
 from support.general_arms import arms, FEW, masks, paper_like, pulls
 
 BOTH_SLACK = (SLACK, SLACK)
@@ -30,8 +31,8 @@ BOTH_SLACK = (SLACK, SLACK)
 
 def column(payload, bodies=6, height=0.02, **changes):
     """Return a weightless column of 0.2 m and 0.01 N m^2 with a load on top."""
-    return Arm((Segment(0.2, 0.01, (0.02, 0.02)),), (Disc(height), Disc(height)),
-               bodies_per_segment=bodies, payload=payload, **changes)
+    return flat_arm([Segment.leaf_spring(0.2, 0.01)], 0.02, [Disc(height)] * 2,
+                    bodies_per_segment=bodies, payload=payload, **changes)
 
 
 def critical_payload(arm):
@@ -47,7 +48,7 @@ def critical_payload(arm):
 def test_the_column_buckles_at_eulers_load():
     arm = column(0.0, bodies=25, height=0.001, discretisation='second_order')
     euler = np.pi**2 * 0.01 / (4 * 0.201**2)  # clamped below, free above
-    assert critical_payload(arm) * arm.gravity == pytest.approx(euler, rel=0.01)
+    assert -critical_payload(arm) * arm.gravity[2] == pytest.approx(euler, rel=0.01)
 
 
 @pytest.mark.parametrize('bodies', [1, 4, 12])
@@ -150,7 +151,7 @@ def test_an_arm_that_stands_by_itself_follows_its_tendon_without_a_jump(arm, dat
 def snapping():
     """Return a buckled column between two tendons as soft as springs, and its rest."""
     payload = 1.1 * critical_payload(column(0.0))
-    statics = Statics(column(payload, tendon=Tendon(1.0)))
+    statics = Statics(column(payload, tendon=made_of(1.0)))
     return statics, statics.solve(statics.chain.uniform([0.1]), BOTH_SLACK, (True,))
 
 
@@ -223,7 +224,7 @@ def test_a_jump_sets_energy_free():
 
 
 def test_an_arm_held_by_both_tendons_needs_no_jump_to_be_let_down():
-    statics = Statics(paper_like(1, gravity=9.80665, tendon=Tendon(1e4), payload=0.3))
+    statics = Statics(paper_like(1, gravity=9.80665, tendon=made_of(1e4), payload=0.3))
     held = statics.solve(statics.chain.straight(), (0.0, 0.0), (True,))
     assert held.joint_angles == pytest.approx(0.0, abs=1e-9)
     assert not held.jumped
@@ -233,7 +234,7 @@ def test_an_arm_held_by_both_tendons_needs_no_jump_to_be_let_down():
 
 @pytest.mark.parametrize('pull', [0.0005, 0.001, 0.004])
 def test_a_straight_arm_that_buckles_under_both_tendons_is_not_found_stable(pull):
-    statics = Statics(paper_like(3, tendon=Tendon(5000.0)))
+    statics = Statics(paper_like(3, tendon=made_of(5000.0)))
     soft = (True,) * 3
     first = statics.solve(statics.chain.straight(), (pull, pull), soft)
     assert first.jumped
@@ -267,10 +268,10 @@ SAGGING = (((0.044, 0.0262, (0.024, 0.017)), (0.043, 0.0072, (0.021, 0.017))),
                          ids=['nearly symmetric', 'sagging'])
 def test_a_long_step_on_two_taut_tendons_ends_where_short_ones_end(
         kinds, gravity, mounting, asked):
-    segments = tuple(Segment(length, stiffness, offsets, mass=0.05)
-                     for length, stiffness, offsets in kinds)
-    statics = Statics(Arm(segments, (Disc(0.02, 0.03),) * 3, gravity=gravity,
-                          mounting_angle=mounting, tendon=Tendon(5000.0)))
+    lengths, stiffnesses, offsets = zip(*kinds, strict=True)
+    statics = Statics(flat_arm(
+        map(partial(Segment.leaf_spring, mass=0.05), lengths, stiffnesses), offsets,
+        [Disc(0.02, 0.03)] * 3, made_of(5000.0), mounting, gravity))
     soft = (True, True)
     start = state = statics.solve(statics.chain.straight(), (0.0, 0.0), soft)
     at_once = statics.solve(start, asked, soft)
@@ -301,7 +302,7 @@ def test_a_hand_over_between_the_tendons_is_no_jump():
 def test_a_hand_over_between_segments_is_no_jump_where_small_steps_make_none(
         paper_arm):
     # What the stiff segments carried cannot fade slowly here; let go at once, it comes to rest.
-    statics = Statics(replace(paper_arm, mounting_angle=np.pi))
+    statics = Statics(replace(paper_arm, gravity=mounted(np.pi)))
     pulls, later = np.array([0.0194, -0.0291]), np.array([-0.0014, 0.0012])
     for order in (slice(None), slice(None, None, -1)):
         start = statics.solve(statics.chain.straight(), pulls[order], (True, False, False))

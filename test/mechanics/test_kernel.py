@@ -13,20 +13,13 @@ import sys
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import (
-    _compile,
-    _kernel,
-    RIGHT,
-    SLACK,
-    solve_batch,
-    Statics,
-)
-from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics import _compile, _kernel, RIGHT, SLACK, solve_batch, Statics
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.spatial import solve_batch as spatial_batch
-from soft_continuum.mechanics.spatial import spatial, SpatialLinearisation, SpatialStatics
+from soft_continuum.mechanics.spatial import SpatialLinearisation, SpatialStatics
 from support import paper_arm as paper
+from support.flat_arm import made_of
 
 HERE = Path(__file__).parent
 
@@ -237,7 +230,7 @@ def test_the_extension_is_given_arrays_of_the_types_that_it_is_built_for(monkeyp
                                for name in _kernel.SIGNATURES})
     monkeypatch.setattr(_kernel, 'functions', lambda: watched)
     states = journey()
-    arm = paper.build(bodies_per_segment=2, tendon=Tendon(friction=0.2))
+    arm = paper.build(bodies_per_segment=2, tendon=made_of(friction=0.2))
     jammed = Statics(replace(arm, segments=tuple(
         replace(segment, jam=Jam(ratio=50.0)) for segment in arm.segments)))
     straight = jammed.chain.straight()
@@ -248,7 +241,7 @@ def test_the_extension_is_given_arrays_of_the_types_that_it_is_built_for(monkeyp
     hanging = Statics(paper.build(bodies_per_segment=2, mounting_angle=np.pi))
     solve_batch(hanging, hanging.chain.straight(), [[0, 0], [0.001, -1]], [1, 0, 0])
     solve_batch(hanging, hanging.chain.straight(), [0, 0.001], [1, 0, 0])
-    solid = SpatialStatics(spatial(paper.build(bodies_per_segment=2, mounting_angle=np.pi)))
+    solid = SpatialStatics(paper.build(bodies_per_segment=2, mounting_angle=np.pi))
     bent = solid.solve(solid.chain.straight(), [0, -1], [1, 1, 0], tensions=[np.nan, 0])
     bent = solid.solve(bent, bent.pulls - 0.001, (False, True, False))
     SpatialLinearisation(solid, bent).stiffness_factors()

@@ -12,9 +12,10 @@ import pytest
 
 from references.elastica import Elastica
 from soft_continuum.mechanics import ArmError, Disc, RIGHT, SLACK, Statics
-from soft_continuum.mechanics.arm import PointForce, Tendon
+from soft_continuum.mechanics.arm import mounted, Wrench
 from soft_continuum.mechanics.laws import MomentCurvature
 from support.energy_reference import Reference
+from support.flat_arm import made_of
 from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 BOTH_SLACK = (SLACK, SLACK)
@@ -23,12 +24,12 @@ HANGING, HORIZONTAL = pi, pi / 2
 
 def loaded(arm, data):
     """Return the arm with a light payload and two light forces on its discs."""
-    light = 0.1 * min(s.bending_stiffness for s in arm.segments) / arm.length**2
+    light = 0.1 * min(s.stiffness_y for s in arm.segments) / arm.length**2
     forces = tuple(
-        PointForce(data.draw(st.integers(0, len(arm.segments))),
-                   light * data.draw(between(-1.0, 1.0)), light * data.draw(between(-1.0, 1.0)))
+        Wrench(data.draw(st.integers(0, len(arm.segments))),
+               (light * data.draw(between(-1.0, 1.0)), 0.0, light * data.draw(between(-1.0, 1.0))))
         for _ in range(2))
-    return replace(arm, forces=forces, payload=light / 10.0 * data.draw(between(0.0, 1.0)))
+    return replace(arm, wrenches=forces, payload=light / 10.0 * data.draw(between(0.0, 1.0)))
 
 
 # Payload
@@ -76,7 +77,7 @@ def test_an_arm_under_payload_and_forces_is_in_balance(arm, data):
 @pytest.mark.parametrize('gravity', [0.0, 9.80665])
 def test_a_force_on_a_disc_moves_the_arm_to_its_least_energy(disc, x, z, gravity):
     arm = paper_like(2, bodies=3, gravity=gravity, mounting_angle=2.5, payload=0.01,
-                     forces=(PointForce(disc, x, z),))
+                     wrenches=(Wrench(disc, (x, 0.0, z)),))
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), BOTH_SLACK, (True, True))
     expected = Reference(arm).rest(np.full(8, 0.01 * np.sign(x)))
@@ -86,7 +87,7 @@ def test_a_force_on_a_disc_moves_the_arm_to_its_least_energy(disc, x, z, gravity
 
 def test_a_force_on_the_base_does_nothing():
     arm = paper_like(2, gravity=9.80665, mounting_angle=2.0)
-    free, pushed = (Statics(replace(arm, forces=f)) for f in ((), (PointForce(0, 50.0, -30.0),)))
+    pushed, free = Statics(arm.with_force(0, (50.0, 0.0, -30.0))), Statics(arm)
     one, other = (s.solve(s.chain.straight(), (0.01, SLACK), (True, True)) for s in (free, pushed))
     assert np.array_equal(one.joint_angles, other.joint_angles)
     assert np.array_equal(one.tensions, other.tensions)
@@ -94,9 +95,9 @@ def test_a_force_on_the_base_does_nothing():
 
 def test_forces_on_one_disc_add_up():
     arm = paper_like(2)
-    parts = (PointForce(2, 0.05, 0.0), PointForce(2, 0.02, -0.1), PointForce(2, 0.0, 0.03))
-    at_once = (PointForce(2, 0.07, -0.07),)
-    split, whole = (Statics(replace(arm, forces=f)) for f in (parts, at_once))
+    parts = tuple(Wrench(2, f) for f in ((0.05, 0.0, 0.0), (0.02, 0.0, -0.1), (0.0, 0.0, 0.03)))
+    at_once = (Wrench(2, (0.07, 0.0, -0.07)),)
+    split, whole = (Statics(replace(arm, wrenches=f)) for f in (parts, at_once))
     one, other = (s.solve(s.chain.straight(), BOTH_SLACK, (True, True)) for s in (split, whole))
     assert one.joint_angles == pytest.approx(other.joint_angles, abs=1e-12)
 
@@ -104,13 +105,13 @@ def test_forces_on_one_disc_add_up():
 @pytest.mark.parametrize('disc', [-1, 3])
 def test_a_force_on_a_disc_that_is_not_there_is_refused(disc):
     with pytest.raises(ArmError, match='no disc'):
-        paper_like(2, forces=(PointForce(disc, 1.0, 0.0),))
+        paper_like(2, wrenches=(Wrench(disc, (1.0, 0.0, 0.0)),))
 
 
-@pytest.mark.parametrize('field', ['x', 'z'])
-def test_a_force_that_is_no_number_is_refused(field):
-    with pytest.raises(ArmError, match='point force'):
-        paper_like(2, forces=(replace(PointForce(1, 0.0, 0.0), **{field: np.nan}),))
+@pytest.mark.parametrize('axis', range(3))
+def test_a_force_that_is_no_number_is_refused(axis):
+    with pytest.raises(ArmError, match='force is nan'):
+        paper_like(2).with_force(1, np.where(np.arange(3) == axis, np.nan, 0.0))
 
 
 # Mounting
@@ -120,10 +121,11 @@ def test_a_force_that_is_no_number_is_refused(field):
 def test_gravity_of_a_mounted_arm_is_forces_turned_the_other_way(arm, data):
     # Weightless segments: the discs' weights act at their centres, where the forces do.
     g, mounting = 9.80665, arm.mounting_angle
-    heavy = replace(arm, gravity=g, segments=tuple(replace(s, mass=0.0) for s in arm.segments))
-    forces = tuple(PointForce(i, g * d.mass * sin(mounting), -g * d.mass * cos(mounting))
+    heavy = replace(arm, gravity=mounted(mounting, g),
+                    segments=tuple(replace(s, mass=0.0) for s in arm.segments))
+    forces = tuple(Wrench(i, (g * d.mass * sin(mounting), 0.0, -g * d.mass * cos(mounting)))
                    for i, d in enumerate(arm.discs))
-    pushed = replace(heavy, gravity=0.0, mounting_angle=0.0, forces=forces)
+    pushed = replace(heavy.without_gravity(), wrenches=forces)
     one, other = Statics(heavy), Statics(pushed)
     straight = one.chain.straight()
     soft = data.draw(masks(arm))
@@ -160,7 +162,7 @@ def test_a_horizontal_arm_sags_down_and_its_tendon_above_holds_it(side):
 def test_the_moment_at_the_base_of_a_rigid_horizontal_arm_is_its_weight_times_its_lever():
     # A stiff spring bends so little that the moment is that of the straight arm.
     arm = paper_like(1, gravity=9.80665, mounting_angle=HORIZONTAL, payload=0.03, bodies=1)
-    arm = replace(arm, segments=(replace(arm.segments[0], bending_stiffness=500.0),))
+    arm = replace(arm, segments=(replace(arm.segments[0], stiffness_y=500.0),))
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), BOTH_SLACK, (True,))
     moment = statics.chain.joint_stiffness[0] * state.joint_angles[0]
@@ -171,8 +173,8 @@ def test_the_moment_at_the_base_of_a_rigid_horizontal_arm_is_its_weight_times_it
 # The elastic rod beside the chain
 
 @pytest.mark.parametrize('change', [
-    {}, {'payload': 0.05}, {'forces': (PointForce(2, 0.3, 0.1),)},
-    {'forces': (PointForce(1, -0.2, 0.4),)}],
+    {}, {'payload': 0.05}, {'wrenches': (Wrench(2, (0.3, 0.0, 0.1)),)},
+    {'wrenches': (Wrench(1, (-0.2, 0.0, 0.4)),)}],
     ids=['weight', 'payload', 'force on the tip', 'force on a disc between'])
 def test_the_rod_bears_the_loads_that_the_chain_bears(change):
     arm = paper_like(2, gravity=9.80665, mounting_angle=HORIZONTAL, bodies=60,
@@ -185,7 +187,7 @@ def test_the_rod_bears_the_loads_that_the_chain_bears(change):
 
 
 @pytest.mark.parametrize('change', [
-    {'soft_law': MomentCurvature((0.0, 2.0, 8.0), (0.0, 0.08, 0.15))}, {'tendon': Tendon(500.0)}],
+    {'soft_law': MomentCurvature((0.0, 2.0, 8.0), (0.0, 0.08, 0.15))}, {'tendon': made_of(500.0)}],
     ids=['table', 'stretch'])
 def test_the_rod_does_not_pass_over_what_it_does_not_model(change):
     arm = paper_like(1, bodies=60, discretisation='second_order', **change)

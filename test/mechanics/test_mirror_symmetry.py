@@ -14,17 +14,17 @@ from soft_continuum.mechanics import (
     angles_for_tip,
     Jam,
     Linearisation,
-    PointForce,
     pulls_for_angles,
     set_shape,
     SLACK,
     solve_batch,
     Statics,
     StaticsError,
-    Tendon,
     workspace,
+    Wrench,
 )
 from support import paper_arm as paper
+from support.flat_arm import guides_of, made_of
 from support.general_arms import arms, between, FEW, masks, paper_like
 
 JAMS = st.sampled_from([Jam(), Jam(5.0), Jam(3.0, yield_moment=0.05)])
@@ -32,8 +32,10 @@ JAMS = st.sampled_from([Jam(), Jam(5.0), Jam(3.0, yield_moment=0.05)])
 
 def mirrored(arm):
     """Return the arm seen from behind."""
-    return replace(arm, mounting_angle=-arm.mounting_angle,
-                   forces=tuple(PointForce(f.disc, -f.x, f.z) for f in arm.forces))
+    def across(vector):
+        return -vector[0], 0.0, vector[2]
+    return replace(arm, gravity=across(arm.gravity),
+                   wrenches=tuple(Wrench(w.disc, across(w.force)) for w in arm.wrenches))
 
 
 def image(state):
@@ -66,7 +68,7 @@ def assert_images(state, other):
 def test_statics_of_a_random_arm(arm, data):
     one, other = Statics(arm), Statics(mirrored(arm))
     states = one.chain.straight(), other.chain.straight()
-    reach = sum(min(s.guide_offsets) for s in arm.segments)
+    reach = sum(map(min, guides_of(arm)))
     for _ in range(2):
         soft = data.draw(masks(arm))
         # Without any pull two tendons are just taut: which of them carries is left to rounding, as
@@ -131,7 +133,7 @@ def test_the_inverse_problems(mounting):
 
 
 def test_an_angle_that_either_tendon_could_hold():
-    arm = paper_like(1, tendon=Tendon(5000.0))
+    arm = paper_like(1, tendon=made_of(5000.0))
     statics = Statics(arm)
     for start in (-0.4, 0.0, 0.4):
         for angle in (-0.3, 0.0, 0.3):
@@ -142,7 +144,7 @@ def test_an_angle_that_either_tendon_could_hold():
 
 def test_stretch_does_not_matter_to_a_given_angle():
     for stiffness in (1.0, 1000.0):
-        statics = Statics(paper_like(1, tendon=Tendon(stiffness)))
+        statics = Statics(paper_like(1, tendon=made_of(stiffness)))
         hard = Statics(paper_like(1))
         for angle in (-0.3, 0.3):
             state = statics.bend(statics.chain.straight(), 0, angle)

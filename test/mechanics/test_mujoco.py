@@ -11,13 +11,13 @@ is slack in MuJoCo is left at its limit.  Both go from the same start; nothing e
 """
 
 from dataclasses import dataclass, replace
-from math import cos, pi, sin
+from math import pi
 
 import mujoco
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import Jam, LEFT, PointForce, RIGHT, SLACK, Statics
+from soft_continuum.mechanics import Jam, LEFT, RIGHT, SLACK, Statics, Wrench
 from support import paper_arm as paper
 
 TOLERANCE = 2e-5  # m, on every calculation point
@@ -52,13 +52,13 @@ def model_xml(arm, start, soft, limits):
         guides[tendon].append(name)
         return f'<site name="{name}" pos="{x!r} 0 {z!r}"/>'
 
-    first = arm.segments[0].guide_offsets[0]
+    first = arm.tendons[0].offset_at(0, 0.0)
     top = arm.discs[0].height
     lines += [site('r0', RIGHT, first, top), site('l0', LEFT, -first, top)]
     moves = movable(arm, soft)
     below, joint = top, 0
     for k, segment in enumerate(arm.segments):
-        stiffness = (n + 1) * segment.bending_stiffness / segment.length
+        stiffness = (n + 1) * segment.stiffness_y / segment.length
         for i in range(n + 1):
             disc = i == n
             length = arm.discs[k + 1].height if disc else segment.length / n
@@ -75,11 +75,11 @@ def model_xml(arm, start, soft, limits):
             lines.append(f'<inertial pos="0 0 {length / 2!r}" mass="{mass!r}" '
                          'diaginertia="1e-6 1e-6 1e-6"/>')
             if disc:
-                upper = segment.guide_offsets[1]
+                upper = arm.tendons[0].offset_at(k, 1.0)
                 last = k + 1 == len(arm.segments)
                 lines += [site(f'ru{k}', RIGHT, upper, 0.0), site(f'lu{k}', LEFT, -upper, 0.0)]
                 if not last:
-                    lower = arm.segments[k + 1].guide_offsets[0]
+                    lower = arm.tendons[0].offset_at(k + 1, 0.0)
                     lines += [site(f'rl{k}', RIGHT, lower, length),
                               site(f'll{k}', LEFT, -lower, length)]
                 if last and arm.payload:
@@ -95,8 +95,7 @@ def model_xml(arm, start, soft, limits):
             f' limited="true" range="0 {float(limit)!r}" {SOFT_LIMIT}')
         sites = ''.join(f'<site site="{s}"/>' for s in guides[tendon])
         tendons.append(f'<spatial name="{name}"{limited}>{sites}</spatial>')
-    down_x = arm.gravity * sin(arm.mounting_angle)
-    down_z = -arm.gravity * cos(arm.mounting_angle)
+    down_x, _, down_z = map(float, arm.gravity)
     return (
         '<mujoco><compiler angle="radian" autolimits="false"/>'
         f'<option timestep="{TIME_STEP}" integrator="implicitfast" '
@@ -126,9 +125,9 @@ def settle(statics, start, asked, soft, steps=40000):
     model = mujoco.MjModel.from_xml_string(
         model_xml(arm, start.joint_angles, soft, rest - np.asarray(asked)))
     data = mujoco.MjData(model)
-    for force in arm.forces:  # MuJoCo applies it in the disc's centre of mass
-        disc = force.disc * statics.chain.joints_per_segment - 1
-        data.xfrc_applied[model.body(f'b{disc}').id, :3] = force.x, 0.0, force.z
+    for wrench in arm.wrenches:  # MuJoCo applies it in the disc's centre of mass
+        disc = wrench.disc * statics.chain.joints_per_segment - 1
+        data.xfrc_applied[model.body(f'b{disc}').id, :3] = wrench.force
     free = np.repeat(movable(arm, soft), statics.chain.joints_per_segment)
     data.qpos[:] = start.joint_angles[free]
     for _ in range(steps // 100):
@@ -209,9 +208,7 @@ def test_both_tendons_taut_against_each_other():
 
 def test_guides_at_different_offsets_and_few_bodies():
     arm = paper.build(bodies_per_segment=3, mounting_angle=0.7)
-    arm = replace(arm, segments=tuple(
-        replace(s, guide_offsets=offsets) for s, offsets in zip(
-            arm.segments, [(0.025, 0.019), (0.022, 0.024), (0.012, 0.018)], strict=True)))
+    arm = arm.with_tendons(offset=(0.025, 0.019, 0.022, 0.024, 0.012, 0.018))
     statics = Statics(arm)
     check(statics, statics.chain.straight(), (0.02, SLACK), (True, True, True))
     check(statics, statics.chain.uniform((0.3, 0.0, -0.5)), (SLACK, 0.01), (False, True, False))
@@ -242,7 +239,7 @@ def test_a_payload_at_the_tip(mounting, soft, asked):
 
 @pytest.mark.parametrize('disc', [1, 2, 3])
 def test_a_force_on_a_disc(disc):
-    arm = replace(paper.build(0.5), forces=(PointForce(disc, -0.2, 0.1),))
+    arm = replace(paper.build(0.5), wrenches=(Wrench(disc, (-0.2, 0.0, 0.1)),))
     statics = Statics(arm)
     check(statics, statics.chain.straight(), (0.015, SLACK), (True, True, True))
 

@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The paper's results and the figures of MECHANICS.md, facts 1 to 4."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,14 +21,13 @@ def c_form(weightless):
 
 def reference(arm):
     """Return the arm whose three segments all have the characterised stiffness ratio."""
-    for i, segment in enumerate(arm.segments):
-        arm = arm.with_bending_stiffness(i, segment.bending_stiffness * RATIO)
-    return arm
+    return replace(arm, segments=tuple(s.with_stiffness_factor(RATIO) for s in arm.segments))
 
 
 def corrected(arm):
     """Return the arm with the measured stiffness of segment 2 alone."""
-    return arm.with_bending_stiffness(1, arm.segments[1].bending_stiffness * RATIO)
+    first, second, third = arm.segments
+    return replace(arm, segments=(first, second.with_stiffness_factor(RATIO), third))
 
 
 def compare(form, mass_factor=1.0, correct=False):
@@ -108,8 +109,8 @@ def test_constant_curvature_and_chain_agree_within_2_percent_without_gravity(wei
 def test_both_agree_within_2_percent_at_equal_pulls_as_well(weightless, form):
     signs = paper.FORMS[form]
     steps = paper.pulls_of_each_step(weightless, paper.set_form(weightless, signs), signs)
-    angles = [sign * constant_curvature.bending_angle(segment, step) for segment, step, sign
-              in zip(weightless.chain.arm.segments, steps, signs, strict=True)]
+    angles = [sign * constant_curvature.bending_angle(weightless.chain.arm, segment, step)
+              for segment, (step, sign) in enumerate(zip(steps, signs, strict=True))]
     arcs = constant_curvature.poses(weightless.chain.arm, angles)
     chain = weightless.chain.points(paper.set_form(weightless, signs)[-1].joint_angles)
     apart = np.linalg.norm((arcs - chain)[1:, :2], axis=1)

@@ -10,17 +10,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import (
-    Arm,
-    Disc,
-    LEFT,
-    RIGHT,
-    Segment,
-    SLACK,
-    Statics,
-    StaticsError,
-)
+from soft_continuum.mechanics import Disc, LEFT, RIGHT, Segment, SLACK, Statics, StaticsError
+from soft_continuum.mechanics.arm import mounted
 from support import paper_arm as paper
+from support.flat_arm import flat_arm
 from support.independent_statics import IndependentArm
 from support.random_arms import arms, between, masks, MODERATE, pulls
 
@@ -39,8 +32,8 @@ def in_small_steps(statics, start, asked, soft, steps=50):
 
 def tall_and_weak(mounting_angle=0.0):
     """Return an arm that cannot stand upright by itself."""
-    return Arm((Segment(0.3, 0.005, (0.02, 0.02), 0.1),), (Disc(0.03), Disc(0.03, 0.3)),
-               mounting_angle=mounting_angle)
+    return flat_arm([Segment.leaf_spring(0.3, 0.005, 0.1)], 0.02, [Disc(0.03), Disc(0.03, 0.3)],
+                    mounting_angle=mounting_angle)
 
 
 # Small steps and large ones
@@ -64,7 +57,7 @@ def test_many_small_steps_end_where_one_large_step_ends(data, arm):
 @pytest.mark.parametrize('segment', [0, 1, 2])
 def test_a_segment_follows_its_tendon_smoothly_to_90_degrees_and_back(
         paper_arm, mounting, segment):
-    statics = Statics(replace(paper_arm, mounting_angle=mounting))
+    statics = Statics(replace(paper_arm, gravity=mounted(mounting)))
     bent = statics.bend(statics.chain.straight(), segment, pi / 2)
     tendon = RIGHT if bent.tensions[RIGHT] > 0.0 else LEFT
     asked = [SLACK, SLACK]
@@ -194,7 +187,7 @@ def test_bend_reaches_its_angle_and_solve_agrees(arm, data, angle, before):
     (35.6, ALL, 33.6),
 ])
 def test_bend_tries_the_other_tendon_when_one_cannot(paper_arm, mounting, soft, angle):
-    statics = Statics(replace(paper_arm, mounting_angle=radians(mounting)))
+    statics = Statics(replace(paper_arm, gravity=mounted(radians(mounting))))
     # The left tendon does it, as pulling it step by step shows.
     state = statics.solve(statics.chain.straight(), (SLACK, SLACK), soft)
     passed, angles = False, [statics.chain.bending_angles(state.joint_angles)[0]]
@@ -213,7 +206,7 @@ def test_bend_tries_the_other_tendon_when_one_cannot(paper_arm, mounting, soft, 
 
 def test_bend_to_where_the_segment_rests_takes_no_tension(paper_arm):
     for mounting in np.linspace(-pi, pi, 25):
-        statics = Statics(replace(paper_arm, mounting_angle=mounting))
+        statics = Statics(replace(paper_arm, gravity=mounted(mounting)))
         for soft in (paper.only(0), paper.only(2)):
             rest = statics.solve(statics.chain.straight(), (SLACK, SLACK), soft)
             segment = soft.index(True)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import SLACK, Statics
-from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
 from soft_continuum.mechanics.sensitivity import Linearisation
 from support.energy_reference import Reference
+from support.flat_arm import made_of
 from support.general_arms import arms, FEW, masks, paper_like, pulls
 from support.sensitivity_rows import column, numbers
 
@@ -27,6 +27,13 @@ def difference(solve, step):
     """Return the fourth-order central difference of solve(0)."""
     low, high, lower, higher = (solve(s * step) for s in (-1, 1, -2, 2))
     return (8.0 * (high - low) - (higher - lower)) / (12.0 * step)
+
+
+def with_stiffness(arm, segment, stiffness):
+    """Return the arm with E I (N m^2) of one segment replaced."""
+    return replace(arm, segments=tuple(
+        replace(s, stiffness_y=stiffness) if i == segment else s
+        for i, s in enumerate(arm.segments)))
 
 
 def close(ours, expected):
@@ -48,7 +55,7 @@ def linearised(draw, stretch=True, jam=JAMS, segments=(1, 6)):
         other = 1 if asked[0] > SLACK else 0
         both = list(asked)
         both[other] = float(state.pulls[other]) - 1e-3
-        if arm.tendon.axial_stiffness < inf and draw(st.booleans()):
+        if arm.tendons[0].axial_stiffness < inf and draw(st.booleans()):
             both[other] += 1.2e-3
         asked = tuple(both)
         state = statics.solve(start, asked, soft)
@@ -82,10 +89,10 @@ def test_derivatives_by_the_bending_stiffness(case, data):
     statics, start, asked, soft, state = case
     arm = statics.chain.arm
     s = data.draw(st.integers(0, len(arm.segments) - 1))
-    stiffness = arm.segments[s].bending_stiffness
+    stiffness = arm.segments[s].stiffness_y
 
     def solve(change):
-        other = Statics(arm.with_bending_stiffness(s, stiffness * (1.0 + change)))
+        other = Statics(with_stiffness(arm, s, stiffness * (1.0 + change)))
         return numbers(statics, other.solve(start, asked, soft))
 
     expected = difference(solve, 1e-4)
@@ -150,7 +157,7 @@ def test_bending_stiffness_below_a_jam(jam):
     arm = statics.chain.arm
 
     def solve(change):
-        other = Statics(arm.with_bending_stiffness(0, 0.0265 * (1.0 + change)))
+        other = Statics(with_stiffness(arm, 0, 0.0265 * (1.0 + change)))
         return numbers(statics, other.solve(start, (0.012, SLACK), soft))
 
     expected = difference(solve, 1e-4)
@@ -169,7 +176,7 @@ def test_all_of_them_at_once_are_those_one_by_one(case):
     for part in ('joint_angles', 'tensions', 'paths', 'tip'):
         held, stiffness, *others = (getattr(one, part) for one in each)
         about = np.stack([0.0 * held, held], axis=2).reshape(len(held), -1)  # x, y
-        factors = stiffness * [segment.bending_stiffness for segment in segments]
+        factors = stiffness * [segment.stiffness_y for segment in segments]
         assert getattr(at.all(), part) == pytest.approx(
             np.hstack([about, factors, *others]), rel=1e-9, abs=1e-12)
 
@@ -218,7 +225,7 @@ def test_the_work_of_a_pull_is_its_tension(case):
 @pytest.mark.parametrize('sliding', [(1, 0), (-1, 0), (0, 1), (1, -1)])
 @pytest.mark.parametrize('stretch', [inf, 1e3])
 def test_with_friction_the_derivative_is_that_of_the_solutions(sliding, stretch):
-    statics = Statics(paper_like(3, tendon=Tendon(stretch, 0.2, 0.3), gravity=9.80665,
+    statics = Statics(paper_like(3, tendon=made_of(stretch, 0.2, 0.3), gravity=9.80665,
                                  mounting_angle=2.5))
     soft, tendon = (True,) * 3, 0 if sliding[0] else 1
     asked = {0: np.array([0.02, SLACK]), 1: np.array([SLACK, 0.02])}[tendon]

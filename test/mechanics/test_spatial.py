@@ -21,19 +21,12 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
-from soft_continuum.mechanics.arm import Disc
+from soft_continuum.mechanics.arm import Arm, Disc, mounted, Segment, Tendon, Wrench
 from soft_continuum.mechanics.chain import SLACK
-from soft_continuum.mechanics.spatial import (
-    spatial,
-    SpatialArm,
-    SpatialSegment,
-    SpatialStatics,
-    SpatialTendon,
-    Wrench,
-)
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.parameters.files import load_arm
 from support import paper_arm as paper
-from support.spatial_arms import mirrored, near_its_limit, turned
+from support.spatial_arms import in_space, mirrored, near_its_limit, turned
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 BODIES = 4
@@ -42,11 +35,11 @@ PULLS = (0.006, -0.004, -0.003)
 
 def arm(turn=0.0, jam=None, torsion=0.03, **changes):
     """Return three segments with three tendons each 120 degrees apart, turned about z."""
-    segments = tuple(SpatialSegment(0.07, k, k, torsion, 0.05, jam or Jam())
+    segments = tuple(Segment(0.07, k, k, torsion, 0.05, jam or Jam())
                      for k in (0.03, 0.02, 0.015))
-    tendons = tuple(SpatialTendon(f't{i}', turn + 2.0 * pi * i / 3.0, 0.025, 3) for i in range(3))
+    tendons = tuple(Tendon(f't{i}', turn + 2.0 * pi * i / 3.0, 0.025, 3) for i in range(3))
     discs = (Disc(0.02, 0.02),) * 4
-    return replace(SpatialArm(segments, discs, tendons, BODIES), **changes)
+    return replace(Arm(segments, discs, tendons, BODIES), **changes)
 
 
 def solved(an_arm, pulls=PULLS, soft=(True, True, True), start=None, **more):
@@ -64,11 +57,11 @@ def solved(an_arm, pulls=PULLS, soft=(True, True, True), start=None, **more):
 @pytest.mark.parametrize('height', [0.03, 0.0])
 def test_a_planar_arm_is_where_the_planar_statics_have_it(soft, pulls, jam, height):
     flat = paper.build(bodies_per_segment=6)
-    flat = replace(flat, discs=(Disc(height, 0.05),) * 4, mounting_angle=0.4, segments=tuple(
+    flat = replace(flat, discs=(Disc(height, 0.05),) * 4, gravity=mounted(0.4), segments=tuple(
         replace(s, jam=jam) for s in flat.segments))
     planar = Statics(flat)
     wanted = planar.solve(planar.chain.straight(), pulls, soft)
-    found = solved(spatial(flat), pulls, soft)
+    found = solved(in_space(flat), pulls, soft)
     assert found.points[:, 0] == pytest.approx(wanted.points[:, 0], abs=1e-10)
     assert found.points[:, 2] == pytest.approx(wanted.points[:, 1], abs=1e-10)
     assert found.points[:, 1] == pytest.approx(0.0, abs=1e-12)
@@ -78,7 +71,7 @@ def test_a_planar_arm_is_where_the_planar_statics_have_it(soft, pulls, jam, heig
 
 def test_segments_set_one_after_the_other_are_as_in_the_plane():
     flat = paper.build(bodies_per_segment=6)
-    planar, solid = Statics(flat), SpatialStatics(spatial(flat))
+    planar, solid = Statics(flat), SpatialStatics(flat)
     one, other = planar.chain.straight(), solid.chain.straight()
     for segment, pulls in ((0, (0.005, -0.007)), (1, (0.001, 0.003)), (2, (0.006, -0.006))):
         soft = [s == segment for s in range(3)]
@@ -91,7 +84,7 @@ def test_an_arm_that_buckles_ends_where_the_planar_one_does():
     flat = paper.build(bodies_per_segment=6)
     planar = Statics(flat)
     wanted = planar.solve(planar.chain.straight(), (0.004, -0.006), (True,) * 3)
-    found = solved(spatial(flat), (0.004, -0.006))
+    found = solved(in_space(flat), (0.004, -0.006))
     assert found.jumped == wanted.jumped
     assert found.tip[[0, 2]] == pytest.approx(wanted.tip[:2], abs=1e-9)
 
@@ -192,7 +185,7 @@ def test_by_tensions_is_the_same_as_by_lengths():
 
 
 def test_tendons_that_stretch_are_longer_by_what_they_carry():
-    an_arm = arm(tendons=tuple(replace(t, compliance=1e-4) for t in arm().tendons))
+    an_arm = arm().with_compliant_tendons(1e-4)
     at = solved(an_arm)
     taut = at.tensions > 0.0
     assert taut.any()
@@ -203,7 +196,7 @@ def test_a_column_stands_up_to_the_load_of_euler_and_buckles_beyond():
     length, stiffness = 0.3, 0.05
     critical = pi**2 * stiffness / (4.0 * length**2)
     for part, jumps in ((0.98, False), (1.05, True)):
-        column = SpatialArm((SpatialSegment(length, stiffness, stiffness, stiffness),),
+        column = Arm((Segment(length, stiffness, stiffness, stiffness),),
                             (Disc(),) * 2, (), 40, 0, 'second_order', gravity=(0.0,) * 3,
                             wrenches=(Wrench(1, (0.0, 0.0, -part * critical)),))
         at = solved(column, [], (True,))
@@ -397,7 +390,7 @@ def test_nothing_determines_what_a_tendon_carries_along_a_locked_arm():
 
 def test_tendons_that_stretch_carry_in_a_locked_arm_what_they_are_stretched_by():
     compliance = 1e-4
-    an_arm = arm(tendons=tuple(replace(t, compliance=compliance) for t in arm().tendons))
+    an_arm = arm().with_compliant_tendons(compliance)
     bent = solved(an_arm)
     locked = solved(an_arm, PULLS, (False,) * 3, start=bent)  # where the motors stand
     assert locked.tensions == pytest.approx(bent.tensions, abs=1e-8)
@@ -410,7 +403,7 @@ def test_tendons_that_stretch_carry_in_a_locked_arm_what_they_are_stretched_by()
 
 
 def test_a_tendon_that_passes_rigid_segments_only_cannot_be_pulled():
-    short = arm(tendons=(*arm().tendons, SpatialTendon('low', 0.0, 0.02, 1)))
+    short = arm(tendons=(*arm().tendons, Tendon('low', 0.0, 0.02, 1)))
     with pytest.raises(OverconstrainedError, match='low passes'):
         solved(short, (0.0, 0.0, 0.0, 0.002), (False, True, True))
 
@@ -434,10 +427,10 @@ def test_a_jam_holds_the_shape_in_which_it_was_stiffened():
 
 @pytest.mark.parametrize('out', [0.02, 0.03, 0.06])
 def test_an_arm_that_falls_over_as_tendons_are_paid_out_far_lies_as_one_in_a_plane_does(out):
-    planar, solid = (load_any_arm(CONFIG / f'{name}.yaml')
+    planar, solid = (load_arm(CONFIG / f'{name}.yaml')
                        for name in ('manipulator', 'spatial_jamming'))
     plane, space = Statics(replace(planar, segments=tuple(
-        replace(segment, bending_stiffness=other.stiffness_y)
+        replace(segment, stiffness_y=other.stiffness_y)
         for segment, other in zip(planar.segments, solid.segments, strict=True)
     ))), SpatialStatics(solid)
     limp = plane.solve(plane.chain.straight(), (SLACK, SLACK), (True,) * 3)
@@ -461,7 +454,7 @@ def test_an_arm_that_is_pulled_beyond_every_equilibrium_is_soon_given_up(
 
     counting = functions._replace(spatial_follow=follow)
     monkeypatch.setattr(_kernel, 'functions', lambda: counting)
-    statics = SpatialStatics(load_any_arm(CONFIG / f'{name}.yaml'))
+    statics = SpatialStatics(load_arm(CONFIG / f'{name}.yaml'))
     with pytest.raises(StaticsError, match=f'{words} .* pay out a tendon'):
         statics.solve(statics.chain.straight(), pulls, (True,) * 3)
     assert sum(iterations) < 4000  # hence less than a second
@@ -478,20 +471,20 @@ def test_where_the_search_for_first_tensions_does_not_end_others_do(monkeypatch)
 
 
 @pytest.mark.parametrize(('make', 'words'), [
-    (lambda: SpatialTendon('t', 0.0, 0.025, 0), 'ends at disc 0; the base is 0'),
-    (lambda: SpatialTendon('t', 0.0, (0.02, 0.02, 0.02), 2), '3 offsets; needed: one, or 4'),
-    (lambda: SpatialTendon('t', np.nan, 0.025, 1), 'angle of t is nan'),
+    (lambda: Tendon('t', 0.0, 0.025, 0), 'ends at disc 0; the base is 0'),
+    (lambda: Tendon('t', 0.0, (0.02, 0.02, 0.02), 2), '3 offsets; needed: one, or 4'),
+    (lambda: Tendon('t', np.nan, 0.025, 1), 'angle of t is nan'),
     (lambda: arm(tendons=arm().tendons[:1] * 2), 'each its own name'),
-    (lambda: arm(tendons=(SpatialTendon('t', 0.0, 0.025, 4),)), 'the last one is 3'),
+    (lambda: arm(tendons=(Tendon('t', 0.0, 0.025, 4),)), 'the last one is 3'),
     (lambda: arm(wrenches=(Wrench(5),)), 'the discs are 0 to 3'),
     (lambda: arm(gravity=(0.0, 9.8)), 'gravity is .*give x, y and z'),
     (lambda: arm(spacers=2), 'a multiple of spacers'),
     (lambda: arm(tendons=None), 'tendons are None; give a tuple'),
     (lambda: arm(wrenches=(Wrench(1.5),)), 'there is no disc 1.5'),
     (lambda: arm(bodies_per_segment=0), 'bodies'),
-    (lambda: SpatialSegment(0.07, np.inf, np.inf), 'bend about one axis'),
-    (lambda: SpatialSegment(70.0, 0.1, 0.1), 'segment length is 70'),
-    (lambda: SpatialSegment(0.07, 0.1, 0.1, soft_law=0.1), 'soft law is 0.1; give a Moment'),
+    (lambda: Segment(0.07, np.inf, np.inf), 'bend about one axis'),
+    (lambda: Segment(70.0, 0.1, 0.1), 'segment length is 70'),
+    (lambda: Segment(0.07, 0.1, 0.1, soft_law=0.1), 'soft law is 0.1; give a Moment'),
 ])
 def test_what_is_no_arm_is_refused(make, words):
     with pytest.raises(ArmError, match=words):

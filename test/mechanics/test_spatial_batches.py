@@ -9,12 +9,7 @@ import pytest
 
 from soft_continuum.mechanics import Jam, OverconstrainedError, SLACK, Statics, StaticsError
 from soft_continuum.mechanics import solve_path as planar_path
-from soft_continuum.mechanics.spatial import (
-    solve_batch,
-    solve_path,
-    spatial,
-    SpatialStatics,
-)
+from soft_continuum.mechanics.spatial import solve_batch, solve_path, SpatialStatics
 from support import paper_arm as paper
 from support.spatial_arms import three_segments
 
@@ -49,8 +44,7 @@ def test_one_arm_under_many_pulls_and_given_tensions():
 def test_any_mixture_of_arms_starts_masks_and_drives_is_as_one_by_one():
     random = np.random.default_rng(3)
     hanging = three_segments(gravity=(3.0, 0.0, 9.0))
-    elastic = tuple(replace(tendon, compliance=2e-5) for tendon in hanging.tendons)
-    arms = [three_segments(payload=0.02), replace(hanging, tendons=elastic),
+    arms = [three_segments(payload=0.02), hanging.with_compliant_tendons(2e-5),
             three_segments(jam=Jam(4.0))]
     models = [SpatialStatics(arms[i % 3]) for i in range(60)]
     starts = [m.solve(m.chain.straight(), random.uniform(-0.004, 0.002, 3), (True,) * 3)
@@ -89,7 +83,7 @@ def test_rows_without_an_equilibrium_are_nan():
 
 def test_a_path_is_followed_as_in_the_plane():
     flat = paper.build(bodies_per_segment=4)
-    planar, solid = Statics(flat), SpatialStatics(spatial(flat))
+    planar, solid = Statics(flat), SpatialStatics(flat)
     pulls = np.array([(p, -0.01 - p) for p in np.linspace(0.0, 0.006, 40)])
     masks = [(True, False, False)] * 20 + [(False, False, True)] * 20
     wanted = planar_path(planar, planar.chain.straight(), pulls, masks)

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import ArmError
 from soft_continuum.mechanics import constant_curvature as planar
-from soft_continuum.mechanics.spatial import constant_curvature, spatial, SpatialChain
+from soft_continuum.mechanics.spatial import constant_curvature, SpatialChain
 from support import paper_arm as paper
-from support.spatial_arms import three_segments
+from support.spatial_arms import in_space, three_segments
 
 ANGLES = (0.6, -0.4, 1.1)
 BENDING = ((0.3, 0.5), (-0.8, 0.1), (0.2, -0.6))
@@ -21,7 +21,7 @@ BENDING = ((0.3, 0.5), (-0.8, 0.1), (0.2, -0.6))
 
 def test_in_one_plane_it_is_the_planar_one():
     flat = paper.build()
-    solid, bending = spatial(flat), [(0.0, angle) for angle in ANGLES]
+    solid, bending = in_space(flat), [(0.0, angle) for angle in ANGLES]
     assert constant_curvature.pulls(solid, bending) == pytest.approx(
         planar.pulls(flat, ANGLES), abs=1e-14)
     assert constant_curvature.poses(solid, bending)[0][:, [0, 2]] == pytest.approx(
@@ -31,7 +31,7 @@ def test_in_one_plane_it_is_the_planar_one():
 @pytest.mark.parametrize('angle', [0.3, 2.0, -1.2])
 def test_in_any_plane_it_is_the_planar_one_turned(angle):
     flat, turn = paper.build(), Rotation.from_euler('z', angle)
-    solid = spatial(flat)
+    solid = in_space(flat)
     solid = replace(solid, tendons=tuple(replace(t, angle=t.angle + angle) for t in solid.tendons))
     bending = turn.apply([(0.0, a, 0.0) for a in ANGLES])[:, :2]
     assert constant_curvature.pulls(solid, bending) == pytest.approx(
@@ -90,7 +90,7 @@ def test_nine_tendons_determine_three_segments_and_one_that_is_slack_is_not_miss
 
 
 def test_two_tendons_determine_the_bending_of_a_hinge():
-    solid = spatial(paper.build())
+    solid = in_space(paper.build())
     pulls = constant_curvature.pulls(solid, [(0.0, 0.0), (0.0, 0.7), (0.0, 0.0)])
     found = constant_curvature.bending(solid, pulls, soft=(False, True, False))
     assert found == pytest.approx(np.array([(0.0, 0.0), (0.0, 0.7), (0.0, 0.0)]), abs=1e-9)

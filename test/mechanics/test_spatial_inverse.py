@@ -9,14 +9,9 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Jam, pulls_for_angles, SLACK, Statics, StaticsError
-from soft_continuum.mechanics.spatial import (
-    pulls_for_bending,
-    set_shape,
-    spatial,
-    SpatialStatics,
-)
+from soft_continuum.mechanics.spatial import pulls_for_bending, set_shape, SpatialStatics
 from support import paper_arm as paper
-from support.spatial_arms import random_arm, three_segments
+from support.spatial_arms import in_space, random_arm, three_segments
 
 ANY = (nan, nan)
 SHAPE = np.array([(0.6, 0.3), (-0.5, 0.4), (0.8, -0.4)])
@@ -50,7 +45,7 @@ def test_in_the_plane_pulls_are_the_planar_ones(angle):
     flat = paper.build(bodies_per_segment=6, mounting_angle=2.5)
     planar = Statics(flat)
     wanted = pulls_for_angles(planar, planar.chain.straight(), (nan, angle, nan), (0, 1, 0))
-    _, _, fit = fit_one(spatial(flat), (0.0, angle), 1)
+    _, _, fit = fit_one(in_space(flat), (0.0, angle), 1)
     assert fit.pulls == pytest.approx(wanted.pulls, abs=1e-9)
     assert fit.state.tensions == pytest.approx(wanted.state.tensions, abs=1e-6)
 
@@ -152,7 +147,7 @@ def test_what_is_no_request_is_refused(wanted, more, words):
 
 def test_a_hinge_does_not_bend_about_its_other_axis():
     with pytest.raises(ValueError, match='segment 1 does not bend about x'):
-        fit_one(spatial(paper.build()), (0.2, 0.3))
+        fit_one(in_space(paper.build()), (0.2, 0.3))
 
 
 @pytest.mark.parametrize('order', [(0, 1, 2), (2, 0, 1)])
@@ -170,11 +165,11 @@ def test_a_planar_arm_is_set_as_that_of_hinges_is(jam):
     flat = replace(flat, segments=tuple(replace(s, jam=jam) for s in flat.segments))
     wanted = np.column_stack([np.zeros(3), (0.6, -0.3, 0.5)])
     planar, hinges = (set_shape(statics, wanted, order=(0, 2, 1)) for statics in (
-        Statics(flat), SpatialStatics(spatial(flat))))
+        Statics(flat), SpatialStatics(flat)))
     for state in (planar, hinges):
         assert state.bending == pytest.approx(wanted, abs=1e-8)
     assert planar.backbone == pytest.approx(hinges.backbone, abs=1e-8)
-    for arm in (Statics(flat), SpatialStatics(spatial(flat))):
+    for arm in (Statics(flat), SpatialStatics(flat)):
         with pytest.raises(ValueError, match='segment 1 does not bend about x'):
             set_shape(arm, wanted[:, ::-1])
 

@@ -10,16 +10,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import _kernel, SLACK, Statics
-from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.arm import Segment
 from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
-from soft_continuum.mechanics.spatial import (
-    spatial,
-    SpatialLinearisation,
-    SpatialSegment,
-    SpatialStatics,
-)
+from soft_continuum.mechanics.spatial import SpatialLinearisation, SpatialStatics
 from support.differences import assert_is_difference, changed, command
 from support.energy_reference import density
+from support.flat_arm import made_of
 from support.general_arms import paper_like
 from support.spatial_arms import three_segments
 
@@ -48,11 +44,11 @@ def steps(way):
 
 
 @pytest.mark.parametrize(('soft_law', 'jam', 'tendon'), [
-    (SOFTENING, Jam(6.0), Tendon()), (STIFFENING, Jam(law=JAMMED), Tendon(2e3, 0.2)),
-    (None, Jam(6.0, yield_moment=0.03), Tendon()),
-    (None, Jam(6.0, stiffness_exponent=0.5), Tendon(5e3)),
-    (STIFFENING, Jam(law=JAMMED, yield_moment=0.06, stiffness_exponent=0.7), Tendon()),
-    (None, Jam(6.0), Tendon(friction=0.2)), (SOFTENING, Jam(6.0), Tendon(3e3, 0.1, 0.2)),
+    (SOFTENING, Jam(6.0), made_of()), (STIFFENING, Jam(law=JAMMED), made_of(2e3, 0.2)),
+    (None, Jam(6.0, yield_moment=0.03), made_of()),
+    (None, Jam(6.0, stiffness_exponent=0.5), made_of(5e3)),
+    (STIFFENING, Jam(law=JAMMED, yield_moment=0.06, stiffness_exponent=0.7), made_of()),
+    (None, Jam(6.0), made_of(friction=0.2)), (SOFTENING, Jam(6.0), made_of(3e3, 0.1, 0.2)),
 ], ids=['soft table', 'both tables, stretch', 'yield', 'vacuum', 'table that yields', 'friction',
         'friction, stretch, table'])
 @pytest.mark.parametrize('discretisation', ['paper', 'second_order'])
@@ -60,7 +56,7 @@ def test_in_one_plane_every_law_does_what_it_does_in_the_plane(
         soft_law, jam, tendon, discretisation):
     flat = paper_like(3, jam, soft_law, bodies=4, gravity=9.80665, mounting_angle=2.6,
                       tendon=tendon, discretisation=discretisation)
-    planar, solid = Statics(flat), SpatialStatics(spatial(flat))
+    planar, solid = Statics(flat), SpatialStatics(flat)
     one, other = planar.chain.straight(), solid.chain.straight()
     for soft, pulls, vacuum in steps(WAY):
         ways = {'vacuum': vacuum, 'sliding': np.sign(np.subtract(pulls, one.pulls)).astype(int)}
@@ -301,7 +297,7 @@ def test_derivatives_by_stiffness_and_held_shape_know_the_laws():
 
 def test_a_stiff_law_that_is_softer_than_the_soft_one_is_refused():
     with pytest.raises(LawError, match='row 2 of the stiff law'):
-        SpatialSegment(0.07, 0.5, 0.3, jam=Jam(law=JAMMED))
+        Segment(0.07, 0.5, 0.3, jam=Jam(law=JAMMED))
 
 
 def test_a_rigid_jam_knows_no_part_of_vacuum():

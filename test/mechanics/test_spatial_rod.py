@@ -9,10 +9,10 @@ import pytest
 
 from references import Elastica, solve_rods
 from soft_continuum.mechanics import Jam, Statics
-from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER
-from soft_continuum.mechanics.spatial import spatial, SpatialStatics, Wrench
+from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER, Wrench
+from soft_continuum.mechanics.spatial import SpatialStatics
 from support.general_arms import paper_like
-from support.spatial_arms import three_segments
+from support.spatial_arms import in_space, three_segments
 
 ALL = (True, True, True)
 PULLS = np.array([0.008, -0.005, -0.006])
@@ -29,7 +29,7 @@ def test_in_one_plane_rods_are_those_of_the_plane():
     flat = paper_like(3, bodies=8, gravity=9.80665, mounting_angle=2.0, payload=0.02)
     statics, pulls = Statics(flat), (0.01, -0.02)
     wanted = Elastica(flat).solve(statics.chain.straight(), pulls, ALL)
-    _, found = rods(spatial(flat), pulls)
+    _, found = rods(in_space(flat), pulls)
     assert found.points[:, [0, 2]] == pytest.approx(wanted.points[:, :2], abs=1e-8)
     assert found.points[:, 1] == pytest.approx(0.0, abs=1e-12)
     assert found.tensions == pytest.approx(wanted.tensions, rel=1e-6)
@@ -44,7 +44,7 @@ def test_the_chain_converges_to_rods(discretisation, spacers, orders, most):
     wrench = Wrench(3, (0.1, -0.2, 0.1), (0.005, 0.003, 0.004))
     arm = three_segments(gravity=(2.0, 1.0, 8.0), discretisation=discretisation, payload=0.02,
                          wrenches=(wrench,), spacers=spacers)
-    arm = replace(arm, tendons=tuple(replace(t, twist=3.0, compliance=1e-4) for t in arm.tendons),
+    arm = replace(arm.with_tendons(twist=3.0).with_compliant_tendons(1e-4),
                   segments=(replace(arm.segments[0], stiffness_x=0.06), *arm.segments[1:]))
     chains = [SpatialStatics(replace(arm, bodies_per_segment=bodies)) for bodies in (8, 16, 32)]
     states = [statics.solve(statics.chain.straight(), PULLS, ALL) for statics in chains]

@@ -8,20 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from soft_continuum.mechanics.arm import Disc
-from soft_continuum.mechanics.spatial import (
-    self_intersections,
-    SpatialArm,
-    SpatialChain,
-    SpatialSegment,
-    wound_up,
-)
+from soft_continuum.mechanics.arm import Arm, Disc, Segment
+from soft_continuum.mechanics.spatial import self_intersections, SpatialChain, wound_up
 from support.spatial_arms import three_segments
 
 
 def ring(angle, rise=0.0):
     """Return an arm of one segment bent to an arc, 0.3 m long, and turned out of its plane."""
-    arm = SpatialArm((SpatialSegment(0.3, 0.1, 0.1),), (Disc(),) * 2, (), 60)
+    arm = Arm((Segment(0.3, 0.1, 0.1),), (Disc(),) * 2, (), 60)
     joints = np.zeros((61, 3))
     joints[:, 0], joints[:, 2] = angle / 61, rise
     return SpatialChain(arm).state(joints)

@@ -8,15 +8,11 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Jam, Linearisation, Statics
-from soft_continuum.mechanics.spatial import (
-    spatial,
-    SpatialLinearisation,
-    SpatialStatics,
-    Wrench,
-)
+from soft_continuum.mechanics.arm import mounted, Wrench
+from soft_continuum.mechanics.spatial import SpatialLinearisation, SpatialStatics
 from support import paper_arm as paper
 from support.differences import assert_is_difference, changed, command
-from support.spatial_arms import random_state, three_segments
+from support.spatial_arms import random_state, stretching, three_segments
 
 SEEDS = range(8)
 
@@ -110,13 +106,13 @@ def test_by_stiffness_ratio_and_held_shape(seed):
 @pytest.mark.parametrize('pulls', [(0.006, -0.02), (-0.02, 0.004)])
 def test_a_planar_arm_has_the_planar_derivatives(jam, pulls):
     flat = paper.build(bodies_per_segment=6)
-    flat = replace(flat, mounting_angle=0.4, segments=tuple(
+    flat = replace(flat, gravity=mounted(0.4), segments=tuple(
         replace(s, jam=jam) for s in flat.segments))
     soft = (True, False, True)
-    planar, solid = Statics(flat), SpatialStatics(spatial(flat))
+    planar, solid = Statics(flat), SpatialStatics(flat)
     one = Linearisation(planar, planar.solve(planar.chain.straight(), pulls, soft))
     other = SpatialLinearisation(solid, solid.solve(solid.chain.straight(), pulls, soft))
-    stiffness = np.array([s.bending_stiffness for s in flat.segments])
+    stiffness = np.array([s.stiffness_y for s in flat.segments])
     every, in_plane = slice(None), [0, 2, 3, 5, 6, 8]  # of forces along x, y, z
     pairs = [(one.pulls(), every, other.pulls(), every, 1.0),
              (one.payload(), every, other.payload(), every, 1.0),
@@ -144,10 +140,8 @@ def test_a_load_cell_and_a_motor_are_reciprocal():
 
 
 def test_where_all_is_rigid_only_tendons_that_stretch_answer():
-    tendons = tuple(replace(t, compliance=c) for t, c in zip(
-        three_segments().tendons, (1e-4, 1e-4, 0.0), strict=True))
-    statics = SpatialStatics(three_segments(tendons=3, gravity=(0.0, 0.0, 0.0)))
-    statics = SpatialStatics(replace(statics.chain.arm, tendons=tendons))
+    statics = SpatialStatics(stretching(
+        three_segments(tendons=3, gravity=(0.0, 0.0, 0.0)), (1e-4, 1e-4, 0.0)))
     state = statics.solve(statics.chain.straight(), (0.001, 0.002, -0.001), (False,) * 3)
     found = SpatialLinearisation(statics, state).pulls()
     assert found.tensions == pytest.approx(np.diag([1e4, 1e4, 0.0]))

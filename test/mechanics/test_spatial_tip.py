@@ -9,16 +9,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import angles_for_tip, Jam, Statics
-from soft_continuum.mechanics.spatial import (
-    bending_for_tip,
-    set_shape,
-    spatial,
-    SpatialStatics,
-    workspace,
-)
+from soft_continuum.mechanics.spatial import bending_for_tip, set_shape, SpatialStatics, workspace
 from soft_continuum.mechanics.spatial import tip as tip_search
 from support import paper_arm as paper
-from support.spatial_arms import three_segments
+from support.spatial_arms import in_space, three_segments
 
 SHAPES = [((0.7, 0.4), (0.2, -0.5), (-0.3, 0.3)), ((0.0, 0.0), (-0.9, 0.5), (0.0, 0.0)),
           ((0.4, -0.6), (0.0, 0.0), (0.9, 0.2))]
@@ -52,7 +46,7 @@ def test_a_tip_that_the_arm_had_is_reached_again(shape, posed):
 
 def test_in_the_plane_it_is_the_planar_one():
     flat = paper.build(bodies_per_segment=3)
-    planar, solid = Statics(flat), SpatialStatics(spatial(flat))
+    planar, solid = Statics(flat), SpatialStatics(flat)
     x, z = 0.12, 0.24
     one, other = angles_for_tip(planar, x, z), bending_for_tip(solid, (x, 0.0, z))
     assert one.reached and other.reached
@@ -125,7 +119,7 @@ def test_the_workspace_of_a_hanging_arm_is_symmetric():
 
 
 def test_hinges_stay_in_their_plane():
-    solid = spatial(paper.build(bodies_per_segment=2))
+    solid = in_space(paper.build(bodies_per_segment=2))
     one = replace(solid, segments=solid.segments[:1], discs=solid.discs[:2], tendons=tuple(
         replace(t, offset=t.offset[:2], end=1) for t in solid.tendons))
     tips, bending = workspace(SpatialStatics(one), 3, 6)

@@ -17,7 +17,6 @@ from soft_continuum.mechanics import (
     LEFT,
     MomentCurvature,
     OverconstrainedError,
-    PointForce,
     pulls_for_angles,
     RIGHT,
     Segment,
@@ -27,8 +26,11 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
     Tendon,
+    Wrench,
 )
+from soft_continuum.mechanics.arm import tendon_pair
 from support import paper_arm as paper
+from support.flat_arm import flat_arm
 from support.independent_statics import IndependentArm
 
 FIRST = paper.only(0)
@@ -65,30 +67,31 @@ def test_a_start_that_is_no_state_is_refused(statics, start):
     {'length': '7'}, {'length': None}, {'length': 1j}, {'mass': 'heavy'}])
 def test_a_segment_of_no_numbers_is_refused(changes):
     with pytest.raises(ArmError, match='number'):
-        Segment(**({'length': 0.07, 'bending_stiffness': 0.02, 'guide_offsets': (0.02, 0.02)}
-                   | changes))
+        Segment(**({'length': 0.07, 'stiffness_x': 0.02, 'stiffness_y': 0.02} | changes))
 
 
-SEGMENTS, DISCS = (Segment(0.07, 0.02, (0.02, 0.02)),), (Disc(0.03), Disc(0.03))
+SEGMENTS, DISCS = (Segment.leaf_spring(0.07, 0.02),), (Disc(0.03), Disc(0.03))
+PAIR = tendon_pair(0.02, 1)
 
 
 @pytest.mark.parametrize('make', [
-    lambda value: Arm(SEGMENTS, DISCS, forces=(PointForce(1, value, 0.0),)),
-    lambda value: Arm(SEGMENTS, DISCS, forces=(PointForce(value, 0.0, 0.0),)),
-    lambda value: Arm(SEGMENTS, DISCS, payload=value),
-    lambda value: Arm(SEGMENTS, DISCS, tendon=value),
-    lambda value: Arm(SEGMENTS, DISCS, forces=value),
-    lambda value: Arm(value, DISCS),
-    lambda value: Arm(SEGMENTS, value),
+    lambda value: Arm(SEGMENTS, DISCS, PAIR, wrenches=(Wrench(1, (value, 0.0, 0.0)),)),
+    lambda value: Arm(SEGMENTS, DISCS, PAIR, wrenches=(Wrench(value, (0.0, 0.0, 0.0)),)),
+    lambda value: Arm(SEGMENTS, DISCS, PAIR, payload=value),
+    lambda value: Arm(SEGMENTS, DISCS, value),
+    lambda value: Arm(SEGMENTS, DISCS, PAIR, wrenches=value),
+    lambda value: Arm(value, DISCS, PAIR),
+    lambda value: Arm(SEGMENTS, value, PAIR),
     Jam,
     lambda value: Jam(3.0, yield_moment=value),
     lambda value: Jam(3.0, stiffness_exponent=value),
     lambda value: MomentCurvature((0.0, value), (0.0, 1.0)),
     lambda value: MomentCurvature(value, (0.0, 1.0)),
-    Tendon,
-    lambda value: Tendon(friction=value),
+    lambda value: tendon_pair(value, 1),
+    lambda value: Tendon('right', value, 0.02, 1),
+    lambda value: tendon_pair(0.02, 1, friction=value),
     lambda value: Disc(0.03, value),
-    lambda value: Segment(0.07, 0.02, value),
+    lambda value: Segment.leaf_spring(0.07, 0.02, value),
 ])
 @pytest.mark.parametrize('value', ['7', None, 1j, nan])
 def test_what_is_no_number_is_refused_by_every_part_of_an_arm(make, value):
@@ -125,7 +128,7 @@ def test_a_start_state_of_another_arm_is_refused(statics, bodies):
 
 def test_a_start_state_of_as_many_joints_in_fewer_segments_is_refused(statics):
     three, arm = Statics(statics.chain.arm.with_bodies(3)), statics.chain.arm
-    two = Statics(Arm(arm.segments[:2], arm.discs[:3], bodies_per_segment=5))
+    two = Statics(flat_arm(arm.segments[:2], 0.02, arm.discs[:3], bodies_per_segment=5))
     with pytest.raises(ValueError, match='12 joints in 2 segments'):
         three.solve(two.chain.uniform([0.5, 0.0]), (0.0, 0.0), FIRST)
 
@@ -174,7 +177,7 @@ def test_the_tension_of_a_tendon_along_a_stiff_arm_is_unknown(statics):
 
 def test_two_tendons_cannot_both_shorten_a_segment_of_one_body():
     # Every shape of its two joints, tried out: none has both tendons that short.
-    arm = Arm((Segment(0.07, 0.02, (0.02, 0.02)),), (Disc(0.03), Disc(0.03)), 1)
+    arm = flat_arm(SEGMENTS, 0.02, DISCS, bodies_per_segment=1)
     each = np.radians(np.arange(-170.0, 171.0, 2.0))
     angles = np.stack(np.meshgrid(each, each), axis=-1).reshape(-1, 2)
     _, right, left, _ = IndependentArm(arm).walk(angles)
@@ -239,8 +242,8 @@ def test_a_pull_of_16_mm_bends_the_softest_and_the_stiffest_arm(
         bodies, bending_stiffness, gravity):
     # What a stiffness of 1e3 N m^2 leaves to rounding is far above 1e-10 N m.
     masses = min(0.05, bending_stiffness)
-    arm = Arm(tuple(Segment(0.07, bending_stiffness, (0.02, 0.02), masses) for _ in range(3)),
-              tuple(Disc(0.03, masses) for _ in range(4)), bodies, gravity=gravity)
+    arm = flat_arm([Segment.leaf_spring(0.07, bending_stiffness, masses)] * 3, 0.02,
+                   [Disc(0.03, masses)] * 4, bodies_per_segment=bodies, gravity=gravity)
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), (0.0165, SLACK), FIRST)
     assert state.pulls[RIGHT] == pytest.approx(0.0165, abs=1e-9)
@@ -248,8 +251,8 @@ def test_a_pull_of_16_mm_bends_the_softest_and_the_stiffest_arm(
 
 
 def test_an_arm_of_six_segments_with_300_bodies_each():
-    arm = Arm(tuple(Segment(0.05, 0.05, (0.02, 0.02), 0.01) for _ in range(6)),
-              tuple(Disc(0.02, 0.01) for _ in range(7)), 300, mounting_angle=pi)
+    arm = flat_arm([Segment.leaf_spring(0.05, 0.05, 0.01)] * 6, 0.02, [Disc(0.02, 0.01)] * 7,
+                   bodies_per_segment=300, mounting_angle=pi)
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), (0.05, SLACK), (True,) * 6)
     assert state.residual < 1e-9
@@ -268,7 +271,7 @@ def test_a_solve_that_cannot_settle_gives_up_soon():
 
 def test_letting_out_one_tendon_and_pulling_the_other_is_not_overconstrained():
     # On the straight way between two such pairs the tendons are too short, at its end they fit.
-    arm = Arm((Segment(0.07, 0.02, (0.02, 0.02)),), (Disc(0.03), Disc(0.03)), gravity=0.0)
+    arm = flat_arm(SEGMENTS, 0.02, DISCS, gravity=0.0)
     statics = Statics(arm)
     for degrees in (20.0, 40.0, 60.0, 80.0, 100.0):
         there = statics.bend(statics.chain.straight(), 0, radians(degrees))

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
-from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
 from support.energy_reference import Reference
+from support.flat_arm import made_of
 from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 BOTH_SLACK = (SLACK, SLACK)
@@ -53,7 +53,7 @@ def test_stiffening_at_rest_moves_nothing(arm, data):
 
 def test_a_rigid_arm_keeps_the_tension_of_a_tendon_that_stretches():
     # Not overconstrained: the tendon is as long as it was a moment ago, and as taut.
-    statics = Statics(paper_like(2, tendon=Tendon(1e4)))
+    statics = Statics(paper_like(2, tendon=made_of(1e4)))
     state = statics.solve(statics.chain.straight(), (0.01, SLACK), (True, True))
     held = statics.solve(state, (0.01, SLACK), (False, False))
     assert np.array_equal(held.joint_angles, state.joint_angles)
@@ -137,7 +137,7 @@ def test_a_segment_stiffened_straight_is_one_of_k_times_the_stiffness(arm, data)
     stiff = Statics(arm)
     soft = data.draw(masks(arm))
     firm = Statics(replace(arm, segments=tuple(
-        replace(s, bending_stiffness=s.bending_stiffness * (1.0 if free else 4.0))
+        replace(s, stiffness_y=s.stiffness_y * (1.0 if free else 4.0))
         for s, free in zip(arm.segments, soft, strict=True))))
     straight = stiff.chain.straight()
     asked = data.draw(pulls(arm, straight, soft))

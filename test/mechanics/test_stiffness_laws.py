@@ -90,8 +90,8 @@ def test_what_a_jam_adds_makes_up_the_stiff_law_at_every_curvature(curvature):
 def test_a_table_on_a_straight_line_is_the_linear_law(arm, data):
     points = np.cumsum([0.0, *data.draw(st.lists(between(0.1, 4.0), min_size=1, max_size=5))])
     tabled = Statics(replace(arm, segments=tuple(
-        replace(s, bending_stiffness=1.0, soft_law=MomentCurvature(
-            tuple(points), tuple(s.bending_stiffness * points))) for s in arm.segments)))
+        replace(s, stiffness_y=1.0, soft_law=MomentCurvature(
+            tuple(points), tuple(s.stiffness_y * points))) for s in arm.segments)))
     plain = Statics(arm)
     soft = data.draw(masks(arm))
     straight = plain.chain.straight()

@@ -22,17 +22,18 @@ from soft_continuum.mechanics import (
     Statics,
     workspace,
 )
-from soft_continuum.mechanics.arm import Tendon
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam
 from support.energy_reference import Reference
+from support.flat_arm import guides_of, made_of
 from support.general_arms import arms, FEW, paper_like, pulls
 
 PULLED, PAID_OUT, AT_REST = (1, 1), (-1, -1), (0, 0)
 
 
 def rough(segments=3, friction=0.3, stretch=np.inf, **changes):
-    return Statics(paper_like(segments, tendon=Tendon(stretch, 0.0, friction), **changes))
+    return Statics(paper_like(segments, tendon=made_of(stretch, 0.0, friction), **changes))
 
 
 def turned_by(arm, joint_angles):
@@ -42,7 +43,8 @@ def turned_by(arm, joint_angles):
     The runs lead through discs and along segments in turn, through the base disc first.
     """
     x, z, theta, body = 0.0, 0.0, 0.0, 0
-    offset = arm.segments[0].guide_offsets[0]
+    guides = guides_of(arm)
+    offset = guides[0][0]
     path = [(x, z, theta, offset), (x, z + arm.discs[0].height, theta, offset)]
     z = arm.discs[0].height
     for s, segment in enumerate(arm.segments):
@@ -51,11 +53,11 @@ def turned_by(arm, joint_angles):
             x += segment.length / arm.bodies_per_segment * np.sin(theta)
             z += segment.length / arm.bodies_per_segment * np.cos(theta)
         theta, body = theta + joint_angles[body], body + 1
-        path.append((x, z, theta, segment.guide_offsets[1]))
+        path.append((x, z, theta, guides[s][1]))
         x += arm.discs[s + 1].height * np.sin(theta)
         z += arm.discs[s + 1].height * np.cos(theta)
         last = s + 1 == len(arm.segments)
-        offset = arm.segments[s + (0 if last else 1)].guide_offsets[1 if last else 0]
+        offset = guides[s + (0 if last else 1)][1 if last else 0]
         path.append((x, z, theta, offset))
     path = np.array(path).T
     turned = []
@@ -78,9 +80,8 @@ def wrapped(arm, joint_angles):
     (36, 36, 36), (36, -36, 36), (-20, 50, 0), (90, 90, 90), (36,) * 6, (-60,) * 6])
 @pytest.mark.parametrize('friction', [0.05, 0.3])
 def test_an_arc_turns_the_tendon_by_half_its_angle_at_either_end(degrees, friction):
-    arm = paper_like(len(degrees), tendon=Tendon(friction=friction))
-    statics = Statics(replace(arm, segments=tuple(
-        replace(s, guide_offsets=(0.02, 0.02)) for s in arm.segments)))
+    arm = paper_like(len(degrees), tendon=made_of(friction=friction))
+    statics = Statics(arm.with_tendons(offset=0.02))
     state = statics.chain.uniform(np.radians(degrees))
     turns = np.abs(np.radians(degrees))
     before = np.cumsum(turns) - turns / 2  # all of the segments below, half of its own
@@ -98,13 +99,13 @@ def test_ratios_follow_from_the_angles_at_the_guides(arm, data):
     statics = Statics(arm)
     ratios = tension_ratios(statics.chain, angles, (1, -1))
     turned = wrapped(arm, angles)
-    friction = arm.tendon.friction
+    friction = arm.tendons[0].friction
     assert ratios[RIGHT] == pytest.approx(np.exp(-friction * turned[RIGHT]), rel=1e-9)
     assert ratios[LEFT] == pytest.approx(np.exp(friction * turned[LEFT]), rel=1e-9)
 
 
 def test_a_segment_of_36_degrees_keeps_94_percent_behind_it_at_a_coefficient_of_one_tenth():
-    arm = paper_like(2, tendon=Tendon(friction=0.1))
+    arm = paper_like(2, tendon=made_of(friction=0.1))
     statics = Statics(replace(arm, segments=arm.segments[:1] * 2))
     state = statics.chain.uniform([radians(36), 0.0])
     ratios = tension_ratios(statics.chain, state.joint_angles, PULLED)
@@ -132,7 +133,7 @@ def test_an_arm_with_friction_is_in_balance(arm, data, sliding):
     asked = data.draw(pulls(arm, straight, soft, most=0.4))
     state = statics.solve(straight, asked, soft, sliding=sliding)
     turned = wrapped(arm, state.joint_angles)
-    ratios = np.exp(-arm.tendon.friction * np.array(sliding)[:, None] * turned)
+    ratios = np.exp(-arm.tendons[0].friction * np.array(sliding)[:, None] * turned)
     reference = Reference(arm, state.stiff, state.held_angles)
     assert reference.unbalanced(state.joint_angles, state.tensions, ratios) < 1e-9
 
@@ -264,7 +265,7 @@ def test_a_direction_that_is_none_is_refused(sliding):
 
 def test_the_other_tendon_of_a_mirrored_arm_has_the_mirrored_friction():
     statics = rough(3, 0.4, gravity=9.80665, mounting_angle=2.0)
-    mirrored = Statics(replace(statics.chain.arm, mounting_angle=-2.0))
+    mirrored = Statics(replace(statics.chain.arm, gravity=mounted(-2.0)))
     one = statics.solve(statics.chain.straight(), (0.02, SLACK), (True,) * 3, sliding=(1, 0))
     other = mirrored.solve(mirrored.chain.straight(), (SLACK, 0.02), (True,) * 3, sliding=(0, 1))
     assert other.joint_angles == pytest.approx(-one.joint_angles, abs=1e-10)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tendons that stretch, and tendons of given tension."""
 
-from dataclasses import replace
 from math import inf
 
 from hypothesis import assume, given
@@ -11,17 +10,17 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import LEFT, RIGHT, SLACK, Statics
-from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.laws import Jam
 from support.energy_reference import Reference
+from support.flat_arm import guides_of, made_of
 from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 
 def tendon_length(arm):
     """Return the length of a tendon from stepper to tip in the straight arm, m."""
-    return (sum((s.length**2 + (s.guide_offsets[1] - s.guide_offsets[0])**2)**0.5
-                for s in arm.segments)
-            + sum(d.height for d in arm.discs) + arm.tendon.free_length)
+    return (sum((s.length**2 + (upper - lower)**2)**0.5
+                for s, (lower, upper) in zip(arm.segments, guides_of(arm), strict=True))
+            + sum(d.height for d in arm.discs) + arm.tendons[0].free_length)
 
 
 @FEW
@@ -32,7 +31,7 @@ def test_a_tendon_is_longer_than_asked_for_by_t_l_over_ea(arm, data):
     soft = data.draw(masks(arm))
     asked = np.array(data.draw(pulls(arm, straight, soft)))
     state = statics.solve(straight, asked, soft)
-    stretch = state.tensions * tendon_length(arm) / arm.tendon.axial_stiffness
+    stretch = state.tensions * tendon_length(arm) / arm.tendons[0].axial_stiffness
     path = Reference(arm).pulls(state.joint_angles)
     taut = state.tensions > 0.0
     assert asked[taut] - path[taut] == pytest.approx(stretch[taut], abs=1e-12)
@@ -46,7 +45,7 @@ def test_a_tendon_is_longer_than_asked_for_by_t_l_over_ea(arm, data):
 @pytest.mark.parametrize('asked', [(0.015, SLACK), (0.015, -0.002), (-0.004, 0.01)])
 @pytest.mark.parametrize('gravity', [0.0, 9.80665])
 def test_stretched_tendons_are_springs_in_the_energy(segments, asked, gravity):
-    arm = paper_like(segments, gravity=gravity, mounting_angle=2.5, tendon=Tendon(800.0, 0.5))
+    arm = paper_like(segments, gravity=gravity, mounting_angle=2.5, tendon=made_of(800.0, 0.5))
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), asked, (True,) * segments)
     expected = Reference(arm).rest(
@@ -58,7 +57,7 @@ def test_the_stiffer_the_tendon_the_closer_to_one_that_does_not_stretch():
     arm = paper_like(3, gravity=9.80665, mounting_angle=2.0)
     apart, shapes = [], {}
     for stiffness in (1e4, 1e5, 1e6, inf):
-        statics = Statics(replace(arm, tendon=Tendon(stiffness)))
+        statics = Statics(arm.with_tendons(**made_of(stiffness)))
         state = statics.solve(statics.chain.straight(), (0.03, SLACK), (True,) * 3)
         shapes[stiffness] = np.append(state.joint_angles, state.tensions)
     apart = [np.abs(shapes[s] - shapes[inf]).max() for s in (1e4, 1e5, 1e6)]
@@ -67,7 +66,7 @@ def test_the_stiffer_the_tendon_the_closer_to_one_that_does_not_stretch():
 
 
 def test_free_length_stretches_as_well():
-    short, long = (Statics(paper_like(1, tendon=Tendon(1e3, free))) for free in (0.0, 0.37))
+    short, long = (Statics(paper_like(1, tendon=made_of(1e3, free))) for free in (0.0, 0.37))
     # 0.07 m of segment and two discs of 0.03 m: with 0.37 m more it is 0.5 m, not 0.13 m.
     assert short.compliance == pytest.approx([0.13e-3] * 2)
     assert long.compliance == pytest.approx([0.5e-3] * 2)
@@ -79,7 +78,7 @@ def test_both_tendons_pulled_alike_stretch_where_rigid_ones_buckle_the_arm():
     buckled = rigid.solve(rigid.chain.straight(), (0.0005, 0.0005), (True,))
     assert buckled.jumped
     assert np.abs(buckled.joint_angles).max() > 0.1
-    statics = Statics(replace(arm, tendon=Tendon(500.0)))
+    statics = Statics(arm.with_tendons(**made_of(500.0)))
     state = statics.solve(statics.chain.straight(), (0.0005, 0.0005), (True,))
     assert not state.jumped
     assert state.joint_angles == pytest.approx(0.0, abs=1e-10)
@@ -89,7 +88,7 @@ def test_both_tendons_pulled_alike_stretch_where_rigid_ones_buckle_the_arm():
 def test_the_antagonist_stiffens_the_arm():
     # Against a force both tendons of a straight arm work: it gives way less than with none.
     statics = Statics(paper_like(1, gravity=9.80665, mounting_angle=np.pi / 2,
-                                 tendon=Tendon(500.0)))
+                                 tendon=made_of(500.0)))
     straight = statics.chain.straight()
     hanging = statics.solve(straight, (SLACK, SLACK), (True,))
     held = statics.solve(straight, (0.0005, 0.0005), (True,))
@@ -120,7 +119,8 @@ def test_the_tensions_found_for_given_lengths_give_these_lengths(arm, data):
 def test_the_lengths_found_for_given_tensions_give_these_tensions(arm, data, right, left):
     statics = Statics(arm)
     soft = data.draw(masks(arm))
-    firm = min(s.bending_stiffness / (s.length * max(s.guide_offsets)) for s in arm.segments)
+    firm = min(s.stiffness_y / (s.length * max(pair))
+               for s, pair in zip(arm.segments, guides_of(arm), strict=True))
     tensions = np.array([right, left]) * firm
     straight = statics.chain.straight()
     state = statics.solve_tensions(straight, tensions, soft)
@@ -136,7 +136,8 @@ def test_the_lengths_found_for_given_tensions_give_these_tensions(arm, data, rig
 def test_given_tensions_balance_springs_and_loads(arm, data, right, left):
     statics = Statics(arm)
     soft = data.draw(masks(arm))
-    firm = min(s.bending_stiffness / (s.length * max(s.guide_offsets)) for s in arm.segments)
+    firm = min(s.stiffness_y / (s.length * max(pair))
+               for s, pair in zip(arm.segments, guides_of(arm), strict=True))
     tensions = (right * firm, left * firm)
     state = statics.solve_tensions(statics.chain.straight(), tensions, soft)
     reference = Reference(arm, state.stiff, state.held_angles)

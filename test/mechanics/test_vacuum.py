@@ -5,7 +5,7 @@
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import PointForce, SLACK, Statics
+from soft_continuum.mechanics import SLACK, Statics, Wrench
 from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
 from support.energy_reference import Reference
 from support.general_arms import paper_like, STIFFNESS
@@ -90,7 +90,7 @@ def test_a_segment_turns_by_the_moments_of_a_load_over_the_stiffness_at_its_vacu
     """By hand: each of the n + 1 joints turns by F lever / (c (1 + (K - 1) v^a)), c (5)."""
     force, length, height, bodies, bending = 0.02, 0.07, 0.03, 12, STIFFNESS[0]
     statics = Statics(paper_like(1, Jam(9.0, stiffness_exponent=0.7), bodies=bodies,
-                                 forces=(PointForce(1, force, 0.0),)))
+                                 wrenches=(Wrench(1, (force, 0.0, 0.0)),)))
     stiff = statics.solve(statics.chain.straight(), (SLACK, SLACK), (False,), vacuum=(1.0,))
     state = statics.solve(stiff, (SLACK, SLACK), (False,), vacuum=(vacuum,))
     levers = height / 2 + length * np.arange(bodies + 1) / bodies

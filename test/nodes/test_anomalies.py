@@ -3,7 +3,6 @@
 
 """What is said to be wrong with the arm, over DDS."""
 
-from dataclasses import replace
 import time
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -32,7 +31,7 @@ class Camera:
 
     def __init__(self, rig: Rig) -> None:
         arm = load_arm(description_file())
-        arm = replace(arm, tendon=replace(arm.tendon, axial_stiffness=0.5 / STRETCH))
+        arm = arm.with_tendons(axial_stiffness=0.5 / STRETCH)
         self._rig, self._statics = rig, Statics(arm)
         self._state = self._statics.chain.straight()
         self.longer = np.zeros(2)

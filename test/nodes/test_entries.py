@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
 
 from soft_continuum.client.observed import ObservedArm, TOPICS
-from soft_continuum.mechanics.arm import Arm, Disc, Segment
+from soft_continuum.mechanics.arm import Arm, Disc, Segment, tendon_pair
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes import emergency_stop
@@ -192,9 +192,8 @@ def test_a_false_that_was_latched_before_the_stop_does_not_come_again() -> None:
 
 
 def test_a_state_of_the_model_predicts_the_same_after_it_was_sent() -> None:
-    segment = Segment(length=0.1, bending_stiffness=0.01, guide_offsets=(0.02, 0.02),
-                      jam=Jam(ratio=5.0))
-    statics = Statics(Arm((segment, segment), (Disc(0.01),) * 3))
+    segment = Segment.leaf_spring(0.1, 0.01, jam=Jam(ratio=5.0))
+    statics = Statics(Arm((segment, segment), (Disc(0.01),) * 3, tendon_pair(0.02, end=2)))
     soft, stiff = [True, False], [False, True]
     bent = statics.solve(statics.chain.straight(), (0.003, -0.004), soft, vacuum=(1.0, 0.6))
     held = statics.solve(bent, (0.004, -0.006), stiff, vacuum=(0.7, 1.0))

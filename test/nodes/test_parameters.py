@@ -17,7 +17,7 @@ from rclpy.parameter import parameter_value_to_python
 
 from soft_continuum.nodes.runtime import run
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import (
@@ -338,7 +338,7 @@ def test_a_shape_without_angles_of_its_own_has_an_empty_list_and_that_is_read_ag
     path.write_text(''.join(
         ['/**:\n  ros__parameters:\n', *(f'    {name}: []\n' for name in names)]))
     values = load_description(description_file(), path)
-    assert shapes_from_parameters(values, any_arm_from_parameters(values))['c_form'] == described
+    assert shapes_from_parameters(values, arm_from_parameters(values))['c_form'] == described
 
 
 @pytest.mark.parametrize(('node', 'name', 'good', 'bad'), [

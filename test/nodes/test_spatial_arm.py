@@ -18,7 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.nodes import conflicts
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.estimates import parameter_names
 from soft_continuum_interfaces.msg import (
@@ -31,7 +31,7 @@ from soft_continuum_interfaces.msg import (
 from support.descriptions import check_urdf, given, JAMMING, TENDON_ARM
 from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, STREAM, trajectory
 
-NAMES = load_any_arm(TENDON_ARM).tendon_names
+NAMES = load_arm(TENDON_ARM).tendon_names
 OFFSET, SEGMENT, BASE, DISC = 0.008, 0.08, 0.01, 0.005  # m, as config/tendon_arm.yaml has them
 PULL = 0.004  # m
 SLACK = -0.02  # m: of the tendons that are not to do anything
@@ -230,7 +230,7 @@ def test_measured_discs_correct_the_shape_and_say_how_well_it_is_known(
              for n in (1, 2, 3)]
     rig.publisher(JammingValvesState, 'jamming_valves/state', LATCHED).publish(
         JammingValvesState(stiffness=[JammingValvesState.STIFF] * 3))
-    arm = load_any_arm(JAMMING)
+    arm = load_arm(JAMMING)
     bending = np.array([[0.0, 0.0], [0.0, 0.0], [0.03, -0.02]])
     poses = SpatialChain(arm).uniform(bending).poses[2::2]
 

@@ -22,7 +22,7 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.plot import plot
 from soft_continuum.nodes import servo, steered_arm
-from soft_continuum.parameters.files import load_any_arm, load_description
+from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.ros.conversions import pose_from_ros
 from soft_continuum.sequencing.servo import AngleServo
 from soft_continuum_interfaces.msg import Shape
@@ -112,7 +112,7 @@ def test_a_client_has_all_of_an_arm_without_jamming_though_no_valves_report(
         'segment 1', 'segment 2', 'segment 3']
     assert observed.snapshot().stiff == ()
     assert 'jamming_valves' not in str(observed.snapshot())
-    arm = load_any_arm(TENDON_ARM)
+    arm = load_arm(TENDON_ARM)
     drawn = plot(observed, arm, None)
     tip = observed.snapshot().tip.position
     assert [part[-1] for part in drawn.get_lines()[0].get_data_3d()] == pytest.approx(

@@ -24,7 +24,7 @@ from soft_continuum.obstacles import (
     Surroundings,
     turned_by,
 )
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 
 CONFIG = Path(__file__).parents[2] / 'config'
 FILES = 'manipulator', 'tendon_arm', 'spatial_jamming'
@@ -33,7 +33,7 @@ GRID = 0.0017  # m: half the distance between two points of the cloud, and what 
 
 @pytest.fixture(scope='module', params=FILES)
 def chain(request):
-    return chain_of(load_any_arm(CONFIG / f'{request.param}.yaml'))
+    return chain_of(load_arm(CONFIG / f'{request.param}.yaml'))
 
 
 def bent(chain, random):
@@ -248,7 +248,7 @@ def test_the_outside_of_a_sharp_bend_belongs_to_the_arm(chain):
 
 
 def test_guides_outside_of_the_segments_belong_to_the_arm():
-    arm = load_any_arm(CONFIG / 'tendon_arm.yaml')  # 20 mm thick, with spacers
+    arm = load_arm(CONFIG / 'tendon_arm.yaml')  # 20 mm thick, with spacers
     wide = replace(arm, tendons=tuple(replace(tendon, offset=0.015) for tendon in arm.tendons))
     straight = chain_of(wide).straight()
     x, y = 0.03 * np.cos(pi / 9), 0.03 * np.sin(pi / 9)  # between two tendons
@@ -263,7 +263,7 @@ def test_guides_outside_of_the_segments_belong_to_the_arm():
 def test_without_obstacles_nothing_of_coal_is_loaded():
     # It takes memory and time of every start.
     script = ('import sys; from soft_continuum.obstacles import Surroundings; from soft_continuum.'
-              'parameters.files import load_any_arm; Surroundings(load_any_arm(sys.argv[1])); '
+              'parameters.files import load_arm; Surroundings(load_arm(sys.argv[1])); '
               'print(*sys.modules)')
     done = subprocess.run([sys.executable, '-c', script, CONFIG / 'manipulator.yaml'],
                           capture_output=True, text=True, check=True)

@@ -10,7 +10,7 @@ import pytest
 
 from soft_continuum.obstacles import Box, ObstacleError, Surroundings, turned_by
 from soft_continuum.obstacles.files import load_mesh, load_obstacles
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 
 CONFIG = Path(__file__).parents[2] / 'config'
 CUBE = [[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]
@@ -55,7 +55,7 @@ def test_the_example_is_read_in_metres_and_none_of_it_is_in_the_straight_arm():
     assert [one.shape.kind for one in obstacles] == ['box', 'box', 'cylinder', 'capsule', 'sphere']
     assert obstacles[0].shape == Box((0.8, 0.6, 0.02))
     assert obstacles[1].position == pytest.approx((0.23, 0.0, 0.19))
-    arm = load_any_arm(CONFIG / 'manipulator.yaml')
+    arm = load_arm(CONFIG / 'manipulator.yaml')
     assert Surroundings(arm, obstacles).obstacles == obstacles
 
 
@@ -154,7 +154,7 @@ def test_a_mesh_in_millimetres_is_refused_with_its_size_and_what_to_do(tmp_path)
     (tmp_path / 'part.stl').write_bytes(cube('stl', 60.0))
     path = written(tmp_path, 'obstacles: [{name: part, shape: mesh, file: part.stl, '
                              'position: [0, 0, 200]}]')
-    arm = load_any_arm(CONFIG / 'manipulator.yaml')
+    arm = load_arm(CONFIG / 'manipulator.yaml')
     with pytest.raises(ObstacleError, match='part is 60 x 60 x 60 m, .* scale: 0.001'):
         Surroundings(arm, load_obstacles(path))
 

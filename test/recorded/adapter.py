@@ -16,17 +16,17 @@ import numpy as np
 
 from soft_continuum.mechanics import constant_curvature as planar_arcs
 from soft_continuum.mechanics import inverse as planar_inverse
-from soft_continuum.mechanics.arm import Arm, PointForce
+from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.chain import SLACK
 from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_arcs
 from soft_continuum.mechanics.spatial import inverse as spatial_inverse
-from soft_continuum.mechanics.spatial import SpatialLinearisation, Wrench
+from soft_continuum.mechanics.spatial import SpatialLinearisation
 from soft_continuum.mechanics.spatial import tip as spatial_tip
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
@@ -40,20 +40,15 @@ class Model:
 
     def __init__(self, question: Mapping[str, Any]) -> None:
         """Build the arm of its parameters, and of what no parameter describes."""
-        arm = any_arm_from_parameters(question['parameters'])
-        self.planar = isinstance(arm, Arm)
-        loads = question.get('loads', ())
-        if self.planar:
-            arm = replace(arm, forces=tuple(
-                PointForce(load['disc'], load['force'][0], load['force'][2]) for load in loads))
-        else:
-            rubbing = question.get('segment_friction', [{}] * len(arm.segments))
-            arm = replace(
-                arm, gravity=tuple(question.get('gravity', arm.gravity)),
-                wrenches=tuple(Wrench(load['disc'], tuple(load['force']), tuple(load['moment']))
-                               for load in loads),
-                segments=tuple(replace(segment, **friction) for segment, friction in zip(
-                    arm.segments, rubbing, strict=True)))
+        arm = arm_from_parameters(question['parameters'])
+        rubbing = question.get('segment_friction', [{}] * len(arm.segments))
+        arm = replace(
+            arm, gravity=tuple(question.get('gravity', arm.gravity)),
+            wrenches=tuple(Wrench(load['disc'], tuple(load['force']), tuple(load['moment']))
+                           for load in question.get('loads', ())),
+            segments=tuple(replace(segment, **friction) for segment, friction in zip(
+                arm.segments, rubbing, strict=True)))
+        self.planar = arm.planar
         self.arm, self.statics = arm, statics_of(arm)
         self.jamming = question['parameters'].get('arm.jamming', True)
 
@@ -121,7 +116,7 @@ class Model:
         if not self.planar:
             found['stiffness'] = self._of(line.stiffness_factors())
         elif all(segment.soft_law is None for segment in self.arm.segments):
-            each = [segment.bending_stiffness for segment in self.arm.segments]
+            each = [segment.stiffness_y for segment in self.arm.segments]
             found['stiffness'] = {name: value * each for name, value in self._of(
                 line.bending_stiffness()).items()}
         return found

@@ -14,7 +14,7 @@ from pathlib import Path
 import tempfile
 
 from soft_continuum.cli.main import main as run_verb
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.reference import table, tables
 from soft_continuum.service import units
 from soft_continuum.urdf import arm_urdf
@@ -34,7 +34,7 @@ def pages() -> Iterator[tuple[str, str]]:
         yield f'parameters_{name}', table([
             one for one in parameters if one.name not in CHANGED])
     for arm in ARMS:
-        yield f'{arm}.urdf', arm_urdf(load_any_arm(CONFIG / f'{arm}.yaml'))
+        yield f'{arm}.urdf', arm_urdf(load_arm(CONFIG / f'{arm}.yaml'))
     with tempfile.TemporaryDirectory() as folder:
         for arm in ARMS:
             yield f'{arm}_policy.xml', _written(Path(folder) / arm, '.xml', [

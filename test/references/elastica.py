@@ -65,9 +65,9 @@ class Elastica:
 
     def __init__(self, arm: Arm) -> None:
         """Prepare the rigid chain of ``arm`` that gives the first guess."""
-        if arm.tendon.axial_stiffness < np.inf:
+        if arm.tendons[0].axial_stiffness < np.inf:
             raise ValueError('the tendons of the rods do not stretch')
-        refuse_friction(arm.tendon.friction, 'the model of rods')
+        refuse_friction(arm.tendons[0].friction, 'the model of rods')
         if any(s.soft_law is not None for s in arm.segments):
             raise ValueError('a rod is linear: a segment with a moment-curvature law has none')
         self.chain = RigidChain(arm)
@@ -123,16 +123,15 @@ class _Problem:
         self.target = chain.straight_length - pulls
         arm, q, top = chain.arm, guess.joint_angles, chain.last_joint[soft]
         self.length, stiffness, mass = np.array(
-            [(s.length, s.bending_stiffness, s.mass) for s in arm.segments])[soft].T
+            [(s.length, s.stiffness_y, s.mass) for s in arm.segments])[soft].T
         self.flexibility, self.guides = self.length**2 / stiffness, chain.guides[soft]
-        down = np.array([[np.sin(arm.mounting_angle)], [-np.cos(arm.mounting_angle)]])
-        weight = arm.gravity * self.flexibility * down
+        weight = self.flexibility * np.array(arm.gravity)[[[0], [2]]]
         above = np.cumsum(chain.body_masses[::-1])[::-1][top]
         self.own_weight = weight * mass
         self.end_weight = weight * (above + arm.payload)
-        for force in arm.forces:
-            beyond = force.disc > np.flatnonzero(soft)
-            self.end_weight += beyond * self.flexibility * np.array([[force.x], [force.z]])
+        for wrench in arm.wrenches:
+            beyond = wrench.disc > np.flatnonzero(soft)
+            self.end_weight += beyond * self.flexibility * np.array(wrench.force)[[[0], [2]]]
 
         # Between a rod and the next: a disc, and stiff segments with their discs.  They turn with
         # the rod's upper end, so that all their load coefficients add up to two.

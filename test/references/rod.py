@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 
 INTERVALS = 32  # of each rod from guide to guide, by the classical method of Runge and Kutta
@@ -87,7 +87,7 @@ class _Problem:
     """Rods from guide to guide, and the equations at their ends."""
 
     def __init__(self, guess: SpatialEquilibrium, pulls: Array) -> None:
-        self.arm: SpatialArm = guess.chain.arm
+        self.arm: Arm = guess.chain.arm
         self.guess, self.parts = guess, self.arm.spacers + 1
         self.rods = len(self.arm.segments) * self.parts
         self.taut = np.flatnonzero(guess.tensions > 0.0)
@@ -245,7 +245,7 @@ class _Problem:
                     moment = moment + np.cross(low - here, on)
             left += [walk.forces[r] - force, walk.moments[r] - moment]
         lengths = [(walk.paths[t] - self.target[t]
-                    - arm.tendons[t].compliance * unknowns[:, 6 * self.rods + i])[:, None]
+                    - arm.compliance[t] * unknowns[:, 6 * self.rods + i])[:, None]
                    for i, t in enumerate(self.taut)]
         return np.hstack(left + lengths)
 

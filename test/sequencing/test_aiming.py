@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.sequencing.aiming import (
     Aim,
@@ -105,7 +106,7 @@ def test_angles_to_set_stay_within_the_limits(statics):
 
 
 def test_no_segment_is_set_far_from_where_it_is_to_end():
-    floppy = Statics(replace(ELASTIC, mounting_angle=1.2, segments=tuple(
+    floppy = Statics(replace(ELASTIC, gravity=mounted(1.2), segments=tuple(
         replace(s, jam=Jam(1.5)) for s in ELASTIC.segments)))
     aim = aim_at(0.3 * C_FORM)
     found, _ = angles_to_set(floppy, floppy.chain.straight(), ALL, aim)

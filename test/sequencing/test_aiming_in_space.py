@@ -13,7 +13,7 @@ from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.aiming import (
     Aim,
     angles_to_set,
@@ -30,7 +30,7 @@ ANGLES, DIRECTIONS = np.radians([25.0, 20.0, 25.0]), (0.6, 2.5, -1.0)
 
 @pytest.fixture(scope='module')
 def statics():
-    arm = load_any_arm(description_file().with_name('spatial_jamming.yaml'))
+    arm = load_arm(description_file().with_name('spatial_jamming.yaml'))
     return SpatialStatics(replace(arm, bodies_per_segment=3, segments=tuple(
         replace(s, jam=Jam(15.0)) for s in arm.segments)))
 
@@ -41,7 +41,7 @@ def bending(statics):
 
 
 def test_a_segment_that_would_fall_over_is_held_by_all_tendons():
-    arm = load_any_arm(description_file().with_name('spatial_jamming.yaml'))
+    arm = load_arm(description_file().with_name('spatial_jamming.yaml'))
     soft_one = replace(arm.segments[1], **{name: 0.7 * getattr(arm.segments[1], name)
                                            for name in ('stiffness_x', 'stiffness_y')})
     statics = SpatialStatics(replace(arm, bodies_per_segment=4, payload=0.03, segments=(
@@ -82,7 +82,7 @@ def test_the_error_of_a_bending_counts_in_every_direction(statics, bending):
 
 
 def test_an_arm_without_jamming_is_set_as_a_whole():
-    arm = load_any_arm(description_file().with_name('tendon_arm.yaml'))
+    arm = load_arm(description_file().with_name('tendon_arm.yaml'))
     planner = Planner(arm, PlanSettings(jamming=False, angle_step=0.3))
     goal = bending_vectors(arm, (0.2, 0.1, 0.2), (0.5, 2.0, -1.0))
     state = planner.statics.solve(planner.statics.chain.straight(), np.zeros(9), (True,) * 3)

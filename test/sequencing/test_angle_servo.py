@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.servo_loop import follow, Measuring, StaticPlant, TwinPlant
-from soft_continuum.mechanics import Jam, Statics, StaticsError, Tendon
+from soft_continuum.mechanics import Jam, Statics, StaticsError
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
@@ -60,8 +61,8 @@ def end_angle(servo, piece):
 def worn_arm(stiffness):
     """Return an arm with other springs, jams that give way, tendons that stretch."""
     return replace(
-        ARM, tendon=Tendon(axial_stiffness=5e3, free_length=0.3),
-        segments=tuple(replace(s, bending_stiffness=stiffness * s.bending_stiffness,
+        ARM.with_tendons(axial_stiffness=5e3, free_length=0.3),
+        segments=tuple(replace(s, stiffness_y=stiffness * s.stiffness_y,
                                jam=Jam(ratio=50.0)) for s in ARM.segments))
 
 
@@ -330,7 +331,7 @@ def test_the_map_ends_at_a_limit_and_says_which():
 
 
 def test_what_cannot_be_straight_is_bent_from_where_it_is_straightest():
-    statics, sags = Statics(replace(ARM, mounting_angle=pi / 2)), bent(0.0, 0.0, 20.0)
+    statics, sags = Statics(replace(ARM, gravity=mounted(pi / 2))), bent(0.0, 0.0, 20.0)
     found = bending_map(statics, sags, 2, BendingLimits(tension_limit=0.5))
     assert 0.0 < found.clipped(-1.0).real <= found.middle.real < radians(20.0)
     assert radians(25.0) < found.clipped(1.0).real < radians(40.0)

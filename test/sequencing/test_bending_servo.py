@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics.spatial import spatial, SpatialStatics
+from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm, load_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
 from soft_continuum.sequencing.servo import (
     AngleServo,
@@ -21,8 +21,9 @@ from soft_continuum.sequencing.servo import (
     ServoSettings,
     TargetError,
 )
+from support.spatial_arms import in_space
 
-ARM = replace(load_any_arm(description_file().with_name('spatial_jamming.yaml')),
+ARM = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),
               bodies_per_segment=4)
 STATICS = SpatialStatics(ARM)
 STRAIGHT = STATICS.chain.straight()
@@ -162,7 +163,7 @@ def test_another_segment_that_moves_ends_it(servo):
 
 
 def test_without_jamming_tendons_hold_the_other_segments():
-    arm = load_any_arm(description_file().with_name('tendon_arm.yaml'))
+    arm = load_arm(description_file().with_name('tendon_arm.yaml'))
     arm = replace(arm, spacers=1, bodies_per_segment=2, segments=tuple(
         replace(segment, bending_angle_limit=0.65) for segment in arm.segments))
     statics = SpatialStatics(arm)
@@ -178,7 +179,7 @@ def test_without_jamming_tendons_hold_the_other_segments():
 
 def test_a_hinge_bends_as_in_the_plane_and_to_no_other_side():
     plane = load_arm(description_file())
-    arm = spatial(plane)
+    arm = in_space(plane)
     statics, planar = SpatialStatics(arm), Statics(plane)
     limits = BendingLimits(tension_limit=20.0)
     found, wanted = (bending_map(each, each.chain.straight(), 0, limits)

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import Jam, Statics
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.nodes.up import description_file
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.files import load_arm
@@ -29,7 +30,7 @@ VACUUMS = (30e3, 80e3, 60e3)
 def jammed(ratio=10.0):
     """The paper's arm, lying, with a law for its jams, of few bodies."""
     arm = load_arm(description_file())
-    return replace(arm, bodies_per_segment=4, mounting_angle=1.2, segments=tuple(
+    return replace(arm, bodies_per_segment=4, gravity=mounted(1.2), segments=tuple(
         replace(segment, jam=Jam(ratio)) for segment in arm.segments))
 
 

@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import LEFT, RIGHT, Statics, Tendon
+from soft_continuum.mechanics import LEFT, RIGHT, Statics
+from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, Shape
 from soft_continuum.sequencing.timing import timed
+from support.flat_arm import made_of, of_segments
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM = load_arm(DESCRIPTION)
@@ -29,11 +31,9 @@ SETTINGS = PlanSettings()
 ANGLE_ERROR = radians(0.05)
 
 
-def arm_of(segments, **changes):
+def arm_of(segments, **mounting):
     """An arm with the paper's segments over and over, from the base."""
-    return replace(
-        ARM, segments=tuple(ARM.segments[i % 3] for i in range(segments)),
-        discs=(ARM.discs[0], *(ARM.discs[1 + i % 3] for i in range(segments))), **changes)
+    return of_segments(ARM, [i % 3 for i in range(segments)], gravity=mounted(**mounting))
 
 
 def planned(*shapes, arm=ARM, **changes):
@@ -213,7 +213,7 @@ def test_every_shape_can_be_set_from_every_other(first, then):
 @pytest.mark.parametrize('mounting_angle', [0.0, pi / 2, pi], ids=['upright', 'lying', 'hanging'])
 @pytest.mark.parametrize('segments', [1, 2])
 def test_arms_with_fewer_segments_are_planned_alike(segments, mounting_angle, gravity):
-    arm = arm_of(segments, mounting_angle=mounting_angle, gravity=gravity)
+    arm = arm_of(segments, angle=mounting_angle, gravity=gravity)
     shape = Shape('bow', (radians(36.0),) * segments)
     plans, planner = planned(shape, arm=arm)
     assert [m.segment for m in plans[0].moves] == list(range(segments))
@@ -222,7 +222,7 @@ def test_arms_with_fewer_segments_are_planned_alike(segments, mounting_angle, gr
 
 def test_an_arm_with_five_segments_is_planned_alike():
     shape = Shape('snake', tuple(radians(a) for a in (30, -30, 30, -30, 30)))
-    plans, planner = planned(shape, arm=arm_of(5, gravity=1.0))
+    plans, planner = planned(shape, arm=arm_of(5, angle=0.0, gravity=1.0))
     assert [m.segment for m in plans[0].moves] == [0, 1, 2, 3, 4]
     check_arrives(planner, plans)
 
@@ -254,7 +254,7 @@ def test_a_shape_later_in_the_sequence_is_refused_before_anything_is_planned_to_
 
 
 def test_a_segment_too_weak_for_its_load_is_refused_and_not_folded():
-    heavy = replace(ARM, gravity=5 * ARM.gravity)
+    heavy = replace(ARM, gravity=mounted(0.0, 5.0 * STANDARD_GRAVITY))
     with pytest.raises(PlanError, match=r'^c_form: segment \d to 36\.0 degrees: '):
         planned(C_FORM, arm=heavy)
 
@@ -378,6 +378,6 @@ def test_a_state_found_by_its_joint_angles_can_be_planned_from(library):
 
 def test_friction_at_the_guides_costs_tension():
     bend = Shape('bend', (0.5, 0.0, 0.0))
-    smooth, rough = (moves_of(planned(bend, arm=replace(ARM, tendon=Tendon(friction=mu)))[0])[0]
+    smooth, rough = (moves_of(planned(bend, arm=ARM.with_tendons(**made_of(friction=mu)))[0])[0]
                      for mu in (0.0, 0.3))
     assert rough.largest_tension > 1.02 * smooth.largest_tension

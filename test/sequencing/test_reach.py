@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
@@ -24,10 +25,11 @@ from soft_continuum.sequencing.reach import (
     TipGoal,
 )
 from soft_continuum.sequencing.reach.passage import BlockedError, moved, Passages
+from support.flat_arm import of_segments
 
 ARM = load_arm(Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml')
-HANGING = replace(ARM, mounting_angle=pi)
-TWO = replace(HANGING, segments=ARM.segments[:2], discs=ARM.discs[:3])
+HANGING = replace(ARM, gravity=mounted(pi))
+TWO = of_segments(HANGING, range(2))
 PATIENT = ReachSettings(time_limit=inf)  # the machine's speed must not matter
 MARGIN = PATIENT.margin
 
@@ -127,8 +129,8 @@ def test_a_mirrored_goal_among_mirrored_obstacles_has_the_mirrored_plan(behind):
 
 
 def test_gravity_from_the_other_side_is_the_mirror_image_too():
-    one = Query(at(0.12, 0.26), arm=replace(ARM, mounting_angle=1.2)).first()
-    other = Query(at(-0.12, 0.26), arm=replace(ARM, mounting_angle=-1.2)).first()
+    one = Query(at(0.12, 0.26), arm=replace(ARM, gravity=mounted(1.2))).first()
+    other = Query(at(-0.12, 0.26), arm=replace(ARM, gravity=mounted(-1.2))).first()
     upright = Query(at(0.12, 0.26)).first()
     assert angles(one) * (1, -1) == pytest.approx(angles(other), abs=1e-4)
     assert not np.array_equal(angles(upright).round(3), angles(one).round(3))

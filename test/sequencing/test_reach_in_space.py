@@ -11,7 +11,7 @@ import pytest
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.sequencing.planner import Planner, PlanSettings, WHOLE_ARM
 from soft_continuum.sequencing.reach import follow, reach, ReachSettings, TipGoal
@@ -22,7 +22,7 @@ PATIENT = ReachSettings(time_limit=inf)  # the machine's speed must not matter
 
 def begun(name):
     values = load_description(CONFIG / f'{name}.yaml', node='shape_sequencer')
-    arm = any_arm_from_parameters(values)
+    arm = arm_from_parameters(values)
     planner = Planner(arm, PlanSettings.of(values))
     return planner, planner.statics.chain.straight(), [0.0] * len(arm.tendon_names)
 

@@ -15,6 +15,7 @@ import pytest
 from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.sequencing.planner import PlanSettings, Shape
 from soft_continuum.sequencing.progress import Code, Phase, Progress
+from support.flat_arm import of_segments
 from support.virtual_rig import (
     ARM,
     LIBRARY,
@@ -206,7 +207,7 @@ def test_ticks_after_the_end_change_nothing():
 
 @pytest.mark.parametrize('segments', [1, 2])
 def test_arms_with_fewer_segments_run_alike(segments):
-    arm = replace(ARM, segments=ARM.segments[:segments], discs=ARM.discs[:segments + 1])
+    arm = of_segments(ARM, range(segments))
     shape = Shape('bow', (0.4,) * segments)
     rig = VirtualRig((shape,), arm=arm)
     assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Jam
-from soft_continuum.mechanics.spatial import solve_path, spatial, SpatialStatics
+from soft_continuum.mechanics.spatial import solve_path, SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.goals import shape_library
-from soft_continuum.parameters.arm import any_arm_from_parameters
-from soft_continuum.parameters.files import load_any_arm, load_arm, load_description
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.planner import (
     PlanError,
@@ -26,6 +26,7 @@ from soft_continuum.sequencing.planner import (
 from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum.sequencing.run_settings import RunnerSettings
 from soft_continuum.sequencing.runner import Runner
+from support.spatial_arms import in_space
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 JAMMING, TENDON_ARM = CONFIG / 'spatial_jamming.yaml', CONFIG / 'tendon_arm.yaml'
@@ -41,7 +42,7 @@ class Followed:
 
     def __init__(self, path, *names):
         self.values = load_description(path, node='shape_sequencer')
-        arm, self.settings = any_arm_from_parameters(self.values), PlanSettings.of(self.values)
+        arm, self.settings = arm_from_parameters(self.values), PlanSettings.of(self.values)
         library = shape_library(self.values, arm) | {'straight': STRAIGHT}
         planner, self.statics = Planner(arm, self.settings), SpatialStatics(arm)
         self.plans = planner.plan(self.statics.chain.straight(), [0.0] * len(arm.tendon_names),
@@ -124,7 +125,7 @@ def test_segments_are_set_from_the_base_and_an_arm_without_jamming_at_once():
 
 def coarse(path=JAMMING, turn=0.0, **changes):
     """An arm with fewer bodies, turned about its axis."""
-    arm = load_any_arm(path)
+    arm = load_arm(path)
     return replace(arm, bodies_per_segment=4, tendons=tuple(
         replace(tendon, angle=tendon.angle + turn) for tendon in arm.tendons), **changes)
 
@@ -149,12 +150,12 @@ def test_a_turned_arm_and_shape_have_the_same_plan():
 def test_a_planar_arm_described_in_space_ends_in_the_planned_shape_of_the_plane():
     flat = load_arm(CONFIG / 'manipulator.yaml')
     shapes = [Shape(f'{a}', a) for a in ((0.6, -0.5, 0.4), (0.2, -0.5, -0.7))]
-    for one, other in zip(planned(flat, *shapes), planned(spatial(flat), *shapes), strict=True):
+    for one, other in zip(planned(flat, *shapes), planned(in_space(flat), *shapes), strict=True):
         assert other.state.poses[:, :3] == pytest.approx(one.state.poses[:, :3], abs=2e-5)
-        for move, in_space in zip(one.moves, other.moves, strict=True):
-            assert move.segment == in_space.segment
+        for move, there in zip(one.moves, other.moves, strict=True):
+            assert move.segment == there.segment
             # Between the points of the plan both are interpolated, of their own paths.
-            assert in_space.pulls[-1] == pytest.approx(move.pulls[-1], abs=2e-5)
+            assert there.pulls[-1] == pytest.approx(move.pulls[-1], abs=2e-5)
 
 
 def test_a_direction_turned_by_half_a_turn_is_a_negative_angle():
@@ -240,7 +241,7 @@ class Tendons:
 
 def run_of(tendons, **settings):
     values = load_description(TENDON_ARM, node='shape_sequencer')
-    planner = Planner(any_arm_from_parameters(values), PlanSettings.of(values))
+    planner = Planner(arm_from_parameters(values), PlanSettings.of(values))
 
     def plan(shapes):
         from concurrent.futures import Future

@@ -13,8 +13,7 @@ from support.spatial_arms import turns
 
 def command(state):
     """Return the pulls of the motors: those of the paths, and the stretch; slack paid out."""
-    compliance = np.array([t.compliance for t in state.chain.arm.tendons])
-    return state.pulls + compliance * state.tensions - np.where(
+    return state.pulls + state.chain.arm.compliance * state.tensions - np.where(
         state.tensions > 0.0, 0.0, state.slack + 1e-3)
 
 

@@ -61,7 +61,7 @@ class Reference:
         """Return the energy of the leaf spring per length, J/m."""
         if segment.soft_law is not None:
             return density(segment.soft_law, curvature)
-        return 0.5 * segment.bending_stiffness * curvature**2
+        return 0.5 * segment.stiffness_y * curvature**2
 
     def springs(self, q):
         """Return the elastic energy in every joint, soft and jammed, (2, ..., joints), J."""
@@ -88,35 +88,35 @@ class Reference:
         """Return the energy of the loads, J, and the tendons' spans (..., 2, segments), m."""
         arm = self.arm
         theta = np.cumsum(q, axis=-1)
-        up_x, up_z = -np.sin(arm.mounting_angle), np.cos(arm.mounting_angle)
+        down_x, _, down_z = arm.gravity
         x = z = angle = 0.0 * q[..., 0]
         z = z + arm.discs[0].height
         energy, spans = 0.0, []
         body = 0
         for s, segment in enumerate(arm.segments):
-            lower = self.guides(x, z, angle, segment.guide_offsets[0])
+            lower = self.guides(x, z, angle, arm.tendons[0].offset_at(s, 0.0))
             for _ in range(self.bodies):
                 angle = theta[..., body]
                 dx = segment.length / self.bodies * np.sin(angle)
                 dz = segment.length / self.bodies * np.cos(angle)
-                height = up_x * (x + dx / 2) + up_z * (z + dz / 2)
-                energy = energy + segment.mass / self.bodies * arm.gravity * height
+                fallen = down_x * (x + dx / 2) + down_z * (z + dz / 2)
+                energy = energy - segment.mass / self.bodies * fallen
                 x, z, body = x + dx, z + dz, body + 1
             angle = theta[..., body]
             body += 1
-            upper = self.guides(x, z, angle, segment.guide_offsets[1])
+            upper = self.guides(x, z, angle, arm.tendons[0].offset_at(s, 1.0))
             spans.append([np.sqrt((b[0] - a[0])**2 + (b[1] - a[1])**2)
                           for a, b in zip(lower, upper, strict=True)])
             dx = arm.discs[s + 1].height * np.sin(angle)
             dz = arm.discs[s + 1].height * np.cos(angle)
             middle = x + dx / 2, z + dz / 2
-            height = up_x * middle[0] + up_z * middle[1]
-            energy = energy + arm.discs[s + 1].mass * arm.gravity * height
-            for force in arm.forces:
-                if force.disc == s + 1:
-                    energy = energy - force.x * middle[0] - force.z * middle[1]
+            fallen = down_x * middle[0] + down_z * middle[1]
+            energy = energy - arm.discs[s + 1].mass * fallen
+            for wrench in arm.wrenches:
+                if wrench.disc == s + 1:
+                    energy = energy - wrench.force[0] * middle[0] - wrench.force[2] * middle[1]
             x, z = x + dx, z + dz
-        energy = energy + arm.payload * arm.gravity * (up_x * x + up_z * z)
+        energy = energy - arm.payload * (down_x * x + down_z * z)
         return energy, np.moveaxis(np.array(spans), (0, 1), (-1, -2))
 
     @staticmethod
@@ -184,7 +184,7 @@ class Reference:
         """
         start = np.array(start, dtype=float)
         straight = self.spans(np.zeros(self.joints)).sum(axis=-1)
-        scale = max(s.bending_stiffness / s.length for s in self.arm.segments)
+        scale = max(s.stiffness_y / s.length for s in self.arm.segments)
 
         def whole(part):
             q = start.astype(part.dtype) + np.zeros((*part.shape[:-1], 1))

@@ -21,36 +21,36 @@ class IndependentArm:
         n = arm.bodies_per_segment
         self.joints = len(arm.segments) * (n + 1)
         self.springs = np.concatenate(
-            [np.full(n + 1, (n + 1) * s.bending_stiffness / s.length) for s in arm.segments])
+            [np.full(n + 1, (n + 1) * s.stiffness_y / s.length) for s in arm.segments])
 
     def walk(self, q):
         """Return (energy, right length, left length, world points of body ends) at angles q."""
         arm, n = self.arm, self.arm.bodies_per_segment
-        angle = arm.mounting_angle + 0.0 * q[..., 0]
+        angle, gravity = arm.mounting_angle + 0.0 * q[..., 0], np.linalg.norm(arm.gravity)
         x = arm.discs[0].height * np.sin(angle)
         z = arm.discs[0].height * np.cos(angle)
         energy = 0.5 * (self.springs * q * q).sum(axis=-1)
         lengths = [0.0, 0.0]
         ends = [(x, z)]
         joint = 0
-        for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
-            lower = self._guides(x, z, angle, segment.guide_offsets[0])
+        for s, (segment, disc) in enumerate(zip(arm.segments, arm.discs[1:], strict=True)):
+            lower = self._guides(x, z, angle, arm.tendons[0].offset_at(s, 0.0))
             for _ in range(n):
                 angle = angle + q[..., joint]
                 joint += 1
                 dx = segment.length / n * np.sin(angle)
                 dz = segment.length / n * np.cos(angle)
-                energy = energy + segment.mass / n * arm.gravity * (z + dz / 2)
+                energy = energy + segment.mass / n * gravity * (z + dz / 2)
                 x, z = x + dx, z + dz
                 ends.append((x, z))
             angle = angle + q[..., joint]
             joint += 1
-            upper = self._guides(x, z, angle, segment.guide_offsets[1])
+            upper = self._guides(x, z, angle, arm.tendons[0].offset_at(s, 1.0))
             for side in (0, 1):
                 run = [b - a for a, b in zip(lower[side], upper[side], strict=True)]
                 lengths[side] = lengths[side] + np.sqrt(run[0]**2 + run[1]**2)
             dx, dz = disc.height * np.sin(angle), disc.height * np.cos(angle)
-            energy = energy + disc.mass * arm.gravity * (z + dz / 2)
+            energy = energy + disc.mass * gravity * (z + dz / 2)
             x, z = x + dx, z + dz
             ends.append((x, z))
         return energy, lengths[0], lengths[1], ends

@@ -56,7 +56,7 @@ class MeasuredRig(VirtualRig):
         self.begin, self.shape = self.now, ArmShape(self.arm, 1e-3)
         super().__post_init__()
         self.statics = OffsetStatics(replace(self.arm, segments=tuple(
-            replace(s, bending_stiffness=1.3 * s.bending_stiffness) for s in self.arm.segments)))
+            replace(s, stiffness_y=1.3 * s.stiffness_y) for s in self.arm.segments)))
         self.before = list(self.soft)
         self.look()
 

@@ -6,7 +6,8 @@ from math import radians
 
 import numpy as np
 
-from soft_continuum.mechanics import Arm, Disc, LEFT, RIGHT, Segment, SLACK
+from soft_continuum.mechanics import Disc, LEFT, RIGHT, Segment, SLACK
+from support.flat_arm import flat_arm
 
 YOUNGS_MODULUS = 200e9  # Pa
 LEAF_WIDTH = 0.0127  # m
@@ -23,11 +24,11 @@ FORMS = {'C': (1, 1, 1), 'upright C': (-1, 1, 1), 'S': (1, -1, 1)}
 
 def build(mass_factor=1.0, **changes):
     """Return the paper's arm with its estimated masses times ``mass_factor``."""
-    segments = tuple(
-        Segment(0.07, YOUNGS_MODULUS * LEAF_WIDTH * t**3 / 12, (d / 2, d / 2), m * mass_factor)
-        for t, d, m in zip(LEAF_THICKNESS, OUTER_DIAMETER, SEGMENT_MASS, strict=True))
-    discs = tuple(Disc(0.03, m * mass_factor) for m in DISC_MASS)
-    return Arm(segments, discs, **changes)
+    segments = [
+        Segment.leaf_spring(0.07, YOUNGS_MODULUS * LEAF_WIDTH * t**3 / 12, m * mass_factor)
+        for t, m in zip(LEAF_THICKNESS, SEGMENT_MASS, strict=True)]
+    return flat_arm(segments, [(d / 2, d / 2) for d in OUTER_DIAMETER],
+                    [Disc(0.03, m * mass_factor) for m in DISC_MASS], **changes)
 
 
 def only(segment, segments=3):

@@ -7,7 +7,8 @@ from math import pi
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from soft_continuum.mechanics import Arm, Disc, Segment, SLACK
+from soft_continuum.mechanics import Disc, Segment, SLACK
+from support.flat_arm import flat_arm, guides_of
 
 MODERATE = settings(max_examples=40, suppress_health_check=[
     HealthCheck.too_slow, HealthCheck.filter_too_much])
@@ -39,10 +40,10 @@ def arms(draw, load=(0.0, 2.0), bodies=(1, 8), segments=(1, 6)):
     softest = weight * reach**2 / ratio if weight * ratio > 1e-3 else 0.02
     softest = min(max(softest, 0.002), 20.0)
     stiffness = [softest * draw(between(1.0, 4.0)) for _ in range(count)]
-    return Arm(
-        tuple(Segment(*values) for values in zip(
-            lengths, stiffness, offsets, segment_masses, strict=True)),
-        tuple(Disc(*values) for values in zip(heights, disc_masses, strict=True)),
+    return flat_arm(
+        [Segment.leaf_spring(*values) for values in zip(
+            lengths, stiffness, segment_masses, strict=True)], offsets,
+        [Disc(*values) for values in zip(heights, disc_masses, strict=True)],
         bodies_per_segment=draw(st.integers(*bodies)),
         mounting_angle=draw(between(-pi, pi)),
         gravity=draw(st.sampled_from([0.0, 9.80665])))
@@ -66,7 +67,7 @@ def pulls(draw, arm, soft, state, tendons=None):
     paid out by up to 30 % more or less than it would have to follow.
     """
     which = draw(st.sampled_from(['right', 'left', 'both'])) if tendons is None else tendons
-    reach = sum(min(s.guide_offsets) for s, free in zip(arm.segments, soft, strict=True) if free)
+    reach = sum(min(pair) for pair, free in zip(guides_of(arm), soft, strict=True) if free)
     pull = draw(between(-0.25, 0.5)) * reach
     right, left = (float(p) for p in state.pulls)
     if which == 'right':

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.spatial.chain import SpatialChain
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.twin.spatial_camera import FRONT, SpatialTwinCamera
@@ -15,7 +15,7 @@ from support import views
 
 PATH = description_file().with_name('spatial_jamming.yaml')
 VALUES = load_description(PATH, node='camera')
-ARM = any_arm_from_parameters(VALUES)
+ARM = arm_from_parameters(VALUES)
 CHAIN = SpatialChain(ARM)
 EXACT = {'tag_offset': 0.0, 'fixed_offset': 0.0, 'calibration_error': 0.0}
 

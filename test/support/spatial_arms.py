@@ -9,41 +9,49 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import Jam
-from soft_continuum.mechanics.arm import Disc
-from soft_continuum.mechanics.spatial import (
-    SpatialArm,
-    SpatialSegment,
-    SpatialStatics,
-    SpatialTendon,
-    Wrench,
-)
+from soft_continuum.mechanics.arm import Arm, Disc, Segment, Tendon, Wrench
+from soft_continuum.mechanics.spatial import SpatialStatics
+
+
+def in_space(arm):
+    """Return a planar arm as one that the statics in space solve: a tendon a whole turn on."""
+    right, left = arm.tendons
+    return replace(arm, tendons=(replace(right, angle=2.0 * pi), left))
+
+
+def stretching(arm, compliances):
+    """Return an arm whose tendons stretch by given amounts (tendons,), m/N; 0: they do not."""
+    return replace(arm, tendons=tuple(
+        replace(tendon, axial_stiffness=float(rope) / compliance) if compliance else tendon
+        for tendon, rope, compliance in zip(arm.tendons, arm.ropes, compliances, strict=True)))
 
 
 def three_segments(turn=0.0, jam=None, tendons=3, **changes):
     """Return three segments with tendons evenly around them, the first turned about z."""
-    segments = tuple(SpatialSegment(0.07, k, k, 0.03, 0.05, jam or Jam())
+    segments = tuple(Segment(0.07, k, k, 0.03, 0.05, jam or Jam())
                      for k in (0.03, 0.02, 0.015))
-    routed = tuple(SpatialTendon(f't{i}', turn + 2.0 * pi * i / tendons, 0.025, 3)
+    routed = tuple(Tendon(f't{i}', turn + 2.0 * pi * i / tendons, 0.025, 3)
                    for i in range(tendons))
-    return replace(SpatialArm(segments, (Disc(0.02, 0.02),) * 4, routed, 4), **changes)
+    return replace(Arm(segments, (Disc(0.02, 0.02),) * 4, routed, 4), **changes)
 
 
 def random_arm(seed, tendons=4, jam=None):
     """Return an arm with everything: hinges, helical tendons, stretch, spacers, loads."""
     draw = np.random.default_rng(seed)
     count = int(draw.integers(1, 4))
-    segments = tuple(SpatialSegment(
+    segments = tuple(Segment(
         draw.uniform(0.05, 0.1), k := draw.uniform(0.02, 0.06), k * draw.uniform(0.5, 2.0),
         k * draw.uniform(0.5, 1.0), draw.uniform(0.0, 0.05), jam or Jam(draw.uniform(2.0, 9.0)))
         for _ in range(count))
-    routed = tuple(SpatialTendon(
+    routed, stretch = zip(*((Tendon(
         f't{i}', 2.0 * pi * i / tendons + draw.uniform(-0.3, 0.3), draw.uniform(0.015, 0.025),
-        count, draw.uniform(-8.0, 8.0), draw.choice([0.0, 1e-4])) for i in range(tendons))
+        count, draw.uniform(-8.0, 8.0)), draw.choice([0.0, 1e-4])) for i in range(tendons)),
+        strict=True)
     wrench = Wrench(count, tuple(draw.uniform(-0.2, 0.2, 3)), tuple(draw.uniform(-0.01, 0.01, 3)))
-    return SpatialArm(
+    return stretching(Arm(
         segments, (Disc(0.02, 0.02),) * (count + 1), routed, 6, int(draw.choice([0, 2])),
         str(draw.choice(['paper', 'second_order'])), 0.01, (wrench,),
-        tuple(draw.uniform(-6.0, 6.0, 3)))
+        tuple(draw.uniform(-6.0, 6.0, 3))), stretch)
 
 
 def near_its_limit(seed):
@@ -55,21 +63,21 @@ def near_its_limit(seed):
     draw = np.random.default_rng(seed)
     count, tendons = int(draw.integers(1, 4)), int(draw.integers(2, 6))
     stiffness = draw.uniform(0.01, 0.05, count)
-    segments = tuple(SpatialSegment(
+    segments = tuple(Segment(
         draw.uniform(0.05, 0.1), k, k, k * draw.uniform(0.5, 1.0), draw.uniform(0.0, 0.05))
         for k in stiffness)
-    routed = tuple(SpatialTendon(
+    routed, stretch = zip(*((Tendon(
         f't{i}', 2.0 * pi * i / tendons + draw.uniform(-0.3, 0.3), draw.uniform(0.015, 0.025),
         int(draw.integers(1, count + 1)) if i else count,
-        draw.choice([0.0, draw.uniform(-8.0, 8.0)]), draw.choice([0.0, 1e-4]))
-        for i in range(tendons))
+        draw.choice([0.0, draw.uniform(-8.0, 8.0)])), draw.choice([0.0, 1e-4]))
+        for i in range(tendons)), strict=True)
     wrench = Wrench(count, tuple(draw.uniform(-0.2, 0.2, 3)), tuple(draw.uniform(-0.01, 0.01, 3)))
     gravity = draw.uniform(-9.0, 9.0, 3) * (
         (1.0, 1.0, 1.0) if draw.uniform() < 0.7 else (0.0, 0.0, 1.0))
-    arm = SpatialArm(
+    arm = stretching(Arm(
         segments, (Disc(0.02, 0.02),) * (count + 1), routed, 4, int(draw.choice([0, 1])),
         str(draw.choice(['paper', 'second_order'])), float(draw.choice([0.0, 0.02, 0.2])),
-        (wrench,) if draw.uniform() < 0.5 else (), tuple(gravity))
+        (wrench,) if draw.uniform() < 0.5 else (), tuple(gravity)), stretch)
     pulls = draw.uniform(-0.01, 0.03, tendons) * draw.uniform(0.3, 1.5)
     soft = draw.uniform(size=count) < 0.8
     soft[0] |= not soft.any()

@@ -12,10 +12,10 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Jam
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from support.true_arm import Session
 
-ARM = replace(load_any_arm(description_file().with_name('spatial_jamming.yaml')),
+ARM = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),
               bodies_per_segment=4)
 DEVIATIONS = np.array([4e-4, 4e-4, 4e-4, 4e-3, 4e-3, 4e-3])  # m, rad: of the camera
 COVARIANCE = np.diag(DEVIATIONS**2)
@@ -29,12 +29,12 @@ class SpatialTruth:
         """Begin straight and stiff, with as many bodies in each segment."""
         factors = np.broadcast_to(factors, len(arm.segments))
         self.statics = SpatialStatics(replace(
-            arm, payload=payload, bodies_per_segment=bodies * (arm.spacers + 1),
+            arm.with_compliant_tendons(2e-5), payload=payload,
+            bodies_per_segment=bodies * (arm.spacers + 1),
             segments=tuple(replace(
                 s, stiffness_x=s.stiffness_x * f, stiffness_y=s.stiffness_y * f,
                 torsional_stiffness=s.torsional_stiffness * f, jam=Jam(ratio))
-                for s, f in zip(arm.segments, factors, strict=True)),
-            tendons=tuple(replace(t, compliance=t.compliance or 2e-5) for t in arm.tendons)))
+                for s, f in zip(arm.segments, factors, strict=True))))
         self.offsets = np.broadcast_to(offsets, len(arm.tendons))
         self.state = self.statics.chain.straight()
 

@@ -6,12 +6,12 @@ import generate as specimen
 import numpy as np
 
 from soft_continuum.analysis.measured_shapes import MeasuredShape
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 
 TRUE = specimen.specimen()
 DESCRIPTION = load_description() | specimen.weighed()
-DESCRIBED = any_arm_from_parameters(DESCRIPTION)
+DESCRIBED = arm_from_parameters(DESCRIPTION)
 
 
 def measure(arm, shape, noise=0.0, seed=0):

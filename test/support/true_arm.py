@@ -41,10 +41,10 @@ class TrueArm:
     def __init__(self, factors=(1.0, 1.0, 1.0), ratio=30.0, offsets=(0.0, 0.0), payload=0.0,
                  arm=ARM):
         """Begin straight and stiff; ratio: K; the others are those of an Estimator."""
-        self.statics = Statics(replace(arm, payload=payload, segments=tuple(
-            replace(s, bending_stiffness=s.bending_stiffness * f, jam=Jam(ratio))
-            for s, f in zip(arm.segments, factors, strict=True)),
-            tendon=replace(arm.tendon, axial_stiffness=2e4)))
+        self.statics = Statics(replace(
+            arm.with_tendons(axial_stiffness=2e4), payload=payload, segments=tuple(
+                replace(s, stiffness_y=s.stiffness_y * f, jam=Jam(ratio))
+                for s, f in zip(arm.segments, factors, strict=True))))
         self.offsets, self.state = np.array(offsets), self.statics.chain.straight()
 
     def follow(self, pulls, soft):

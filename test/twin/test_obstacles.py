@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.twin.differences import Obstacle, TwinError
 from support.plants import ARM, FREE, only, plant, run, SOFT
 
@@ -55,7 +56,7 @@ def test_an_arm_that_is_bent_into_an_obstacle_rests_against_it(x, z, radius):
 
 def test_an_obstacle_gives_no_energy():
     obstacle = Obstacle(0.09, 0.3, 0.03)
-    found = plant(replace(ARM, mounting_angle=2.0), obstacles=(obstacle,))
+    found = plant(replace(ARM, gravity=mounted(2.0)), obstacles=(obstacle,))
     pulls = run(found, np.zeros(2), np.zeros(2), only(2), 0.5)
     run(found, pulls, np.array([-0.05, 0.015]), only(2), 1.0)
     energies, touched = [], False

@@ -8,11 +8,12 @@ from math import radians
 import numpy as np
 import pytest
 
+from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.obstacles import Surroundings
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
@@ -55,7 +56,7 @@ def resting(arm, plan, vacuums, yield_moment=1000.0):
 def test_a_planar_arm_with_less_vacuum_rests_where_the_plan_says(
         vacuums, yield_moment, tolerance):
     # A jam that yields creeps a little more in a plant that swings.
-    arm = jammed(replace(ARM, mounting_angle=1.2, payload=0.05), yield_moment)
+    arm = jammed(replace(ARM, gravity=mounted(1.2), payload=0.05), yield_moment)
     planner = Planner(arm, PlanSettings(full_vacuum=FULL))
     angles = tuple(np.radians((25.0, 15.0, -20.0)).tolist())
     plan, = planner.plan(planner.statics.chain.straight(), (0.0, 0.0),
@@ -68,7 +69,7 @@ def test_a_planar_arm_with_less_vacuum_rests_where_the_plan_says(
 
 
 def test_a_tip_is_at_its_goal_once_the_plant_has_given_way():
-    arm = jammed(replace(ARM, mounting_angle=1.2, payload=0.05))
+    arm = jammed(replace(ARM, gravity=mounted(1.2), payload=0.05))
     planner, vacuums = Planner(arm, PlanSettings(full_vacuum=FULL)), (30e3, 80e3, 60e3)
     place = np.array((0.15, 0.0, 0.22))
     found, = plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), [
@@ -80,7 +81,7 @@ def test_a_tip_is_at_its_goal_once_the_plant_has_given_way():
 
 
 def test_an_arm_in_space_with_less_vacuum_gives_way_as_the_statics_say():
-    spatial = load_any_arm(description_file().with_name('spatial_jamming.yaml'))
+    spatial = load_arm(description_file().with_name('spatial_jamming.yaml'))
     arm, vacuums = jammed(replace(spatial, gravity=SIDEWAYS), bodies=2), (30e3, 80e3, 20e3)
     statics, slack = SpatialStatics(arm), np.full(3, -0.02)
     state = statics.solve(statics.chain.straight(), slack, [False] * 3, vacuum=(1.0,) * 3)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
 from soft_continuum.twin.plant import TIME_STEP
 from soft_continuum.twin.sensors import Sensors
 from support.plants import ARM, FREE, only, plant, run, SOFT, STIFF
@@ -16,20 +17,20 @@ PULLS = np.array([0.012, -0.05])
 
 @pytest.mark.parametrize('mounting', [0.0, 2.0, -1.0])
 def test_at_rest_the_specific_force_tells_the_angle_of_every_disc(mounting):
-    found = plant(replace(ARM, mounting_angle=mounting))
+    found = plant(replace(ARM, gravity=mounted(mounting)))
     pulls = run(found, np.zeros(2), np.zeros(2), only(1), 0.5)
     run(found, pulls, PULLS, only(1), 3.0)
     motions = Sensors(found).motions()
     from_upright = mounting + found.points[::2, 2]
     assert np.ptp(from_upright) > 0.3
     # z along the disc, x to the side towards which a positive angle carries it
-    assert motions[:, 3] == pytest.approx(-ARM.gravity * np.sin(from_upright), abs=0.005)
-    assert motions[:, 5] == pytest.approx(ARM.gravity * np.cos(from_upright), abs=0.005)
+    assert motions[:, 3] == pytest.approx(-STANDARD_GRAVITY * np.sin(from_upright), abs=0.005)
+    assert motions[:, 5] == pytest.approx(STANDARD_GRAVITY * np.cos(from_upright), abs=0.005)
     assert motions[:, [0, 1, 2, 4]] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_in_motion_the_imus_show_how_the_discs_move():
-    found = plant(replace(ARM, mounting_angle=1.0))
+    found = plant(replace(ARM, gravity=mounted(1.0)))
     run(found, np.zeros(2), PULLS, only(2), 1.0)
     run(found, PULLS, FREE, STIFF, 0.1)
     sensors, points, motions = Sensors(found), [], []
@@ -46,7 +47,7 @@ def test_in_motion_the_imus_show_how_the_discs_move():
     angles = points[:-2, :, 2]
     right = np.stack([np.cos(angles), -np.sin(angles)], axis=-1)
     up = np.stack([np.sin(angles), np.cos(angles)], axis=-1)
-    gravity = ARM.gravity * np.array([np.sin(1.0), -np.cos(1.0)])
+    gravity = STANDARD_GRAVITY * np.array([np.sin(1.0), -np.cos(1.0)])
     assert np.abs(accelerations).max() > 5.0
     for axis, place in ((right, 3), (up, 5)):
         force = ((accelerations - gravity) * axis).sum(axis=-1)

@@ -9,25 +9,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics.arm import Disc
-from soft_continuum.mechanics.spatial import (
-    pulls_for_bending,
-    spatial,
-    SpatialArm,
-    SpatialSegment,
-    SpatialStatics,
-    SpatialTendon,
-    Wrench,
-)
+from soft_continuum.mechanics.arm import Arm, Disc, Segment, Tendon, Wrench
+from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialStatics
 from soft_continuum.nodes.up import description_file
-from soft_continuum.parameters.files import load_any_arm
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import Obstacle, read_differences, TwinError
 from soft_continuum.twin.plant import Plant, plant_of
 from soft_continuum.twin.sensors import Sensors
 from soft_continuum.twin.spatial_plant import SpatialPlant
 from support.plants import ARM, IDEAL, only, run, SOFT, STIFF
+from support.spatial_arms import stretching
 
-JAMMING = load_any_arm(description_file().with_name('spatial_jamming.yaml'))
+JAMMING = load_arm(description_file().with_name('spatial_jamming.yaml'))
 SIDEWAYS = (5.0, -7.0, 4.0)  # m/s^2
 ZERO = np.zeros(3)
 
@@ -39,14 +32,15 @@ def few(arm=JAMMING, **changes):
 
 def everything():
     """Return an arm that has all that one can have."""
-    segments = (SpatialSegment(0.07, 0.03, 0.02, 0.015, 0.05),
-                SpatialSegment(0.08, np.inf, 0.02, mass=0.04),  # a leaf spring
-                SpatialSegment(0.06, 0.02, 0.04, 0.03, 0.03))
-    tendons = (SpatialTendon('helix', 0.3, 0.02, 3, twist=7.0, compliance=1e-4),
-               SpatialTendon('cone', 2.0, (0.025, 0.022, 0.022, 0.02, 0.02, 0.015), 3),
-               SpatialTendon('short', 4.0, 0.02, 2), SpatialTendon('left', 3.4, 0.02, 1))
-    return SpatialArm(segments, (Disc(0.02, 0.02),) * 4, tendons, 6, 2, 'second_order',
-                      0.03, (Wrench(2, (0.2, -0.3, 0.1), (0.01, 0.0, -0.01)),), SIDEWAYS)
+    segments = (Segment(0.07, 0.03, 0.02, 0.015, 0.05),
+                Segment(0.08, np.inf, 0.02, mass=0.04),  # a leaf spring
+                Segment(0.06, 0.02, 0.04, 0.03, 0.03))
+    tendons = (Tendon('helix', 0.3, 0.02, 3, twist=7.0),
+               Tendon('cone', 2.0, (0.025, 0.022, 0.022, 0.02, 0.02, 0.015), 3),
+               Tendon('short', 4.0, 0.02, 2), Tendon('left', 3.4, 0.02, 1))
+    arm = Arm(segments, (Disc(0.02, 0.02),) * 4, tendons, 6, 2, 'second_order', 0.03,
+              (Wrench(2, (0.2, -0.3, 0.1), (0.01, 0.0, -0.01)),), SIDEWAYS)
+    return stretching(arm, (1e-4, 0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(('payload', 'pretension'), [(0.0, 0.0), (0.05, 0.5)])
@@ -115,7 +109,7 @@ def test_in_a_plane_it_differs_from_the_statics_as_the_planar_plant_does():
     bad = read_differences(description_file().with_name('twin.yaml'), 'bad')
     given = replace(bad, lock_in_shift=0.0, lateral_stiffness_factor=1.0, angle_error=0.0)
     arm = ARM.without_gravity().with_bodies(4)
-    both = Plant(arm, given), SpatialPlant(spatial(arm), given)
+    both = Plant(arm, given), SpatialPlant(arm, given)
     ideal, apart = Plant(arm, IDEAL), []
     pulls, rests = np.zeros(2), []
     for goal, vacuum, seconds in (((0.0, -0.03), only(0), 1.0), ((0.016, -0.03), only(0), 2.0),

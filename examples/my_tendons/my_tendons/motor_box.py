@@ -13,7 +13,7 @@ import socket
 import threading
 
 from soft_continuum.hardware.protocols import HardwareError, TendonReading
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import Parameter
 
 MM = 1e3  # per m
@@ -34,7 +34,7 @@ class MotorBox:
     @classmethod
     def from_parameters(cls, values, clock):
         """Return the driver that checked parameters describe; clock: steady time, s."""
-        return cls(any_arm_from_parameters(values).tendon_names, values['my_tendons.address'],
+        return cls(arm_from_parameters(values).tendon_names, values['my_tendons.address'],
                    values['my_tendons.timeout'], clock)
 
     def __init__(self, tendons, address, timeout, clock):

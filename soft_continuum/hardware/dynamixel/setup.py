@@ -121,9 +121,9 @@ class Spools:
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Return what the parameters of the node describe; raises ParameterError."""
         # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import any_arm_from_parameters
+        from soft_continuum.parameters.arm import arm_from_parameters
 
-        return cls(any_arm_from_parameters(values).tendon_names, *(
+        return cls(arm_from_parameters(values).tendon_names, *(
             values[name] for name in (
                 'dynamixel.ids', 'dynamixel.spool_radii', 'dynamixel.signs',
                 'dynamixel.tension_limits', 'dynamixel.torque_constants', 'speed_limit',

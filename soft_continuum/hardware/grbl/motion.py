@@ -73,9 +73,9 @@ class Motors:
         Boards share the tendons evenly, in their order.  Raises ParameterError.
         """
         # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import any_arm_from_parameters
+        from soft_continuum.parameters.arm import arm_from_parameters
 
-        every = cls(any_arm_from_parameters(values).tendon_names, *(values[name] for name in (
+        every = cls(arm_from_parameters(values).tendon_names, *(values[name] for name in (
             'grbl.steps_per_mm', 'grbl.signs', 'speed_limit', 'acceleration_limit', 'pull_limits',
             'grbl.homed_pulls')))
         ports, count = values['grbl.port'].split() or [''], len(every.tendons)

@@ -71,9 +71,9 @@ class Joints:
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Return what checked parameters describe; raises ParameterError."""
         # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import any_arm_from_parameters
+        from soft_continuum.parameters.arm import arm_from_parameters
 
-        tendons = any_arm_from_parameters(values).tendon_names
+        tendons = arm_from_parameters(values).tendon_names
         counted = f'the tendons are {", ".join(tendons)}'
 
         def each(name: str) -> tuple[Any, ...]:

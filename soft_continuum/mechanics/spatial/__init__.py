@@ -13,13 +13,6 @@ from soft_continuum.lazy import names_from
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial import constant_curvature
-    from soft_continuum.mechanics.spatial.arm import (
-        spatial,
-        SpatialArm,
-        SpatialSegment,
-        SpatialTendon,
-        Wrench,
-    )
     from soft_continuum.mechanics.spatial.batch import solve_batch, solve_path, SpatialBatch
     from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
     from soft_continuum.mechanics.spatial.directions import bending_directions, bending_vectors
@@ -38,17 +31,16 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.spatial.tip import bending_for_tip, SpatialTipFit
 
 __all__ = [
-    'BendingFit', 'SpatialArm', 'SpatialBatch', 'SpatialChain',
-    'SpatialEquilibrium', 'SpatialLinearisation', 'SpatialSegment', 'SpatialSensitivity',
-    'SpatialStatics', 'SpatialTendon', 'SpatialTipFit', 'Wrench', 'bending_directions',
+    'BendingFit', 'SpatialBatch', 'SpatialChain', 'SpatialEquilibrium', 'SpatialLinearisation',
+    'SpatialSensitivity', 'SpatialStatics', 'SpatialTipFit', 'bending_directions',
     'bending_for_tip', 'bending_vectors', 'constant_curvature', 'pulls_for_bending',
-    'self_intersections', 'set_on_grid', 'set_shape', 'solve_batch', 'solve_path', 'spatial',
-    'workspace', 'wound_up',
+    'self_intersections', 'set_on_grid', 'set_shape', 'solve_batch', 'solve_path', 'workspace',
+    'wound_up',
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
 __getattr__ = names_from(__name__, __all__, (
-    'arm', 'directions', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
+    'directions', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
     'constant_curvature', 'inverse', 'grid', 'tip'))
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.mechanics import _kernel
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial._rotations import rotate
-from soft_continuum.mechanics.spatial.arm import place_of, SpatialArm
 from soft_continuum.mechanics.spatial.directions import bending_directions
 from soft_continuum.mechanics.spatial.joints import SpatialLaws
 from soft_continuum.mechanics.spatial.orientations import (
@@ -158,7 +158,7 @@ class SpatialChain:
     joint_axes = ('x', 'y', 'z')
     """About which the URDF turns each joint, one after another."""
 
-    def __init__(self, arm: SpatialArm) -> None:
+    def __init__(self, arm: Arm) -> None:
         """Discretise ``arm``."""
         self.arm = arm
         n = arm.bodies_per_segment
@@ -252,7 +252,7 @@ class SpatialChain:
         """
         arm = self.arm
         beside = [np.array(place) for place in (
-            *(place_of(arm, tendon, 0, 0.0) for tendon in arm.tendons),
+            *(arm.tendon_place(t, 0, 0.0) for t in range(len(arm.tendons))),
             *(wrench.force[:2] for wrench in arm.wrenches),
             *((wrench.moment[1], -wrench.moment[0]) for wrench in arm.wrenches),
             arm.gravity[:2])]
@@ -284,14 +284,6 @@ class SpatialChain:
         return SpatialEquilibrium(
             rotations, np.zeros(tendons), self.straight_paths - self.paths(rotations),
             np.zeros(tendons), 0.0, 0, (True,) * self.segments, joints, chain=self)
-
-    @property
-    def straight_ropes(self) -> Array:
-        """Length of each tendon of the straight arm from its motor to its end, (tendons,), m."""
-        heights = np.cumsum([disc.height for disc in self.arm.discs])
-        more = [tendon.free_length + heights[tendon.end] for tendon in self.arm.tendons]
-        ropes: Array = self.straight_paths + more
-        return ropes
 
     @property
     def coordinate_count(self) -> int:

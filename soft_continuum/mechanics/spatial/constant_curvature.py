@@ -17,12 +17,11 @@ from numpy.typing import ArrayLike
 from soft_continuum.mechanics._checks import real_array, soft_flags
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 DETERMINED = 1e-3  # least over largest singular value of pulls by bendings
 
 
-def poses(arm: Arm | SpatialArm, bending: ArrayLike) -> tuple[Array, Array]:
+def poses(arm: Arm, bending: ArrayLike) -> tuple[Array, Array]:
     """
     Return where the discs of any arm are for bending (segments, 2), rad.
 
@@ -46,7 +45,7 @@ def poses(arm: Arm | SpatialArm, bending: ArrayLike) -> tuple[Array, Array]:
     return np.stack(places, axis=-2), np.stack(oriented, axis=-3)
 
 
-def pulls(arm: SpatialArm, bending: ArrayLike) -> Array:
+def pulls(arm: Arm, bending: ArrayLike) -> Array:
     """
     Return the pull (tendons,) m of every tendon for bending (segments, 2), rad.
 
@@ -62,7 +61,7 @@ def pulls(arm: SpatialArm, bending: ArrayLike) -> Array:
     return found
 
 
-def segment_pulls(arm: SpatialArm, segment: int, bend: ArrayLike) -> Array:
+def segment_pulls(arm: Arm, segment: int, bend: ArrayLike) -> Array:
     """Return by how much each tendon shortens (tendons,), m, in one segment (0-based) bent so."""
     parts = np.linspace(0.0, 1.0, arm.spacers + 2)
     length = arm.segments[segment].length
@@ -82,7 +81,7 @@ def segment_pulls(arm: SpatialArm, segment: int, bend: ArrayLike) -> Array:
     return np.where(passes, shorter.sum(axis=1), 0.0)
 
 
-def bending(arm: SpatialArm, pulls_of: ArrayLike, start: ArrayLike | None = None,
+def bending(arm: Arm, pulls_of: ArrayLike, start: ArrayLike | None = None,
             soft: Sequence[bool] | None = None) -> Array:
     """
     Return the bending (segments, 2), rad, that any number of tendons give with their pulls.
@@ -148,7 +147,7 @@ def _guides_on_arc(length: float, parts: Array, bend: Array, guides: Array) -> A
     return found
 
 
-def _checked(arm: Arm | SpatialArm, bending_of: ArrayLike) -> Array:
+def _checked(arm: Arm, bending_of: ArrayLike) -> Array:
     bent = np.asarray(bending_of, dtype=float)
     if bent.shape[-2:] != (len(arm.segments), 2) or not np.all(np.isfinite(bent)):
         raise ArmError(f'bending must be two finite numbers (rad), about x and y, for each of the '

@@ -14,14 +14,13 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 
 STRAIGHT = 1e-6  # rad: what bends by less, as rounding bends, has the direction 0
 ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a segment
 ALONG = 1e-3  # rad: a direction this close to a plane is in it
 
 
-def bending_vectors(arm: Arm | SpatialArm, angles: Sequence[float], directions: Sequence[float]
+def bending_vectors(arm: Arm, angles: Sequence[float], directions: Sequence[float]
                     ) -> Array:
     """
     Return the bending (segments, 2), rad, of angles and directions (segments,), rad.
@@ -34,7 +33,7 @@ def bending_vectors(arm: Arm | SpatialArm, angles: Sequence[float], directions: 
     return np.where(arm.bending_axes, vectors, 0.0)
 
 
-def hinged(arm: Arm | SpatialArm) -> bool:
+def hinged(arm: Arm) -> bool:
     """Return whether each segment bends about one axis, so that an angle tells its bending."""
     return bool(np.all(arm.bending_axes.sum(axis=1) == 1))
 
@@ -51,13 +50,14 @@ def bending_directions(bending: Array) -> Array:
     return np.where(np.linalg.norm(bending, axis=1) > STRAIGHT, directions, 0.0)
 
 
-def direction_problem(arm: Arm | SpatialArm, segment: int, direction: float) -> str:
+def direction_problem(arm: Arm, segment: int, direction: float) -> str:
     """
     Say why a segment (0-based) cannot bend in a direction (rad); empty if nothing is known.
 
     What tension, gravity and stability allow beyond that is for the statics to say.
     """
-    places = arm.tendon_places(segment)
+    places = np.array([arm.tendon_place(t, segment, part) for t, end in enumerate(arm.tendon_ends)
+                       if end > segment for part in (0.0, 0.5, 1.0)])
     if not len(places):
         return f'no tendon passes segment {segment + 1}, so its bending cannot be chosen'
     about_x, about_y = arm.bending_axes[segment]

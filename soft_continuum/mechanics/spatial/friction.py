@@ -40,8 +40,7 @@ def carried(chain: SpatialChain, rotations: Array, sliding: Sequence[int]
         lengths[~is_span] = [disc.height for disc in chain.arm.discs[:tendon.end + 1]]
         left = np.exp(-tendon.friction * sliding[t] * _turned(runs))
         ratios += left[is_span].tolist()
-        compliances[t] = tendon.compliance * (
-            (tendon.free_length + left @ lengths) / (tendon.free_length + lengths.sum()))
+        compliances[t] = (tendon.free_length + left @ lengths) / tendon.axial_stiffness
     return np.array(ratios), compliances
 
 

@@ -11,7 +11,6 @@ from soft_continuum.mechanics._checks import segment_order, whole
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.inverse import set_shape
 from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
@@ -19,7 +18,7 @@ Bent: TypeAlias = tuple[Any, Array]
 """A state, and the bending (segments, 2), rad, that was set."""
 
 
-def bends(arm: Arm | SpatialArm, segment: int, count: int, directions: int) -> Array:
+def bends(arm: Arm, segment: int, count: int, directions: int) -> Array:
     """
     Return bendings (k, 2), rad, of one segment (0-based) of any arm, evenly up to its limit.
 

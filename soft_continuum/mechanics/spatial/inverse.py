@@ -26,7 +26,6 @@ from soft_continuum.mechanics._checks import (
 )
 from soft_continuum.mechanics.chain import Array, Equilibrium, SLACK
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.spatial.arm import place_of
 from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 from soft_continuum.mechanics.spatial.directions import ONE_PLANE
 from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
@@ -269,10 +268,10 @@ class _Search:
         arm = self.statics.chain.arm
         missed = np.where(self.chosen, state.bending - self.wanted, 0.0)
         worst = int(np.argmax(np.abs(missed).max(axis=1)))
-        passing = [tendon for tendon in arm.tendons if tendon.end > worst]
-        places = np.array([place_of(arm, tendon, worst) for tendon in passing])
-        names = ', '.join(f'{tendon.name} at {_degrees(place):.0f}'
-                          for tendon, place in zip(passing, places, strict=True))
+        passing = [t for t, end in enumerate(arm.tendon_ends) if end > worst]
+        places = np.array([arm.tendon_place(t, worst) for t in passing])
+        names = ', '.join(f'{arm.tendon_names[t]} at {_degrees(place):.0f}'
+                          for t, place in zip(passing, places, strict=True))
         off = (f'segment {worst + 1} cannot be held at its bending: '
                f'{np.degrees(np.linalg.norm(missed[worst])):.2f} degrees are left')
         values = np.linalg.svd(places, compute_uv=False)

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm, Segment
 from soft_continuum.mechanics.chain import Array, joint_lengths_of
 from soft_continuum.mechanics.laws import extended, linear, MomentCurvature
 from soft_continuum.mechanics.spatial._laws import (
@@ -25,7 +26,6 @@ from soft_continuum.mechanics.spatial._laws import (
     STIFFNESS,
     YIELD,
 )
-from soft_continuum.mechanics.spatial.arm import SpatialArm, SpatialSegment
 
 RIGID = 1e6
 """Times the smallest bending stiffness of a joint: of what is described as infinitely stiff."""
@@ -34,7 +34,7 @@ RIGID = 1e6
 class SpatialLaws:
     """The laws of all joints of a spatial arm, for any set of stiff segments and vacuum."""
 
-    def __init__(self, arm: SpatialArm) -> None:
+    def __init__(self, arm: Arm) -> None:
         """Collect stiffness and tables of every segment, soft and jammed."""
         self._segments, self._per_segment = arm.segments, arm.bodies_per_segment + 1
         self._tables: list[tuple[Array, Array]] = []
@@ -54,7 +54,7 @@ class SpatialLaws:
         self.stiffness = self._soft[:, STIFFNESS]
         """Of the springs about x, y and z, (bodies, 3), N m/rad; of measured laws the first."""
 
-    def _lay_out(self, segment: SpatialSegment, part: float, soft: Array, jam: Array) -> None:
+    def _lay_out(self, segment: Segment, part: float, soft: Array, jam: Array) -> None:
         """Write the joint of a ``part`` of the spring, m, soft and what a jam adds to that."""
         least = min(segment.stiffness_x, segment.stiffness_y)
         law = segment.soft_law

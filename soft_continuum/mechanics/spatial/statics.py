@@ -24,11 +24,11 @@ from soft_continuum.mechanics._checks import (
     tensions_of,
     vacuum_parts,
 )
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.joints import outweigh
 from soft_continuum.mechanics.spatial._laws import HELD, LAW, YIELD
-from soft_continuum.mechanics.spatial.arm import SpatialArm
 from soft_continuum.mechanics.spatial.chain import (
     Integers,
     SpatialChain,
@@ -164,10 +164,10 @@ class SpatialStatics:
     precision = (1e-8, 1e-5)
     late_imports: tuple[str, ...] = ('scipy.optimize',)
 
-    def __init__(self, arm: SpatialArm) -> None:
+    def __init__(self, arm: Arm) -> None:
         """Discretise ``arm``."""
         self.chain = SpatialChain(arm)
-        self.compliance = np.array([tendon.compliance for tendon in arm.tendons])
+        self.compliance = arm.compliance
         self._locks = lru_cache(maxsize=64)(self._find_locks)
         self._no_friction = np.ones(len(self.chain.span_tendons))
 

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 import scipy
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, arc_pulls, arc_tips, chain_of, State
+from soft_continuum.mechanics.either import arc_pulls, arc_tips, chain_of, State
 from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import TipGoal
@@ -76,7 +77,7 @@ class Arcs:
     free: about which axes it bends, as bending.  limits: (segments,) rad.
     """
 
-    def __init__(self, arm: AnyArm) -> None:
+    def __init__(self, arm: Arm) -> None:
         """Take the arm."""
         self.arm = arm
         self.chain = chain_of(arm)

@@ -9,8 +9,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import AnyArm, State
+from soft_continuum.mechanics.either import State
 from soft_continuum.sequencing.planner import PlanError
 
 Kind = Literal['position', 'direction', 'pose']
@@ -111,7 +112,7 @@ class TipGoal:
             raise PlanError('the rotation of the tip goal is not a (3, 3) rotation matrix; its '
                             'columns must be right-handed, orthogonal and of length 1')
 
-    def check(self, arm: AnyArm) -> None:
+    def check(self, arm: Arm) -> None:
         """Raise PlanError if the tip of ``arm`` cannot be there for lack of a dimension."""
         for k in np.flatnonzero(~arm.pose_axes[:3]):  # the axis across the plane of the arm
             if abs(self.position[k]) > self.position_tolerance:

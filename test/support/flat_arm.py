@@ -1,0 +1,45 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Planar arms for tests, in the numbers of the paper: offsets of guides, and an angle."""
+
+from dataclasses import replace
+from math import inf
+
+from soft_continuum.mechanics.arm import Arm, mounted, STANDARD_GRAVITY, tendon_pair
+
+
+def made_of(axial_stiffness=inf, free_length=0.0, friction=0.0):
+    """Return what both tendons are made of, as ``flat_arm`` and Arm.with_tendons take it."""
+    return {'axial_stiffness': axial_stiffness, 'free_length': free_length, 'friction': friction}
+
+
+def flat_arm(segments, offsets, discs, tendon=None, mounting_angle=0.0, gravity=STANDARD_GRAVITY,
+             **changes):
+    """
+    Return a planar arm of leaf springs.
+
+    offsets: m, of all guides, or of those at the lower and the upper end of each segment.
+    mounting_angle: rad from upright.  gravity: m/s^2.
+    """
+    segments = tuple(segments)
+    if not isinstance(offsets, float):
+        offsets = tuple(offset for pair in offsets for offset in pair)
+    return Arm(segments, tuple(discs),
+               tendon_pair(offsets, len(segments), **(tendon or {})),
+               gravity=mounted(mounting_angle, gravity), **changes)
+
+
+def guides_of(arm):
+    """Return the offsets of the guides at the lower and the upper end of each segment, m."""
+    return [tuple(arm.tendons[0].offset_at(s, part) for part in (0.0, 1.0))
+            for s in range(len(arm.segments))]
+
+
+def of_segments(arm, which, **changes):
+    """Return a planar arm of some segments of another (0-based), and of the discs above them."""
+    offsets = tuple(offset for s in which for offset in guides_of(arm)[s])
+    return replace(
+        arm, segments=tuple(arm.segments[s] for s in which),
+        discs=(arm.discs[0], *(arm.discs[1 + s] for s in which)),
+        tendons=tuple(replace(tendon, offset=offsets, end=len(which)) for tendon in arm.tendons),
+        **changes)
