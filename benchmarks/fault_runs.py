@@ -15,9 +15,10 @@ from benchmarks.lab import Description, Lab, Pose, TRUTH
 from benchmarks.loop import random_goal
 from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
 from soft_continuum.twin.differences import Differences
-from soft_continuum.twin.plant import plant_of, TIME_STEP
+from soft_continuum.twin.plant import Plant, TIME_STEP
 
 PERIOD = 0.02  # s of the motors' positions
 VACUUM_TIME = 0.2  # s, time constant of the valves
@@ -111,7 +112,7 @@ class Rig:
     def __init__(self, arm: Any, differences: Differences, fault: Fault, seed: int,
                  harmless: bool) -> None:
         self.harmless = harmless
-        self.plant: Any = plant_of(arm, differences)
+        self.plant: Any = Plant(arm, differences)
         self.random = np.random.default_rng([seed, list(Fault).index(fault)])
         self.fault = fault
         self.pulls, self.lost, self.to_lose = np.zeros((3, len(arm.tendon_names)))
@@ -214,11 +215,11 @@ class Rig:
 
     def _discs(self) -> Array:
         """Return where the discs are, (discs, 3)."""
-        return np.asarray(self.plant.points[::2])
+        return np.array(list(map(planar_pose, self.plant.poses[::2])))
 
     def _places(self) -> Array:
         """Return where the discs are without their angles, (2 * discs, 2), m."""
-        return np.asarray(self.plant.points[:, :2])
+        return np.asarray(self.plant.poses[:, [0, 2]])
 
     def _bent(self) -> Array:
         """Return by how much each segment bends, (segments,), rad."""

@@ -32,7 +32,7 @@ from soft_continuum.sensing.sight import Sight
 from soft_continuum.sequencing.planner import PlanSettings
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.differences import Differences
-from soft_continuum.twin.plant import Plant, plant_of, TIME_STEP
+from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.twin.sensors import Sensors
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
@@ -118,7 +118,7 @@ class Lab:
             raise ValueError(f'sensor is {sensor!r}; allowed: {CAMERA}, {TWO_CAMERAS}, {TRUTH}, '
                              f'{NOTHING}')
         self.description, self.differences = description, differences
-        self.plant = plant_of(description.arm, differences)
+        self.plant = Plant(description.arm, differences)
         tendons = len(description.arm.tendon_names)
         self.pulls = np.zeros(tendons)
         self.softenings = 0
@@ -168,7 +168,8 @@ class Lab:
     @property
     def truth(self) -> Array:
         """Where bottom and top of every disc really are, (2 * discs, 3 or 7), as in Pose."""
-        return self.plant.points if isinstance(self.plant, Plant) else self.plant.poses
+        poses = self.plant.poses
+        return np.array(list(map(planar_pose, poses))) if self.plant.arm.planar else poses
 
     @property
     def tip(self) -> Array:

@@ -19,9 +19,8 @@ from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.spatial import pulls_for_bending
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.any_plant import AnyPlant
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
-from soft_continuum.twin.plant import plant_of, TIME_STEP
+from soft_continuum.twin.plant import Plant, TIME_STEP
 
 SEQUENCES, IN_SPACE, STEPS = 50, 20, 6  # a step: soften a segment, pull, stiffen it
 ANGLE = 0.6  # rad, largest bending angle of a segment
@@ -88,7 +87,7 @@ def _rows(arm: str, distances: Array, ideal: Differences) -> list[tuple[str, ...
 
 def _walk(arm: Arm, ideal: Differences, random: np.random.Generator) -> Array:
     """Return how far a disc is at most from each statics after each step, (STEPS, 2), m."""
-    plant, rigid = plant_of(arm, ideal), statics_of(arm)
+    plant, rigid = Plant(arm, ideal), statics_of(arm)
     described: Any = arm
     elastic: Any = statics_of(replace(described, segments=tuple(
         replace(s, jam=Jam(ratio=ideal.stiff_ratio)) for s in described.segments)))
@@ -138,7 +137,7 @@ def _bent(statics: Any, state: Any, segment: int, random: np.random.Generator) -
                              pretension=float(random.integers(2)) * PRETENSION).state
 
 
-def _wait(plant: AnyPlant, pulls: Array, vacuum: Array, duration: float) -> None:
+def _wait(plant: Plant, pulls: Array, vacuum: Array, duration: float) -> None:
     for _ in range(round(duration / TIME_STEP)):
         plant.step(pulls, vacuum)
 
@@ -150,7 +149,7 @@ def _apart(one: Array, other: Array) -> float:
 
 def _rate(arm: Arm, given: Differences) -> float:
     """Return how many seconds the plant simulates in one of this thread, while it is bent."""
-    plant, vacuum = plant_of(arm, given), 1.0 - np.array(only(1), dtype=float)
+    plant, vacuum = Plant(arm, given), 1.0 - np.array(only(1), dtype=float)
     goal = np.array([0.012, *[-0.02] * (len(arm.tendon_names) - 1)])
     begin, steps = time.thread_time(), round(RATE_TIME / TIME_STEP)
     for i in range(steps):

@@ -1,137 +1,316 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A planar arm as a plant: hinges about y, and tendons at both sides."""
+"""
+The arm as a dynamic plant in MuJoCo.
 
-from collections.abc import Sequence
+Of soft_continuum.mechanics it uses the description of the arm only: a loop that is closed on its
+own statics would prove nothing.  The chain is the described one, springs between rigid bodies.
+A jam adds a spring to each joint, about the angle that it had when the vacuum came, in series with
+a dry friction: beyond the yield moment that angle creeps.  A tendon is a longest length.  Friction
+at its guides (Capstan) is a force along each span that follows the tension, in the direction in
+which its motor moved last: MuJoCo's own dry friction lets go at rest.
+The arm touches obstacles, without friction, but not itself.
+"""
+
+from dataclasses import dataclass
 from math import cos, sin
 
+import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.twin import mjcf
-from soft_continuum.twin.any_plant import (
-    AnyPlant,
-    Array,
-    joint_stiffness,
-    stiffness_factors,
-    TIME_STEP,
-)
-from soft_continuum.twin.differences import Differences, Obstacle
-from soft_continuum.twin.spatial_plant import SpatialPlant
+from soft_continuum.twin.differences import Differences, TwinError
+from soft_continuum.twin.joints import Array, Balls, Hinges
 
-__all__ = ('Plant', 'plant_of', 'TIME_STEP')
-ARMATURE = 1e-3  # kg m^2 of each hinge: with less, taut tendons chatter at this time step
+TIME_STEP = 0.002  # s
+TIGHTENING = 0.02  # of the excess of a taut tendon, in each time step
+LOOSENING = 0.01  # of what a slack tendon was tightened by, in each time step
+MAX_TIGHTENING = 1e-3  # m
+STRETCHING = 0.05  # of what a tendon has yet to stretch, in each time step: at once, it chatters
+SLIP = 5e-3 * TIME_STEP  # m by which a tendon slips in each time step
+PRESLIDING = 5e-5  # m of a motor until the friction has turned round
 
 
-def plant_of(arm: Arm, differences: Differences) -> AnyPlant:
-    """Return the plant of an arm, planar or spatial; raises TwinError."""
-    if arm.planar:
-        return Plant(arm, differences)
-    return SpatialPlant(arm, differences)
+class Plant:
+    """
+    The arm, at rest and straight in the beginning, all segments soft.
 
-
-class Plant(AnyPlant):
-    """The plant of a planar arm; joints are hinges."""
-
-    arm: Arm
+    Arrays have one entry for each tendon (m, N), joint (rad), or segment.
+    """
 
     def __init__(self, arm: Arm, differences: Differences) -> None:
-        """Build it as AnyPlant."""
-        factors = stiffness_factors(arm, differences)
-        stiffnesses = np.array([s.stiffness_y for s in arm.segments]) * factors
-        springs = joint_stiffness(arm, stiffnesses[:, None])
-        super().__init__(arm, differences,
-                         _model(arm, differences.mass_factor, differences.obstacles),
-                         springs, springs)
+        """Build the arm with its differences; raises TwinError for what MuJoCo cannot be given."""
+        self.arm, self.differences = arm, differences
+        self._per_segment = arm.bodies_per_segment + 1
+        self._joints = (Hinges if arm.planar else Balls)(
+            arm, _stiffnesses(arm, differences), differences.damping_time)
+        tendons = len(arm.tendons)
+        turns = np.random.default_rng([differences.seed, 2]).normal(
+            0.0, 0.0 if arm.planar else differences.angle_error, tendons)
+        guides = _guides(arm, turns.tolist())
+        spans = [(t, low.body + 1) for t, each in enumerate(guides)
+                 for low, high in zip(each, each[1:], strict=False) if high.ends_span]
+        self._span_tendons, firsts = np.array(spans, dtype=np.intp).reshape(-1, 2).T
+        self._begins, self._span_parts = np.unique(firsts, return_inverse=True)
+        """The first joint of each stretch between guides, and the last stretch of each span."""
+        self._model = mujoco.MjModel.from_xml_string(
+            _model(arm, guides, self._joints, differences))
+        self._data = mujoco.MjData(self._model)
+        for wrench in arm.wrenches:
+            if wrench.disc > 0:  # the base does not move
+                self._data.xfrc_applied[self._disc(wrench.disc)] += wrench.force + wrench.moment
+        mujoco.mj_forward(self._model, self._data)
+        if self._data.ncon:
+            touched = self._model.geom(self._data.contact.geom[0].min()).name
+            raise TwinError(f'{touched} is where the straight arm is, with which the twin begins; '
+                            'move it')
+        self._tendons = slice(tendons)
+        self._straight = self._data.ten_length[self._tendons].copy()
+        self._sliding = np.zeros(tendons)  # 1: pulled in, -1: paid out
+        self._random = np.random.default_rng(differences.seed)
+        self._jam = np.zeros_like(self._joints.springs)
+        self._held = np.zeros_like(self._joints.springs)
+        self._stiff = np.zeros(len(arm.segments), dtype=bool)
+        self._pulled = np.zeros(tendons)  # by the motors, less the backlash
+        self._tightening = np.zeros(tendons)
+        self._compliance = differences.tendon_compliance + arm.compliance  # m/N
+        self._stretched = np.zeros(tendons)  # m
+        self._slipped = np.zeros(tendons)  # m, of each tendon in its clamp
+        self._acceleration = np.zeros(self._model.nv)  # rad/s^2
+        self._joints.pull(self._model, self._data, self._jam, self._held)
+
+    # What a sensor could see.
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return float(self._data.time)
 
     @property
     def joint_names(self) -> list[str]:
         """Names of the joints, base first."""
-        return [f'joint_{n}' for n in range(1, self._model.nv + 1)]
+        return self._joints.names
 
     @property
     def joint_angles(self) -> Array:
-        """Angles of all joints, base first, (joints,), rad."""
-        angles: Array = self._data.qpos.copy()
-        return angles
-
-    @property
-    def points(self) -> Array:
-        """Bottom and top of every disc: (x, z, angle), (2 * discs, 3), m and rad, base first."""
-        theta = np.cumsum(self._data.qpos)
-        rows = [(0.0, 0.0, 0.0), (0.0, self.arm.discs[0].height, 0.0)]
-        for k, disc in enumerate(self.arm.discs[1:], start=1):
-            x, _, z = self._data.xpos[self._disc(k)]
-            angle = float(theta[k * self._per_segment - 1])
-            rows += [(x, z, angle), (x + disc.height * sin(angle), z + disc.height * cos(angle),
-                                     angle)]
-        return np.array(rows)
+        """Angles of all joints about their axes, base first, rad; of a ball a rotation vector."""
+        return self._joints.angles(self._data).ravel()
 
     @property
     def poses(self) -> Array:
         """Bottom and top of every disc: x, y, z (m), quaternion x, y, z, w, (2 * discs, 7)."""
-        return full_poses(self.points)
+        found = np.zeros((len(self.arm.discs), 2, 7))
+        found[0, :, 6] = 1.0
+        for k in range(1, len(self.arm.discs)):
+            body = self._disc(k)
+            w, x, y, z = self._data.xquat[body]
+            found[k, :, 3:] = (x, y, z, w) if w >= 0.0 else (-x, -y, -z, -w)
+            found[k, :, :3] = self._data.xpos[body]
+            found[k, 1, :3] += self.arm.discs[k].height * self._data.xmat[body, 2::3]
+        found[0, 1, 2] = self.arm.discs[0].height
+        return found.reshape(-1, 7)
 
-    def _load(self) -> None:
-        for wrench in self.arm.wrenches:
-            if wrench.disc > 0:  # the base does not move
-                self._data.xfrc_applied[self._disc(wrench.disc), :3] = wrench.force
+    @property
+    def speed(self) -> float:
+        """Speed of the fastest joint, rad/s."""
+        return float(np.abs(self._data.qvel).max())
 
-    def _angles(self) -> Array:
-        angles: Array = self._data.qpos[:, None]
-        return angles
+    @property
+    def tensions(self) -> Array:
+        """Tension of each tendon at the base, (tendons,), N."""
+        limits = self._data.efc_type == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON
+        found = np.zeros(len(self._straight))
+        found[self._data.efc_id[limits]] = self._data.efc_force[limits]
+        return found
 
-    def _set_springs(self) -> None:
-        total = self._springs + self._jam
-        self._model.jnt_stiffness[:] = total[:, 0]
-        self._model.qpos_spring[:] = (self._jam * self._held / total)[:, 0]
-        self._model.dof_damping[:] = self.differences.damping_time * total[:, 0]
+    @property
+    def motions(self) -> Array:
+        """
+        Angular velocity and specific force of every disc, (discs, 6), rad/s and m/s^2.
 
-    def _shift(self) -> Array:
-        return self._random.uniform(-1.0, 1.0, 1)
+        In the frame of the disc, and at its origin, the bottom centre: z along the disc, y the
+        axis of bending in the plane.  Specific force is acceleration less gravity: what
+        accelerometers measure.
+        """
+        model, data, frame = self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY
+        data.qacc[:] = self._acceleration  # nothing uses it any more
+        mujoco.mj_rnePostConstraint(model, data)
+        velocity, acceleration = np.zeros((2, len(self.arm.discs), 6))
+        acceleration[0, 3:] = -model.opt.gravity
+        for k in range(1, len(self.arm.discs)):
+            body = self._disc(k)
+            mujoco.mj_objectVelocity(model, data, frame, body, velocity[k], 1)
+            mujoco.mj_objectAcceleration(model, data, frame, body, acceleration[k], 1)
+        return np.hstack([velocity[:, :3], acceleration[:, 3:]])
 
-    def _turned(self) -> tuple[NDArray[np.intp], Array]:
-        turned = np.cumsum(np.abs(self._data.qpos.reshape(-1, self._per_segment).sum(axis=1)))
-        return np.repeat([0, 1], len(turned)), np.tile(turned, 2)
+    @property
+    def energy(self) -> float:
+        """Kinetic and potential energy, J."""
+        mujoco.mj_energyPos(self._model, self._data)
+        mujoco.mj_energyVel(self._model, self._data)
+        return float(self._data.energy.sum()) + self._joints.energy(
+            self._data, self._jam, self._held)
+
+    # Time.
+
+    def step(self, pulls: Array, vacuum: Array) -> None:
+        """
+        Let one time step pass.
+
+        pulls: (tendons,) m, by how much each motor has pulled its tendon in.  vacuum: (segments,),
+        parts of full vacuum.
+        """
+        self._set_jams(np.asarray(vacuum, dtype=float))
+        given, tensions = self.differences, self.tensions
+        before = self._pulled
+        self._pulled = np.clip(before, pulls - given.backlash, pulls)
+        self._sliding = np.clip(
+            self._sliding + (self._pulled - before) / PRESLIDING, -1.0, 1.0)
+        self._slipped += SLIP * (tensions > given.slip_tension)
+        self._stretched += STRETCHING * (self._compliance * tensions - self._stretched)
+        longest = (self._straight - self._pulled - given.zero_offset + self._slipped
+                   + self._stretched)
+        excess = self._data.ten_length[self._tendons] - longest
+        self._tightening += np.where(tensions > 0.0, TIGHTENING * excess,
+                                     -LOOSENING * self._tightening)
+        np.clip(self._tightening, 0.0, MAX_TIGHTENING, out=self._tightening)
+        self._model.tendon_range[self._tendons, 1] = longest - self._tightening
+        if given.guide_friction > 0.0:
+            self._data.qfrc_applied[:] = self._friction(tensions)
+        speeds = self._data.qvel.copy()
+        mujoco.mj_step(self._model, self._data)
+        # Over the step: at an instant, what is as stiff as a jam has none that says anything.
+        self._acceleration = (self._data.qvel - speeds) / TIME_STEP
+
+    def _friction(self, tensions: Array) -> Array:
+        """Return what the spans pull less, or more, than the base: forces on the joints, N m."""
+        bent = np.add.reduceat(self._joints.angles(self._data), self._begins)
+        turned = np.cumsum(np.linalg.norm(bent[:, :2], axis=1))[self._span_parts]
+        of_span = self._span_tendons
+        gain = np.expm1(-self.differences.guide_friction * (self._sliding[of_span] * turned))
+        moments: Array = -(tensions[of_span] * gain) @ self._span_slopes()
+        return moments
+
+    def _span_slopes(self) -> Array:
+        """Return how the length of each span grows with each joint, (spans, joints), m."""
+        model = self._model
+        slopes = np.zeros((model.ntendon, model.nv))
+        mujoco.mju_sparse2dense(slopes, self._data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr,
+                                model.ten_J_colind)
+        return slopes[len(self._straight):]
+
+    def _set_jams(self, vacuum: Array) -> None:
+        """Let the jams follow the vacuum, and creep where they bear too much."""
+        q, given = self._joints.angles(self._data), self.differences
+        held = np.clip((vacuum - given.soft_below) / (1.0 - given.soft_below), 0.0, 1.0)
+        part = np.repeat(held, self._per_segment)[:, None]
+        jam = (given.stiff_ratio - 1.0) * part * self._joints.jams
+        divisor = np.where(jam > 0.0, jam, 1.0)
+        # What grows holds the present angle: the moment of the jam does not change by it.
+        grows = jam > self._jam
+        self._held[grows] = (q - self._jam / divisor * (q - self._held))[grows]
+        self._jam = jam
+        stiff = held > 0.5
+        for segment in np.flatnonzero(stiff & ~self._stiff):
+            shift = self._joints.direction(self._random) * given.lock_in_shift / self._per_segment
+            joints = slice(segment * self._per_segment, (segment + 1) * self._per_segment)
+            self._held[joints] += np.where(jam[joints] > 0.0, shift, 0.0)
+        self._stiff = stiff
+        moment = jam * (q - self._held)
+        size = np.linalg.norm(moment, axis=1)
+        beyond = size > given.yield_moment * part[:, 0]
+        self._held[beyond] = (q - moment / np.where(size > 0.0, size, 1.0)[:, None]
+                              * given.yield_moment * part / divisor)[beyond]
+        self._joints.pull(self._model, self._data, self._jam, self._held)
+
+    def _disc(self, number: int) -> int:
+        """Return the body of a disc above the base."""
+        return int(self._model.body(f'b{number * self._per_segment - 1}').id)
 
 
-def _model(arm: Arm, mass_factor: float, obstacles: Sequence[Obstacle]) -> str:
-    """Return the arm as MJCF, in base_link: z along the straight arm, bending about y."""
-    half_width = max(segment.outer_diameter for segment in arm.segments)
-    hinge = f'<joint type="hinge" axis="0 1 0" stiffness="1" armature="{ARMATURE!r}"/>'
-    pulled = arm.tendons[0]
-    lines = [_sites('base', pulled.offset_at(0, 0.0), arm.discs[0].height)]
-    guides = ['base']
-    below, joint = arm.discs[0].height, 0
-    for k, segment in enumerate(arm.segments):
-        n, disc = arm.bodies_per_segment, arm.discs[k + 1]
+@dataclass(frozen=True)
+class Guide:
+    """
+    Where a tendon passes a body (-1: the base): x, y, z from its lower end, m.
+
+    ends_span: whether the guide before it is in the same segment.
+    """
+
+    name: str
+    body: int
+    place: tuple[float, float, float]
+    ends_span: bool
+
+
+def _guides(arm: Arm, turns: list[float]) -> list[list[Guide]]:
+    """Return the guides of each tendon, base first; turns: rad, of all of a tendon."""
+    found: list[list[Guide]] = []
+    n, spans = arm.bodies_per_segment, arm.spacers + 1
+    for t, tendon in enumerate(arm.tendons):
+        guides, bottom = [], arm.discs[0].height
+        for s, segment in enumerate(arm.segments[:tendon.end]):
+            for k in range(spans + 1):
+                along = k / spans * segment.length
+                angle = tendon.angle + turns[t] + tendon.twist * (bottom + along)
+                offset = tendon.offset_at(s, k / spans)
+                on_top = k == 0  # of the disc below
+                guides.append(Guide(
+                    f's{t}_{s}_{k}', s * (n + 1) + (-1 if on_top else k * n // spans),
+                    (offset * cos(angle), offset * sin(angle),
+                     arm.discs[s].height if on_top else 0.0), not on_top))
+            bottom += segment.length + arm.discs[s + 1].height
+        found.append(guides)
+    return found
+
+
+def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, differences: Differences
+           ) -> str:
+    """Return the arm as MJCF, in base_link: z along the straight arm."""
+    sites: dict[int, str] = {}
+    for guide in (guide for each in guides for guide in each):
+        sites[guide.body] = sites.get(guide.body, '') + mjcf.site(guide.name, *guide.place)
+    lines, below, joint = [sites.get(-1, '')], arm.discs[0].height, 0
+    for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
+        n = arm.bodies_per_segment
         for length, mass in [(segment.length / n, segment.mass / n)] * n + [
                 (disc.height, disc.mass)]:
-            lines.append(mjcf.opened(f'b{joint}', below, hinge, length, mass_factor * mass))
-            if obstacles:
-                half = segment.outer_diameter / 2.0
-                lines.append(f'<geom type="box" size="{half!r} {half!r} {length / 2.0!r}" '
+            lines.append(mjcf.opened(f'b{joint}', below, joints.element(joint), length,
+                                     differences.mass_factor * mass))
+            if differences.obstacles and length:
+                half, shape = segment.outer_diameter / 2.0, joints.shape
+                lines.append(f'<geom {shape.format(half, length / 2.0)} '
                              f'pos="0 0 {length / 2.0!r}" {mjcf.ARM} {mjcf.CONTACT}/>')
+            lines.append(sites.get(joint, ''))
             below, joint = length, joint + 1
-        lines.append(_sites(f'top{k}', pulled.offset_at(k, 1.0), 0.0))
-        guides.append(f'top{k}')
-        if k + 1 < len(arm.segments):
-            lines.append(_sites(f'end{k}', pulled.offset_at(k + 1, 0.0), disc.height))
-            guides.append(f'end{k}')
     lines.append(mjcf.payload(below, arm.payload))
-    tendons = [mjcf.tendon([f'{guide}_{name}' for guide in guides], 10.0 * arm.length)
-               for name in arm.tendon_names]
-    spans = [mjcf.tendon([f'{lower}_{name}', f'{upper}_{name}']) for name in arm.tendon_names
-             for lower, upper in zip(guides[::2], guides[1::2], strict=True)]
+    tendons = [mjcf.tendon([guide.name for guide in each], 10.0 * arm.length) for each in guides]
+    if differences.guide_friction > 0.0:
+        tendons += [mjcf.tendon([low.name, high.name]) for each in guides
+                    for low, high in zip(each, each[1:], strict=False) if high.ends_span]
     return mjcf.document(
         [float(part) for part in arm.gravity], TIME_STEP,
-        mjcf.cylinders(obstacles, half_width) + ''.join(lines) + '</body>' * joint,
-        ''.join(tendons + spans))
+        mjcf.cylinders(differences.obstacles, arm.length) + ''.join(lines) + '</body>' * joint,
+        ''.join(tendons), ''.join(joints.actuator.format(j) for j in range(joint)))
 
 
-def _sites(name: str, offset: float, height: float) -> str:
-    """Return the guides of both tendons at one height."""
-    return ''.join(mjcf.site(f'{name}_{tendon}', side * offset, 0.0, height)
-                   for tendon, side in (('right_tendon', 1.0), ('left_tendon', -1.0)))
+def _stiffnesses(arm: Arm, differences: Differences) -> Array:
+    """
+    Return those of each segment about x, y and z, (segments, 3), N m^2, times its factor.
+
+    Raises TwinError for another number of factors, and for segments that are no linear springs.
+    """
+    if any(segment.soft_law is not None for segment in arm.segments):
+        raise TwinError('the twin knows linear springs only; the description has a measured '
+                        'moment-curvature law')
+    if any(segment.friction for segment in arm.segments):
+        raise TwinError('the twin knows friction of tendons only, as guide_friction of its '
+                        'presets; the description has some of segments')
+    factors = differences.stiffness_factors
+    if len(factors) not in (1, len(arm.segments)):
+        raise TwinError(f'{len(factors)} stiffness factors are given; the arm has '
+                        f'{len(arm.segments)} segments')
+    found: Array = np.array([[s.stiffness_x, s.stiffness_y, s.torsional_stiffness]
+                             for s in arm.segments]) * np.reshape(factors, (-1, 1))
+    found[:, 0] *= differences.lateral_stiffness_factor
+    return found

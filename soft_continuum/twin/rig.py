@@ -17,7 +17,7 @@ from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.parameter import Value
 from soft_continuum.twin.differences import Differences
-from soft_continuum.twin.plant import plant_of, TIME_STEP
+from soft_continuum.twin.plant import Plant, TIME_STEP
 
 PERIOD = 0.005  # s between two looks at the boards
 MAX_LATENESS = 0.2  # s that are made up for; the plant stands still for what is beyond
@@ -44,7 +44,7 @@ class TwinRig:
         with _2, _3, ...  tendon_driver: one of TENDON_MOTORS.  jams: whether segments can be
         stiff.  regulators: of vacuum, in place of pump and valves.
         """
-        self.plant = plant_of(arm, differences)
+        self.plant = Plant(arm, differences)
         self.motors = TENDON_MOTORS[tendon_driver](tendon_link, len(arm.tendon_names), clock)
         self.modbus = ModbusEmulator(
             len(arm.segments), initially_stiff=jams, link=modbus_link or None, baud_rate=9600,

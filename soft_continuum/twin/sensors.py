@@ -4,13 +4,14 @@
 
 import numpy as np
 
-from soft_continuum.twin.any_plant import AnyPlant, Array
+from soft_continuum.twin.joints import Array
+from soft_continuum.twin.plant import Plant
 
 
 class Sensors:
     """A load cell in each tendon, and an IMU at the bottom centre of each disc, base first."""
 
-    def __init__(self, plant: AnyPlant) -> None:
+    def __init__(self, plant: Plant) -> None:
         """Draw the errors that stay; what they are drawn from is apart from that of the plant."""
         self._plant, given = plant, plant.differences
         self._random = np.random.default_rng([given.seed, 1])
@@ -30,7 +31,7 @@ class Sensors:
         return shown
 
     def motions(self) -> Array:
-        """Return angular velocities and specific forces, (discs, 6), as AnyPlant.motions."""
+        """Return angular velocities and specific forces, (discs, 6), as Plant.motions."""
         shown: Array = self._plant.motions + self._bias + self._random.normal(
             0.0, self._noise, self._bias.shape)
         return shown

@@ -55,7 +55,7 @@ def recorded():
         wait(0.8, vacuum, goal)
         pulls = goal
         wait(2.0, vacuum, pulls)
-        points = plant.points[:, :2]
+        points = plant.poses[:, [0, 2]]
         points[2:] += rng.normal(0.0, NOISE, points[2:].shape)
         found.append(points)
     return found

@@ -8,6 +8,7 @@ import numpy as np
 
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
 
@@ -20,6 +21,11 @@ FREE = np.full(2, -0.05)  # m: both tendons paid out
 def plant(arm=ARM, **changes):
     """Return an ideal plant with other values of its preset."""
     return Plant(arm, replace(IDEAL, **changes))
+
+
+def points_of(found):
+    """Return bottom and top centre of every disc of a plant: x, z (m) and angle (rad)."""
+    return np.array([planar_pose(pose) for pose in found.poses])
 
 
 def run(found, begin, end, vacuum, seconds):

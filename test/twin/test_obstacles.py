@@ -9,7 +9,7 @@ import pytest
 
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.twin.differences import Obstacle, TwinError
-from support.plants import ARM, FREE, only, plant, run, SOFT
+from support.plants import ARM, FREE, only, plant, points_of, run, SOFT
 
 PULLS = np.array([0.016, -0.05])  # m: 30 degrees and more to the right
 MIRROR = np.array([-1.0, 1.0, -1.0])  # of x, z and angle
@@ -18,7 +18,7 @@ INSIDE = 2e-4  # m by which a contact may give
 
 def clearance(found, obstacle):
     """How far the axis of an obstacle is from the surface of the arm, m; negative: inside."""
-    distances, (x, z, angle) = [], found.points[1]
+    distances, (x, z, angle) = [], points_of(found)[1]
     middle = np.array([obstacle.x, obstacle.z])
     arm, joints = found.arm, iter(found.joint_angles)
     for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
@@ -50,7 +50,7 @@ def test_an_arm_that_is_bent_into_an_obstacle_rests_against_it(x, z, radius):
                 assert left == pytest.approx(-INSIDE / 2.0, abs=INSIDE / 2.0)
             else:
                 assert left < -0.005  # it is where the obstacle would be
-        shapes.append(found.points)
+        shapes.append(points_of(found))
     assert shapes[1] == pytest.approx(shapes[0] * MIRROR, abs=1e-5)
 
 

@@ -14,11 +14,10 @@ from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialStatics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import Obstacle, read_differences, TwinError
-from soft_continuum.twin.plant import Plant, plant_of
+from soft_continuum.twin.plant import Plant
 from soft_continuum.twin.sensors import Sensors
-from soft_continuum.twin.spatial_plant import SpatialPlant
 from support.plants import ARM, IDEAL, only, run, SOFT, STIFF
-from support.spatial_arms import stretching
+from support.spatial_arms import in_space, stretching
 
 JAMMING = load_arm(description_file().with_name('spatial_jamming.yaml'))
 SIDEWAYS = (5.0, -7.0, 4.0)  # m/s^2
@@ -46,7 +45,7 @@ def everything():
 @pytest.mark.parametrize(('payload', 'pretension'), [(0.0, 0.0), (0.05, 0.5)])
 def test_segments_set_in_space_rest_where_the_statics_say(payload, pretension):
     arm = few(gravity=SIDEWAYS, payload=payload)
-    found, statics = SpatialPlant(arm, IDEAL), SpatialStatics(arm)
+    found, statics = Plant(arm, IDEAL), SpatialStatics(arm)
     state, pulls, slack = statics.chain.straight(), ZERO, False
     run(found, pulls, pulls, STIFF, 0.2)
     for segment, bending in enumerate([(0.3, 0.35), (-0.4, 0.1), (0.2, -0.3)]):
@@ -58,7 +57,7 @@ def test_segments_set_in_space_rest_where_the_statics_say(payload, pretension):
         slack = slack or bool(np.any(state.tensions == 0.0))
         run(found, pulls, pulls, only(segment), 0.2)
         pulls = run(found, pulls, goal, only(segment), 2.5)
-        assert found.points == pytest.approx(state.points, abs=5e-5)
+        assert found.poses[:, :3] == pytest.approx(state.points, abs=5e-5)
         assert found.tensions == pytest.approx(state.tensions, abs=0.02)
         run(found, pulls, pulls, STIFF, 0.3)
     assert slack == (pretension == 0.0)
@@ -70,12 +69,12 @@ def test_segments_set_in_space_rest_where_the_statics_say(payload, pretension):
 
 def test_an_arm_with_everything_rests_where_the_statics_say():
     arm, goal = everything(), np.array([0.004, -0.003, 0.002, -0.02])
-    found, statics = SpatialPlant(arm, IDEAL), SpatialStatics(arm)
+    found, statics = Plant(arm, IDEAL), SpatialStatics(arm)
     run(found, np.zeros(4), goal, SOFT, 4.0)
     state = statics.solve(statics.chain.straight(), goal, [True] * 3)
     assert np.count_nonzero(state.tensions) in (2, 3)
     assert np.abs(state.points[-1, :2]).min() > 0.02  # out of every plane
-    assert found.points == pytest.approx(state.points, abs=2e-5)
+    assert found.poses[:, :3] == pytest.approx(state.points, abs=2e-5)
     assert found.tensions == pytest.approx(state.tensions, abs=1e-3)
 
 
@@ -84,15 +83,15 @@ def test_a_turned_rig_rests_turned():
     for by in (0.0, 0.7):
         tendons = tuple(replace(t, angle=t.angle + by) for t in JAMMING.tendons)
         gravity = turn.apply(SIDEWAYS) if by else np.array(SIDEWAYS)
-        found = SpatialPlant(few(tendons=tendons, gravity=tuple(gravity.tolist())), IDEAL)
+        found = Plant(few(tendons=tendons, gravity=tuple(gravity.tolist())), IDEAL)
         run(found, ZERO, goal, only(2), 2.0)
-        ends.append(found.points)
+        ends.append(found.poses[:, :3])
     assert np.abs(ends[0][-1, :2]).min() > 0.005
     assert ends[1] == pytest.approx(turn.apply(ends[0]), abs=1e-6)
 
 
 def test_energy_is_never_created_in_space():
-    found = SpatialPlant(few(gravity=SIDEWAYS), IDEAL)
+    found = Plant(few(gravity=SIDEWAYS), IDEAL)
     pulls = run(found, ZERO, np.array([0.01, 0.002, -0.02]), only(2), 1.0)
     run(found, pulls, pulls, STIFF, 0.5)
     energies = []
@@ -109,7 +108,7 @@ def test_in_a_plane_it_differs_from_the_statics_as_the_planar_plant_does():
     bad = read_differences(description_file().with_name('twin.yaml'), 'bad')
     given = replace(bad, lock_in_shift=0.0, lateral_stiffness_factor=1.0, angle_error=0.0)
     arm = ARM.without_gravity().with_bodies(4)
-    both = Plant(arm, given), SpatialPlant(arm, given)
+    both = Plant(arm, given), Plant(in_space(arm), given)
     ideal, apart = Plant(arm, IDEAL), []
     pulls, rests = np.zeros(2), []
     for goal, vacuum, seconds in (((0.0, -0.03), only(0), 1.0), ((0.016, -0.03), only(0), 2.0),
@@ -131,17 +130,17 @@ def test_what_differs_out_of_the_plane_takes_the_arm_there():
     pull, bent = np.array([0.006, -0.02, -0.02]), {}
     straight = {'gravity': (0.0, 0.0, 0.0)}
     for name, value in (('seed', 1), ('angle_error', 0.05), ('lock_in_shift', 0.02)):
-        found = SpatialPlant(few(**straight), replace(IDEAL, **{name: value}))
+        found = Plant(few(**straight), replace(IDEAL, **{name: value}))
         run(found, ZERO, pull, only(2), 1.5)
         run(found, pull, pull, STIFF, 0.3)
-        bent[name] = found.points[-1]
+        bent[name] = found.poses[:, :3][-1]
     assert abs(bent['seed'][1]) < 1e-6
     assert abs(bent['angle_error'][1]) > 1e-4 and abs(bent['lock_in_shift'][1]) > 1e-4
     arm = few(tendons=tuple(replace(t, angle=t.angle + 0.5) for t in JAMMING.tendons), **straight)
     for factor, way in ((1.0, 0.5), (1.3, 0.4)):
-        found = SpatialPlant(arm, replace(IDEAL, lateral_stiffness_factor=factor))
+        found = Plant(arm, replace(IDEAL, lateral_stiffness_factor=factor))
         run(found, ZERO, pull, only(2), 1.5)
-        x, y, _ = found.points[-1]
+        x, y, _ = found.poses[:, :3][-1]
         assert (np.arctan2(y, x) == pytest.approx(way, abs=1e-3)) == (factor == 1.0)
         assert np.arctan2(y, x) <= 0.5 + 1e-3
 
@@ -149,15 +148,15 @@ def test_what_differs_out_of_the_plane_takes_the_arm_there():
 def test_an_arm_with_friction_inside_is_refused():
     segments = tuple(replace(s, friction=0.01) for s in JAMMING.segments)
     with pytest.raises(TwinError, match='friction of tendons only'):
-        plant_of(few(segments=segments), IDEAL)
+        Plant(few(segments=segments), IDEAL)
 
 
 def test_an_obstacle_stops_an_arm_in_space():
     pull = np.array([0.018, -0.03, -0.03])
     for obstacles in ((), (Obstacle(0.055, 0.305, 0.01),)):
-        found = plant_of(few(gravity=(0.0, 0.0, 0.0)), replace(IDEAL, obstacles=obstacles))
+        found = Plant(few(gravity=(0.0, 0.0, 0.0)), replace(IDEAL, obstacles=obstacles))
         run(found, ZERO, pull, only(2), 2.0)
-        away = np.linalg.norm(found.points[-1, [0, 2]] - [0.055, 0.305])
+        away = np.linalg.norm(found.poses[:, :3][-1, [0, 2]] - [0.055, 0.305])
         assert (away > 0.01) == bool(obstacles)
     with pytest.raises(TwinError, match='obstacle 1 is where the straight arm is'):
-        SpatialPlant(JAMMING, replace(IDEAL, obstacles=(Obstacle(0.0, 0.2, 0.02),)))
+        Plant(JAMMING, replace(IDEAL, obstacles=(Obstacle(0.0, 0.2, 0.02),)))
