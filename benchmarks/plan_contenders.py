@@ -10,9 +10,9 @@ import numpy as np
 
 from benchmarks.lab import Description
 from benchmarks.queries import MARGIN, Query
+from soft_continuum.mechanics import bending_for_tip, set_shape
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.inverse import angles_for_tip, set_shape
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, Shape
 from soft_continuum.sequencing.reach import reach, ReachSettings
@@ -113,11 +113,9 @@ def rrt_connect(description: Description, query: Query, limit: float) -> Sequenc
 def _goals(planner: Any, query: Query) -> list[Array]:
     """Return angles that bring the tip to the goal: from where the arm is, and from straight."""
     goal, found = query.goal, []
-    turn = None if goal.rotation is None else float(
-        np.arctan2(goal.rotation[0, 2], goal.rotation[2, 2]))
     for start in (query.state, planner.statics.chain.straight()):
         try:
-            fit = angles_for_tip(planner.statics, goal.position[0], goal.position[2], turn, start)
+            fit = bending_for_tip(planner.statics, goal.position, goal.rotation, start)
         except (StaticsError, PlanError):
             continue
         if fit.distance <= goal.position_tolerance:

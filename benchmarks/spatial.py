@@ -13,12 +13,17 @@ import numpy as np
 from benchmarks.rods import Rod, shapes, STEEL, TPU
 from benchmarks.tables import machine, number, Section, table
 from references import solve_rods
-from soft_continuum.mechanics import _kernel, PAPER, SECOND_ORDER, Statics
+from soft_continuum.mechanics import (
+    _kernel,
+    bending_for_tip,
+    PAPER,
+    pulls_for_bending,
+    SECOND_ORDER,
+    set_shape,
+    Statics,
+)
 from soft_continuum.mechanics.arm import Arm, Disc, Segment, Tendon
 from soft_continuum.mechanics.spatial import (
-    bending_for_tip,
-    pulls_for_bending,
-    set_shape,
     solve_batch,
     solve_path,
     SpatialLinearisation,

@@ -22,7 +22,7 @@ from soft_continuum.nodes.up import (
     nodes_on,
     STEERING,
 )
-from soft_continuum.parameters.arm import any_arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import KINEMATICS, TELEOP
@@ -87,7 +87,7 @@ def start(context):
     ]
     if with_rviz:
         values = load_description(*files, node=KINEMATICS, namespace=namespace)
-        arm, frame = any_arm_from_parameters(values), values['frame_id']
+        arm, frame = arm_from_parameters(values), values['frame_id']
         nodes += [
             Node(package='robot_state_publisher', executable='robot_state_publisher',
                  namespace=namespace,

@@ -30,7 +30,7 @@ def bent(arm: Arm, bending_angles: Sequence[float], directions: Sequence[float],
     bending_angles, directions: (segments,) rad; no directions: all 0.  jamming: whether segments
     are set one after the other, or all at once.  Raises StaticsError where no tendons hold it.
     """
-    from soft_continuum.mechanics.spatial.inverse import set_shape
+    from soft_continuum.mechanics.inverse import set_shape
     state: State = set_shape(statics_of(arm), bending_vectors(arm, bending_angles, directions),
                              jamming=jamming)
     return state

@@ -18,7 +18,7 @@ from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.either import statics_of
-from soft_continuum.mechanics.spatial.grid import bends, set_each
+from soft_continuum.mechanics.grid import bends, set_each
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,31 +28,26 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.batch import Batch, solve_batch, solve_path
     from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain, SLACK
     from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-    from soft_continuum.mechanics.inverse import (
-        AngleFit,
-        angles_for_tip,
-        pulls_for_angles,
-        set_shape,
-        TipFit,
-        workspace,
-    )
+    from soft_continuum.mechanics.grid import set_on_grid, workspace
+    from soft_continuum.mechanics.inverse import BendingFit, pulls_for_bending, set_shape
     from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
     from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
     from soft_continuum.mechanics.statics import Statics
+    from soft_continuum.mechanics.tip import bending_for_tip, TipFit
 
 __all__ = [
-    'LEFT', 'PAPER', 'RIGHT', 'SECOND_ORDER', 'SLACK', 'AngleFit', 'Arm', 'ArmError', 'Batch',
+    'LEFT', 'PAPER', 'RIGHT', 'SECOND_ORDER', 'SLACK', 'Arm', 'ArmError', 'Batch', 'BendingFit',
     'Disc', 'Equilibrium', 'Jam', 'LawError', 'Linearisation', 'MomentCurvature',
     'OverconstrainedError', 'RigidChain', 'Segment', 'Sensitivity', 'Statics', 'StaticsError',
-    'Tendon', 'TipFit', 'Wrench', 'angles_for_tip', 'constant_curvature', 'mounted',
-    'pulls_for_angles', 'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'tendon_pair',
-    'workspace',
+    'Tendon', 'TipFit', 'Wrench', 'bending_for_tip', 'constant_curvature', 'mounted',
+    'pulls_for_bending', 'set_on_grid', 'set_shape', 'solve_batch', 'solve_path', 'stiffness',
+    'tendon_pair', 'workspace',
 ]
 
 # Cheap ones first: who wants an Arm does not load the solver, who solves does not load SciPy.
 __getattr__ = names_from(__name__, __all__, (
     'arm', 'laws', 'chain', 'errors', 'stiffness', 'statics', 'sensitivity', 'batch',
-    'inverse', 'constant_curvature'))
+    'constant_curvature', 'inverse', 'grid', 'tip'))
 
 
 def __dir__() -> list[str]:

@@ -1,334 +1,282 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Inverse problems: pulls for angles, angles for a tip pose, the workspace.
+Pulls for the bending of soft segments, with the least tension, and shapes set one by one.
 
-An arm is set segment by segment (paper, IV-B): each is bent while the others are stiff.  None of
-these inverse problems is in the paper.
+A bending has an angle and a direction, so it takes two tendons at least: of three or more, many
+tensions hold the same bending.  Newton's method for the bending chooses, in each step, the least
+sum of squares of the tensions among those that none falls below the pretension (a quadratic
+program, as for cable-driven parallel robots: Pott, Cable-Driven Parallel Robots, 2018, ch. 3).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 import scipy
 
-from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics._checks import (
     check_start,
     finite,
     real_array,
-    refuse_friction,
     segment_order,
     soft_flags,
-    whole,
 )
-from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT
-from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.spatial.inverse import set_shape as set_bending
-from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
+from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
+from soft_continuum.mechanics.spatial.directions import ONE_PLANE
+from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
+from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 
-METRES_PER_RADIAN = 0.1  # what a tangent that is wanted as well counts
-SAME_ANGLE = Statics.precision[0]  # rad: a segment this close has its angle
-GUESSES = 8  # to either side, of all segments: the best of them that are fitted
-MAX_EVALUATIONS = 40  # of a fit by constant curvature
-NEAR = 0.05  # m: tips by constant curvature this close may be reached by the statics
-EXACT, OUT_OF_REACH = 1e-14, 1e-8  # relative tolerances of fits by the statics
-MAX_FITS = 60  # evaluations of such a fit
-Fit = TypeVar('Fit')
-
-SAME_COST = 1e-12  # rad^2 or m^2: fits this close are equally good
-REACHED = 1e-6  # m: a tip this close is where it was wanted
+SAME_BENDING, HELD = SpatialStatics.precision
+STEP = 0.3  # rad of bending at first
+ENOUGH = 0.01  # of a change: tensions that miss it by less bring it about
+LEAST_STEP = 1e-3  # of the way of Newton's method
+CAUGHT, MAX_JUMPS = 0.05, 3  # rad of a jump at which another tendon holds the arm; how many
+MAX_STEPS = 100
+MAX_PASSES = 100  # over all segments, before elastic ones are taken not to fit together
+WEIGHT = 1e6  # N/rad of an error of bending against the tensions, in the choice of tensions
+NO_TENSION = 1e-6  # N above the pretension: a tendon this close does not carry
+SETTLED = 1e-7  # of the tensions: they change no more
 
 
 @dataclass(frozen=True, eq=False)
-class AngleFit:
+class BendingFit:
     """
-    Pulls that bring soft segments closest to their bending angles.
+    Pulls at which soft segments have their bending.
 
-    pulls: (2,) m, SLACK for the tendon that does not carry.  error: (segments,) rad, reached
-    minus wanted; nan where nothing was wanted.
+    pulls: (tendons,) m at the motors (stretch included), SLACK for a tendon that does not carry.
+    error: (segments, 2) rad, reached minus wanted; nan where nothing was wanted.
     """
 
-    state: Equilibrium
+    state: SpatialEquilibrium
     pulls: Array
     error: Array
 
 
-def pulls_for_angles(statics: Statics, start: Equilibrium, bending_angles: ArrayLike,
-                     soft: Sequence[bool]) -> AngleFit:
+def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bending: ArrayLike,
+                      soft: Sequence[bool], *, pretension: float = 0.0) -> BendingFit:
     """
-    Return the pull of one tendon at which the soft segments come closest to given angles.
+    Return the pulls at which soft segments have given bending, with the least tensions.
 
-    bending_angles: (segments,) rad, nan for a segment that may take any.  One pair of tendons
-    bends all soft segments together: it sets one angle exactly; for more, the sum of the squared
-    errors is least.  The tendon that does better carries, the other is slack.  Followed from
-    ``start``; raises StaticsError where no equilibrium exists.
+    bending: (segments, 2) rad about x and y, as SpatialEquilibrium.bending; nan for what may be
+    anything.  pretension: N that every tendon carries at least; with 0 a tendon may be slack.
+    Where several tensions do, the sum of their squares is least.  Followed from ``start``, with
+    its vacuum.  Tendons do not rub here.
+
+    Raises StaticsError that names what cannot be held: a segment that no tendon passes, a
+    direction to which none bends it, more bendings than tendons; ValueError for other sizes.
     """
-    refuse_friction(statics.chain.tendon.friction, 'pulls_for_angles')
-    check_start(start, Equilibrium)
-    wanted = real_array(bending_angles, 'bending_angles must be numbers (rad), or nan')
-    soft = soft_flags(soft, statics.chain.segments)
-    chosen = np.flatnonzero(np.isfinite(wanted) & soft) if wanted.shape == (len(soft),) else None
-    if chosen is None or not chosen.size:
-        raise ValueError('bending_angles must have one number (or nan) for each segment and one '
-                         f'for a soft segment at least; given: {bending_angles!r}')
-    full = np.where(np.isfinite(wanted), wanted, 0.0)
-    locked = start.bending_angles
-    guess = constant_curvature.pulls(
-        statics.chain.arm, np.where(np.asarray(soft, dtype=bool), full, locked).tolist())
-    first = (RIGHT, LEFT) if wanted[chosen].sum() >= 0.0 else (LEFT, RIGHT)
-    fits = [_fit_pull(statics, start, wanted, chosen, soft, tendon, guess[tendon])
-            for tendon in first]
-    found = [fit for fit in fits if isinstance(fit, AngleFit)]
-    if not found:
-        raise next(fit for fit in fits if isinstance(fit, StaticsError))
-    return _best(found, lambda fit: float(np.nansum(fit.error**2)))
+    check_start(start, SpatialEquilibrium)
+    wanted, chosen = _wanted(statics, bending, soft)
+    if not (finite(pretension) and pretension >= 0.0):
+        raise ValueError(f'the pretension must be a number of 0 N and more; given: {pretension!r}')
+    _refuse_unreachable(statics, start, chosen)
+    search = _Search(statics, wanted, chosen, tuple(soft), pretension)
+    state = search.run(start)
+    error = np.where(chosen, state.bending - wanted, np.nan)
+    if np.nanmax(np.abs(error)) > HELD:
+        raise StaticsError(search.why_not(state), state)
+    return BendingFit(state, search.pulls(state), error)
 
 
-def _best(fits: Sequence[Fit], cost: Callable[[Fit], float]) -> Fit:
-    """Return the first of the fits that are best: rounding must not decide between two."""
-    least = min(cost(fit) for fit in fits)
-    return next(fit for fit in fits if cost(fit) <= least + SAME_COST)
-
-
-def _fit_pull(statics: Statics, start: Equilibrium, wanted: Array, chosen: NDArray[np.intp],
-              soft: Sequence[bool], tendon: int, guess: float) -> AngleFit | StaticsError:
-    """Fit the pull of one tendon, with the other slack."""
-    per_segment = statics.chain.joints_per_segment
-
-    def both(pull: Array) -> Array:
-        pulls = np.full(2, SLACK)
-        pulls[tendon] = pull[0]
-        return pulls
-
-    def solve(pull: Array) -> Equilibrium:
-        return statics.solve(start, both(pull), soft, vacuum=start.vacuum or None)
-
-    def error(pull: Array) -> Array:
-        state = solve(pull)
-        rest: Array = (state.bending_angles - wanted)[chosen]
-        return rest
-
-    def slope(pull: Array) -> Array:
-        state = solve(pull)
-        angles = Linearisation(statics, state).pulls().joint_angles[:, tendon]
-        rows: Array = angles.reshape(-1, per_segment).sum(axis=1)[chosen][:, None]
-        return rows
-
-    # A slack tendon has no slope to follow: one of the guesses bends each segment its way.
-    side = 1.0 if tendon == RIGHT else -1.0
-    fits, failed = [], None
-    for begin in dict.fromkeys([guess, *(
-            _single(statics, start, s, side * abs(wanted[s]), tendon) for s in chosen)]):
-        try:
-            fits.append(scipy.optimize.least_squares(
-                error, [begin], jac=slope, xtol=1e-14, ftol=1e-14, gtol=1e-14, x_scale=0.01))
-        except StaticsError as failure:
-            failed = failure
-    if not fits:
-        assert failed is not None
-        return failed
-    fit = _best(fits, lambda one: float(one.cost))
-    state = solve(fit.x)
-    rest = np.full(statics.chain.segments, np.nan)
-    rest[chosen] = error(fit.x)
-    return AngleFit(state, both(fit.x), rest)
-
-
-def _single(statics: Statics, start: Equilibrium, segment: int, angle: float, tendon: int
-            ) -> float:
-    """Return the pull by constant curvature that bends one segment from ``start`` on."""
-    angles = start.bending_angles
-    angles[segment] = angle
-    return constant_curvature.pulls(statics.chain.arm, angles.tolist())[tendon]
-
-
-def set_shape(statics: Statics, bending_angles: Sequence[float],
-              start: Equilibrium | None = None, order: Sequence[int] | None = None
-              ) -> Equilibrium:
+def set_shape(statics: Any, bending: ArrayLike, start: Any = None,
+              order: Sequence[int] | None = None, *, pretension: float = 0.0, jamming: bool = True
+              ) -> Any:
     """
     Return the arm with its segments set one after the other, base first unless ``order`` says so.
 
-    bending_angles: (segments,) rad, of which only those of the segments in ``order`` count.  For
-    the rest see spatial.set_shape, which takes bending about x and y, of any arm.
+    statics: Statics or SpatialStatics.  bending: (segments, 2) rad, of which only those of the
+    segments in ``order`` count; of hinges about y also angles (segments,).  A segment that already
+    has its bending is left alone.  Where stiff segments give way, each is bent so far that it has
+    its bending in the end.  pretension: as of pulls_for_bending.  Without jamming all segments are
+    soft and set at once.  Tendons do not rub here.  Raises StaticsError where a segment is not
+    held at its bending or where they cannot all have theirs, ValueError for bending or an order
+    that are not those of the arm.
     """
-    refuse_friction(statics.chain.tendon.friction, 'set_shape')
-    segments = statics.chain.segments
-    wanted = real_array(bending_angles, 'bending_angles must be finite numbers (rad)')
-    if wanted.shape != (segments,) or not np.isfinite(
-            wanted[segment_order(order, segments)]).all():
-        raise ValueError(f'bending_angles must be one finite number in rad for each of the '
-                         f'{segments} segments; given: {bending_angles!r}')
-    return set_bending(statics, np.column_stack([np.zeros(segments), wanted]), start, order)
+    segments, free = statics.chain.segments, statics.chain.arm.bending_axes
+    wanted = real_array(bending, 'bending must be numbers (rad)')
+    if wanted.ndim == 1 and not free[:, 0].any():
+        wanted = np.column_stack([np.zeros_like(wanted), wanted])
+    turns = segment_order(order, segments)
+    if wanted.shape != (segments, 2) or not np.isfinite(wanted[turns]).all():
+        raise ValueError('bending must be two finite numbers in rad, about x and y, for each of '
+                         f'the {segments} segments; given: {bending!r}')
+    _refuse_across(free[turns], wanted[turns])
+    straight = statics.chain.straight()
+    begin = straight if start is None else start
+    check_start(begin, type(straight))
+    goal, left, (same, held) = wanted.copy(), np.inf, statics.precision
+    if not jamming:
+        if np.abs(begin.bending - wanted).max() <= same:
+            return begin
+        state = statics.hold(begin, wanted, [True] * segments, pretensions=(pretension,)).state
+        if np.abs(state.bending - wanted).max() > held:
+            raise StaticsError('the tendons do not hold all segments at once', state)
+        return state
+    for _ in range(MAX_PASSES):
+        state = begin
+        for s in turns:
+            if np.abs(state.bending[s] - goal[s])[free[s]].max() > same:
+                state = statics.hold(state, goal, [i == s for i in range(segments)],
+                                     pretensions=(pretension,)).state
+        missed = np.where(free, wanted - state.bending, 0.0)[turns]
+        before, left = left, np.abs(missed).max(initial=0.0)
+        if left <= same or (left <= held and left > 0.5 * before):
+            return state
+        goal[turns] += missed
+    raise StaticsError(
+        f'segments {[s + 1 for s in turns]} give way to each other and are still '
+        f'{np.degrees(missed[free[turns]]).round(3).tolist()} degrees from their bending after '
+        f'{MAX_PASSES} passes; take smaller angles or stiffer jams', state)
 
 
-def _begin(statics: Statics, start: Equilibrium | None) -> Equilibrium:
-    """Return where to begin: by default at the straight arm."""
-    if start is None:
-        return statics.chain.straight()
-    check_start(start, Equilibrium)
-    return start
+def _wanted(statics: SpatialStatics, bending: ArrayLike, soft: Sequence[bool]
+            ) -> tuple[Array, Booleans]:
+    """Return the bending wanted, and what of it counts: (segments, 2) each."""
+    arm, segments = statics.chain.arm, statics.chain.segments
+    wanted = real_array(bending, 'bending must be numbers (rad), or nan')
+    flags = np.array(soft_flags(soft, segments))
+    if wanted.shape != (segments, 2) or np.any(np.isinf(wanted)):
+        raise ValueError('bending must be two numbers (rad) or nan, about x and y, for each of '
+                         f'the {segments} segments; given: {bending!r}')
+    chosen = np.isfinite(wanted) & flags[:, None]
+    _refuse_across(arm.bending_axes, np.where(chosen, wanted, 0.0))
+    chosen &= arm.bending_axes
+    if not chosen.any():
+        raise ValueError('bending must have a number for a soft segment at least; given: '
+                         f'{bending!r}')
+    return wanted, chosen
 
 
-@dataclass(frozen=True, eq=False)
-class TipFit:
-    """
-    Bending angles that bring the tip where it is wanted, or as near as the arm reaches.
-
-    bending_angles: (segments,) rad.  state: the arm with these angles.  tip: (x, z, tangent) of
-    the top of the tip disc, m and rad.  distance: m from the tip to where it was wanted.
-    softened: the segments (0-based) that must be softened, base first.
-    """
-
-    bending_angles: Array
-    state: Equilibrium
-    tip: Array
-    distance: float
-    softened: tuple[int, ...]
-
-    @property
-    def reached(self) -> bool:
-        """Whether the tip is where it was wanted."""
-        return self.distance <= REACHED
+def _refuse_across(free: Booleans, wanted: Array) -> None:
+    """Refuse bending about an axis about which a segment does not bend."""
+    for s, axis in np.argwhere(~free & (wanted != 0.0)):
+        raise ValueError(f'segment {s + 1} does not bend about {"xy"[axis]}: its stiffness is '
+                         'infinite')
 
 
-def angles_for_tip(statics: Statics, x: float, z: float, tangent: float | None = None,
-                   start: Equilibrium | None = None) -> TipFit:
-    """
-    Return bending angles within the limits whose tip is at (x, z), m, with the fewest softenings.
+def _refuse_unreachable(statics: SpatialStatics, start: SpatialEquilibrium, chosen: Booleans
+                        ) -> None:
+    """Refuse what no tension whatsoever can choose."""
+    tendons = statics.chain.arm.tendons
+    for s in np.flatnonzero(chosen.any(axis=1)):
+        if not any(tendon.end > s for tendon in tendons):
+            raise StaticsError(f'no tendon passes segment {s + 1}, so its bending cannot be '
+                               'chosen', start)
+    if chosen.sum() > len(tendons):
+        raise StaticsError(
+            f'{chosen.sum()} bendings cannot be chosen with {len(tendons)} tendons; let fewer '
+            'segments be soft, or give nan for what may be anything', start)
 
-    tangent: angle of the tip wanted as well, rad; it counts as 0.1 m per rad where both cannot be
-    had.  start: the present shape (default: straight); segments that keep their angle need not be
-    softened.  Out of reach, a tip is returned that no small change brings nearer, with its
-    distance: that of the segments which come nearest by constant curvature.
-    """
-    refuse_friction(statics.chain.tendon.friction, 'angles_for_tip')
-    given = (x, z, 0.0 if tangent is None else tangent)
-    if not all(finite(number) for number in given):
-        raise ValueError(f'the tip wanted must be finite numbers; given: {x}, {z}, {tangent}')
-    begin = _begin(statics, start)
-    present = begin.bending_angles
-    wanted = (x, z, tangent)
-    best: TipFit | None = None
-    far: list[tuple[float, tuple[int, ...], Array]] = []
-    for count in range(statics.chain.segments + 1):
-        for segments in combinations(range(statics.chain.segments), count):
-            near = _by_arcs(statics, present, segments, wanted)
-            if near is None:
+
+class _Search:
+    """Newton's method for bendings (segments, 2) rad, of which some are chosen."""
+
+    def __init__(self, statics: SpatialStatics, wanted: Array, chosen: Booleans,
+                 soft: tuple[bool, ...], pretension: float) -> None:
+        self.statics, self.wanted, self.chosen, self.soft = statics, wanted, chosen, soft
+        self.pretension, self.jumps = pretension, MAX_JUMPS
+
+    def run(self, start: SpatialEquilibrium) -> SpatialEquilibrium:
+        """Return where the bendings are those wanted, or as near as the tendons bring them."""
+        # Tendons that all are just taut hold each other: a little slack shows which carry.
+        state = self.statics.solve(
+            start, self.statics.commanded_pulls(start) - start.slack - SLACK_ALLOWANCE, self.soft,
+            vacuum=start.vacuum or None)
+        part = 1.0
+        for _ in range(MAX_STEPS):
+            left = (self.wanted - state.bending)[self.chosen]
+            most = min(1.0, STEP / max(float(np.abs(left).max()), 1e-300))
+            tensions, pulls, reaches = self.step(state, min(part, most) * left)
+            settled = np.abs(tensions - state.tensions).max() <= SETTLED * (
+                1.0 + np.abs(tensions).max())
+            try:
+                there = self.solve(state, tensions, pulls)
+            except StaticsError as error:
+                if not reaches:
+                    raise StaticsError(self.why_not(state), state) from None
+                part = 0.25 * min(part, most)
+                if part < LEAST_STEP:
+                    raise StaticsError(f'on the way to that bending: {error}', state) from None
                 continue
-            if near[0] > NEAR:
-                far.append((near[0], segments, near[1]))
-                continue
-            fit = _fit_tip(statics, begin, present, segments, wanted, near[1])
-            if fit is not None and (best is None or _tip_error(fit, tangent)
-                                    < _tip_error(best, tangent) - REACHED):
-                best = fit
-        if best is not None and best.reached and _turned(best, tangent) < 1e-4:
-            break
-    if best is None:
-        far.sort(key=lambda one: round(one[0] / REACHED))  # of equal ones the fewest
-        best = next((fit for _, segments, some in far if (fit := _fit_tip(
-            statics, begin, present, segments, wanted, some, OUT_OF_REACH)) is not None), None)
-    if best is None:
-        raise StaticsError('no tendon holds the segments on the way to that tip', begin)
-    return best
+            part, state = min(1.0, 2.0 * part), there
+            if settled:
+                break
+        return state
+
+    def pulls(self, state: SpatialEquilibrium) -> Array:
+        """Return the pulls at the motors, (tendons,), m, SLACK where nothing is carried."""
+        return np.where(state.tensions > NO_TENSION, self.statics.commanded_pulls(state), SLACK)
+
+    def by_tensions(self, state: SpatialEquilibrium) -> tuple[Array, Array]:
+        """Return how bendings chosen (k, tendons) and paths (tendons, tendons) change by them."""
+        found = SpatialLinearisation(self.statics, state, tensions=state.tensions).tensions()
+        return found.bending[self.chosen], found.paths
+
+    def step(self, state: SpatialEquilibrium, change: Array) -> tuple[Array, Array, bool]:
+        """
+        Return least tensions (tendons,) N for a change (k,) rad, and pulls at the motors, m.
+
+        Last, whether they bring about that change, as far as this derivative tells.
+        """
+        slopes, paths = self.by_tensions(state)
+        needed = change + slopes @ state.tensions
+        tensions: Array = scipy.optimize.lsq_linear(
+            np.vstack([WEIGHT * slopes, np.eye(len(self.statics.compliance))]),
+            np.concatenate([WEIGHT * needed, np.zeros(len(self.statics.compliance))]),
+            (self.pretension, np.inf), method='bvls').x
+        # Exactly, with the tendons that carry: those at the pretension stay there.
+        carries = tensions > self.pretension + NO_TENSION
+        tensions[~carries] = self.pretension
+        tensions[carries] = np.linalg.lstsq(
+            slopes[:, carries], needed - slopes[:, ~carries] @ tensions[~carries])[0]
+        more = tensions - state.tensions
+        missed = np.abs(slopes @ tensions - needed).max()
+        pulls = self.statics.commanded_pulls(state) - paths @ more + self.statics.compliance * more
+        return (tensions, pulls, bool(missed <= ENOUGH * np.abs(change).max()))
+
+    def solve(self, state: SpatialEquilibrium, tensions: Array, pulls: Array
+              ) -> SpatialEquilibrium:
+        """Solve by the lengths of the tendons that carry: by tensions less is stable."""
+        carries = tensions > self.pretension + NO_TENSION
+        there = self.statics.solve(state, pulls, self.soft, vacuum=state.vacuum or None,
+                                   tensions=np.where(carries, np.nan, self.pretension))
+        if there.jumped:
+            # Where one tendon takes over from another, the arm may lean from one to the other.
+            if np.abs(there.bending - state.bending).max() > CAUGHT or not self.jumps:
+                raise StaticsError('the tendons can bend the arm so, but not hold it: the '
+                                   'equilibrium is not stable', state)
+            self.jumps -= 1
+        return there
+
+    def why_not(self, state: SpatialEquilibrium) -> str:
+        """Return what cannot be held, at the state where the search ended."""
+        arm = self.statics.chain.arm
+        missed = np.where(self.chosen, state.bending - self.wanted, 0.0)
+        worst = int(np.argmax(np.abs(missed).max(axis=1)))
+        passing = [t for t, end in enumerate(arm.tendon_ends) if end > worst]
+        places = np.array([arm.tendon_place(t, worst) for t in passing])
+        names = ', '.join(f'{arm.tendon_names[t]} at {_degrees(place):.0f}'
+                          for t, place in zip(passing, places, strict=True))
+        off = (f'segment {worst + 1} cannot be held at its bending: '
+               f'{np.degrees(np.linalg.norm(missed[worst])):.2f} degrees are left')
+        values = np.linalg.svd(places, compute_uv=False)
+        if len(passing) < 2 or values[1] < ONE_PLANE * values[0]:
+            return (f'{off}, and the tendons that pass it lie in one plane ({names} degrees about '
+                    'z from x); another plane needs a tendon beside it')
+        if self.chosen.any(axis=1).sum() > 1:
+            return (f'{off}; the tendons do not hold those of all soft segments at once, so let '
+                    'fewer be soft')
+        towards = _degrees(np.array([-missed[worst, 1], missed[worst, 0]]))
+        return (f'{off}, and no tendon pulls it on towards {towards:.0f} degrees about z from '
+                f'x; those that pass it are {names}')
 
 
-def _tip_error(fit: TipFit, tangent: float | None) -> float:
-    return float(np.hypot(fit.distance, METRES_PER_RADIAN * _turned(fit, tangent)))
-
-
-def _turned(fit: TipFit, tangent: float | None) -> float:
-    return 0.0 if tangent is None else abs(float(fit.tip[2]) - tangent)
-
-
-Goal = tuple[float, float, float | None]
-"""Of a tip: x, z, m, and its tangent, rad, if that is wanted too."""
-
-
-def _missed(tip: Array, wanted: Goal) -> Array:
-    """Return by how much a tip misses a goal, (2 or 3,), m."""
-    away = [tip[0] - wanted[0], tip[1] - wanted[1]]
-    if wanted[2] is not None:
-        away.append(METRES_PER_RADIAN * (tip[2] - wanted[2]))
-    return np.array(away)
-
-
-def _by_arcs(statics: Statics, present: Array, segments: tuple[int, ...], wanted: Goal
-             ) -> tuple[float, Array] | None:
-    """Fit the angles of some segments by constant curvature; return the error, m, and them."""
-    all_limits = statics.chain.arm.bending_angle_limits
-    beyond = np.abs(present) > all_limits + SAME_ANGLE
-    if beyond[[s not in segments for s in range(len(present))]].any():
-        return None
-    limits = all_limits[list(segments)]
-
-    def missed(some: Array) -> Array:
-        angles = present.copy()
-        angles[list(segments)] = some
-        return _missed(constant_curvature.poses(statics.chain.arm, angles.tolist())[-1], wanted)
-
-    if not segments:
-        return float(np.linalg.norm(missed(np.zeros(0)))), np.zeros(0)
-    side = -0.6 if (wanted[0], wanted[2] or 0.0) < (0.0, 0.0) else 0.6
-    guesses = np.array(np.meshgrid(*[[side, -side]] * len(segments))).reshape(
-        len(segments), -1).T * limits
-    if len(guesses) > GUESSES:
-        errors = [np.linalg.norm(missed(guess)) for guess in guesses]
-        guesses = guesses[np.argsort(errors, kind='stable')[:GUESSES]]
-    arcs = [scipy.optimize.least_squares(
-        missed, guess, bounds=(-limits, limits), max_nfev=MAX_EVALUATIONS) for guess in guesses]
-    arc = _best(arcs, lambda fit: float(fit.cost))
-    return float(np.linalg.norm(missed(arc.x))), np.clip(arc.x, -0.999 * limits, 0.999 * limits)
-
-
-def _fit_tip(statics: Statics, begin: Equilibrium, present: Array, segments: tuple[int, ...],
-             wanted: Goal, some: Array, tolerance: float = EXACT) -> TipFit | None:
-    """Fit the angles of some segments by the model, from those by constant curvature on."""
-    all_limits = statics.chain.arm.bending_angle_limits
-    limits = all_limits[list(segments)]
-
-    def shape(values: Array) -> Equilibrium:
-        angles = present.copy()
-        angles[list(segments)] = values
-        return set_shape(statics, angles.tolist(), begin, segments)
-
-    try:
-        if segments:
-            some = scipy.optimize.least_squares(
-                lambda values: _missed(shape(values).tip, wanted), some, bounds=(-limits, limits),
-                xtol=100.0 * tolerance, ftol=tolerance, gtol=tolerance, diff_step=1e-5,
-                max_nfev=MAX_FITS).x
-        state = shape(some)
-    except StaticsError:
-        return None
-    tip = state.tip
-    angles = state.bending_angles  # those kept may have given way
-    if np.any(np.abs(angles) > all_limits + 2.0 * SAME_ANGLE):
-        return None
-    distance = float(np.hypot(tip[0] - wanted[0], tip[1] - wanted[1]))
-    return TipFit(angles, state, tip, distance, segments)
-
-
-def workspace(statics: Statics, per_segment: int = 9) -> tuple[Array, Array]:
-    """
-    Return tips that the arm reaches when it is set base first, and their bending angles.
-
-    tips: (m, 3), x, z in m and tangent in rad.  angles: (m, segments) rad, ``per_segment`` values
-    between the limits of every segment.  Shapes that no tendon holds are left out.
-    """
-    refuse_friction(statics.chain.tendon.friction, 'the workspace')
-    if not whole(per_segment) or per_segment < 2:
-        raise ValueError(
-            f'per_segment is {per_segment!r}; a whole number, at least 2, is needed')
-    from soft_continuum.mechanics.spatial.grid import bends, set_each
-    chain = statics.chain
-    found = [state for state, _ in set_each(
-        statics, [bends(chain.arm, s, per_segment, 2) for s in range(chain.segments)])]
-    tips = np.array([s.tip for s in found]).reshape(-1, 3)
-    angles = np.array([s.bending_angles for s in found])
-    return tips, angles.reshape(-1, chain.segments)
+def _degrees(across: Array) -> float:
+    """Return the angle about z from x of (x, y), degrees from 0 to 360."""
+    return float(np.degrees(np.arctan2(across[1], across[0]))) % 360.0

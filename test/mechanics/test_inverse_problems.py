@@ -1,26 +1,22 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""From angles to pulls, from a tip to angles, and what the arm reaches."""
+"""From angles to shapes, from a tip to angles, and what a planar arm reaches."""
 
 from dataclasses import replace
 from itertools import permutations
-from math import nan, pi, radians
+from math import nan, pi
 
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics import inverse, LEFT, RIGHT, SLACK, Statics, StaticsError
-from soft_continuum.mechanics.inverse import (
-    angles_for_tip,
-    pulls_for_angles,
-    set_shape,
-    workspace,
-)
+from soft_continuum.mechanics import bending_for_tip, set_shape, Statics, workspace
+from soft_continuum.mechanics import tip as tip_search
 from soft_continuum.mechanics.laws import Jam
 from support.flat_arm import made_of
-from support.general_arms import arms, between, FEW, masks, paper_like, pulls
+from support.general_arms import arms, between, FEW, paper_like
 
 
 def angles(statics, state):
@@ -31,82 +27,10 @@ def tip_of(statics, state):
     return statics.chain.points(state.joint_angles)[-1]
 
 
-# Pulls for angles
-
-@FEW
-@given(arms(segments=(1, 3), bodies=(1, 4), stretch=True), st.data())
-def test_the_pull_is_found_that_gave_the_angles(arm, data):
-    statics = Statics(arm)
-    soft = data.draw(masks(arm))
-    start = statics.chain.straight()
-    asked = data.draw(pulls(arm, start, soft))
-    there = statics.solve(start, asked, soft)
-    assume(there.tensions.max() > 1e-3)
-    wanted = np.where(soft, angles(statics, there), nan)
-    fit = pulls_for_angles(statics, start, wanted, soft)
-    assert np.nanmax(np.abs(fit.error)) < 1e-7
-    assert np.array_equal(np.isnan(fit.error), np.isnan(wanted))
-    again = statics.solve(start, fit.pulls, soft)
-    assert again.joint_angles == pytest.approx(fit.state.joint_angles, abs=1e-10)
-    assert angles(statics, again)[list(soft)] == pytest.approx(wanted[list(soft)], abs=1e-7)
-
-
-@pytest.mark.parametrize('angle', [-0.9, -0.2, 0.0, 0.4, 1.1])
-@pytest.mark.parametrize('mounting', [0.0, pi / 2, pi])
-@pytest.mark.parametrize('segment', [0, 2])
-def test_one_segment_takes_its_angle_under_gravity(angle, mounting, segment):
-    statics = Statics(paper_like(3, gravity=9.80665, mounting_angle=mounting))
-    start = statics.chain.uniform([0.2, -0.3, 0.1])
-    soft = tuple(i == segment for i in range(3))
-    wanted = np.full(3, nan)
-    wanted[segment] = angle
-    fit = pulls_for_angles(statics, start, wanted, soft)
-    assert angles(statics, fit.state)[segment] == pytest.approx(angle, abs=1e-8)
-    assert np.count_nonzero(fit.pulls == SLACK) == 1
-
-
-def test_an_angle_that_is_wanted_of_a_stiff_segment_is_none_of_the_pulls_business():
-    statics = Statics(paper_like(2))
-    fit = pulls_for_angles(statics, statics.chain.straight(), (0.4, 9.9), (True, False))
-    assert angles(statics, fit.state) == pytest.approx([0.4, 0.0], abs=1e-9)
-    assert np.isnan(fit.error[1])
-
-
-def test_of_several_segments_one_may_take_any_angle():
-    statics = Statics(paper_like(3))
-    fit = pulls_for_angles(statics, statics.chain.straight(), (nan, 0.5, nan), (True,) * 3)
-    assert angles(statics, fit.state)[1] == pytest.approx(0.5, abs=1e-9)
-    assert np.all(angles(statics, fit.state)[[0, 2]] > 0.05)
-
-
-@pytest.mark.parametrize('wanted', [
-    (0.6, 0.6, 0.6), (0.2, 0.8, 0.1), (-1.16, -0.82, 1.19), (-1.14, 0.81, nan), (0.9, -0.7, 0.2)])
-@pytest.mark.parametrize('mounting', [None, 2.1, -2.8])
-def test_no_other_pull_comes_closer_to_angles_that_cannot_all_be_had(wanted, mounting):
-    gravity = 0.0 if mounting is None else 9.80665
-    statics = Statics(paper_like(3, bodies=3, gravity=gravity, mounting_angle=mounting or 0.0))
-    start, soft = statics.chain.straight(), (True,) * 3
-    fit = pulls_for_angles(statics, start, wanted, soft)
-    best = np.nansum(fit.error**2)
-    for tendon in (RIGHT, LEFT):
-        for pull in np.linspace(-0.03, 0.06, 46):
-            asked = [SLACK, SLACK]
-            asked[tendon] = pull
-            try:
-                state = statics.solve(start, asked, soft)
-            except StaticsError:
-                continue
-            error = np.nansum((angles(statics, state) - wanted)**2)
-            assert error > 0.999 * best - 1e-6
-
-
-@pytest.mark.parametrize(('wanted', 'soft'), [
-    ((nan, nan), (True, True)), ((0.1,), (True, True)), ((0.1, nan), (False, True)),
-    ((0.1, 0.1, 0.1), (True, True)), ((0.1, 0.1), (True,))])
-def test_angles_that_do_not_fit_the_arm_are_refused(wanted, soft):
-    statics = Statics(paper_like(2))
-    with pytest.raises(ValueError):
-        pulls_for_angles(statics, statics.chain.straight(), wanted, soft)
+def for_tip(statics, x, z, tangent=None, start=None):
+    """Return the fit of a tip, x, z (m), and its tangent, rad."""
+    turn = None if tangent is None else Rotation.from_rotvec([0.0, tangent, 0.0]).as_matrix()
+    return bending_for_tip(statics, (x, 0.0, z), turn, start)
 
 
 # Shapes
@@ -176,16 +100,16 @@ TIPS = [((0.7, 0.4, -0.5), 0.0), ((-0.9, 0.9, 0.9), 0.0), ((0.3, 0.3, 0.3), 9.80
 def test_a_tip_that_the_arm_had_is_reached_again(shape, gravity, posed):
     statics = limited(gravity=gravity)
     tip = tip_of(statics, set_shape(statics, shape))
-    fit = angles_for_tip(statics, tip[0], tip[1], tip[2] if posed else None)
+    fit = for_tip(statics, tip[0], tip[1], tip[2] if posed else None)
     assert fit.reached
     assert fit.distance < 1e-6
-    assert fit.tip[:2] == pytest.approx(tip[:2], abs=1e-6)
+    assert fit.state.tip[:2] == pytest.approx(tip[:2], abs=1e-6)
     if posed:
-        assert fit.tip[2] == pytest.approx(tip[2], abs=1e-4)
-    assert np.all(np.abs(fit.bending_angles) <= 1.2 + 1e-9)
-    assert angles(statics, fit.state) == pytest.approx(fit.bending_angles, abs=1e-8)
-    assert tip_of(statics, set_shape(statics, fit.bending_angles)) == pytest.approx(
-        fit.tip, abs=1e-8)
+        assert fit.state.tip[2] == pytest.approx(tip[2], abs=1e-4)
+    assert np.all(np.abs(fit.bending[:, 1]) <= 1.2 + 1e-9)
+    assert angles(statics, fit.state) == pytest.approx(fit.bending[:, 1], abs=1e-8)
+    assert tip_of(statics, set_shape(statics, fit.bending[:, 1])) == pytest.approx(
+        fit.state.tip, abs=1e-8)
 
 
 @pytest.mark.parametrize('segment', [0, 1, 2])
@@ -196,12 +120,12 @@ def test_a_tip_that_one_segment_reaches_softens_only_one(segment, angle, posed):
     shape = [0.0] * 3
     shape[segment] = angle
     tip = tip_of(statics, set_shape(statics, shape))
-    fit = angles_for_tip(statics, tip[0], tip[1], tip[2] if posed else None)
+    fit = for_tip(statics, tip[0], tip[1], tip[2] if posed else None)
     assert fit.reached
     assert len(fit.softened) == 1
     if posed:
         assert fit.softened == (segment,)
-        assert fit.bending_angles == pytest.approx(shape, abs=1e-5)
+        assert fit.bending[:, 1] == pytest.approx(shape, abs=1e-5)
 
 
 @pytest.mark.parametrize('pair', [(0, 1), (0, 2), (1, 2)])
@@ -211,7 +135,7 @@ def test_a_pose_that_two_segments_reach_softens_no_third(pair, bend):
     shape = np.zeros(3)
     shape[list(pair)] = bend
     tip = tip_of(statics, set_shape(statics, shape))
-    fit = angles_for_tip(statics, *tip)
+    fit = for_tip(statics, *tip)
     assert fit.reached
     assert fit.softened == pair
 
@@ -220,7 +144,7 @@ def test_a_tip_where_it_is_already_softens_nothing():
     statics = limited()
     start = set_shape(statics, (0.5, -0.3, 0.2))
     tip = tip_of(statics, start)
-    fit = angles_for_tip(statics, tip[0], tip[1], start=start)
+    fit = for_tip(statics, tip[0], tip[1], start=start)
     assert fit.softened == ()
     assert fit.state is start or np.array_equal(fit.state.joint_angles, start.joint_angles)
 
@@ -229,9 +153,9 @@ def test_from_another_shape_the_segments_that_stay_keep_their_angles():
     statics = limited()
     start = set_shape(statics, (0.5, -0.3, 0.2))
     tip = tip_of(statics, set_shape(statics, (0.5, 0.7, 0.2), start))
-    fit = angles_for_tip(statics, *tip, start=start)
+    fit = for_tip(statics, *tip, start=start)
     assert fit.softened == (1,)
-    assert fit.bending_angles == pytest.approx([0.5, 0.7, 0.2], abs=1e-5)
+    assert fit.bending[:, 1] == pytest.approx([0.5, 0.7, 0.2], abs=1e-5)
 
 
 @pytest.mark.parametrize('jam', [Jam(), Jam(5.0)], ids=['rigid', 'elastic'])
@@ -240,10 +164,10 @@ def test_on_the_way_to_a_tip_only_the_segments_it_names_are_softened(jam):
     statics = Statics(paper_like(3, jam, bodies=3))
     start = set_shape(statics, (0.4, 0.3, 0.2))
     tip = tip_of(statics, set_shape(statics, (0.8, nan, nan), start, order=(0,)))
-    fit = angles_for_tip(statics, tip[0], tip[1], start=start)
+    fit = for_tip(statics, tip[0], tip[1], start=start)
     assert fit.reached
     assert fit.softened == (0,)
-    again = set_shape(statics, fit.bending_angles, start, order=fit.softened)
+    again = set_shape(statics, fit.bending[:, 1], start, order=fit.softened)
     assert tip_of(statics, again)[:2] == pytest.approx(tip[:2], abs=1e-6)
 
 
@@ -251,7 +175,7 @@ def test_on_the_way_to_a_tip_only_the_segments_it_names_are_softened(jam):
 def sampled(request):
     """Return the statics of an arm limited to 1 rad, and a dense sample of its tips."""
     statics = limited(1.0, request.param, bodies=2)
-    tips, shapes = workspace(statics, 9)
+    tips, shapes = workspace(statics, 4)
     return statics, tips, shapes
 
 
@@ -259,36 +183,42 @@ def sampled(request):
     (0.0, 0.5), (0.4, 0.2), (-0.3, 0.05), (0.0, 0.05), (0.05, 0.2), (0.9, 0.9)])
 def test_out_of_reach_no_sampled_tip_is_nearer(sampled, x, z):
     statics, tips, _ = sampled
-    fit = angles_for_tip(statics, x, z)
-    nearest = np.hypot(tips[:, 0] - x, tips[:, 1] - z).min()
-    assert fit.distance <= nearest + 1e-6
-    assert fit.distance == pytest.approx(np.hypot(fit.tip[0] - x, fit.tip[1] - z))
-    assert np.all(np.abs(fit.bending_angles) <= 1.0 + 1e-9)
+    fit = for_tip(statics, x, z)
+    nearest = np.hypot(tips[:, 0] - x, tips[:, 2] - z).min()
+    assert fit.distance <= nearest + (1e-6 if nearest < tip_search.FAR else 1e-3)
+    assert fit.distance == pytest.approx(np.hypot(fit.state.tip[0] - x, fit.state.tip[1] - z))
+    assert np.all(np.abs(fit.bending[:, 1]) <= 1.0 + 1e-9)
     assert not fit.reached
 
 
 @pytest.mark.parametrize(('x', 'z', 'tangent'), [
     (0.254, 0.354, 1.654), (-0.119, 0.081, 2.241), (0.021, 0.438, 0.838), (0.0, 0.5, 0.5)])
 def test_out_of_reach_no_sampled_pose_is_nearer_with_0_1_m_per_rad(sampled, x, z, tangent):
-    statics, tips, _ = sampled
-    fit = angles_for_tip(statics, x, z, tangent)
+    statics, tips, shapes = sampled
+    fit = for_tip(statics, x, z, tangent)
     weights = np.array([1.0, 1.0, 0.1])
-    away = np.linalg.norm((tips - [x, z, tangent]) * weights, axis=1).min()
-    assert np.linalg.norm((fit.tip - [x, z, tangent]) * weights) <= away + 1e-6
+    poses = np.column_stack([tips[:, [0, 2]], shapes[..., 1].sum(axis=1)])
+
+    def away(tip):
+        off = tip - [x, z, tangent]
+        off[..., 2] = (off[..., 2] + pi) % (2.0 * pi) - pi
+        return np.linalg.norm(off * weights, axis=-1)
+
+    assert away(fit.state.tip) <= away(poses).min() + 1e-6
 
 
 def test_straight_above_the_nearest_tip_is_that_of_the_straight_arm():
     statics = limited()
-    fit = angles_for_tip(statics, 0.0, 1.0)
+    fit = for_tip(statics, 0.0, 1.0)
     assert fit.distance == pytest.approx(1.0 - statics.chain.arm.length, abs=1e-6)
-    assert fit.bending_angles == pytest.approx(0.0, abs=1e-3)
+    assert fit.bending[:, 1] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_tip_far_out_of_reach_is_soon_given_up(monkeypatch):
     # It took 43 s with elastic jams: each choice of segments was fitted by the statics.
-    statics, calls, shape = Statics(paper_like(3, Jam(8.0), bodies=3)), [], inverse.set_shape
-    monkeypatch.setattr(inverse, 'set_shape', lambda *given: calls.append(0) or shape(*given))
-    fit = angles_for_tip(statics, 5.0, 5.0)
+    statics, calls, shape = Statics(paper_like(3, Jam(8.0), bodies=3)), [], tip_search.set_shape
+    monkeypatch.setattr(tip_search, 'set_shape', lambda *given: calls.append(0) or shape(*given))
+    fit = for_tip(statics, 5.0, 5.0)
     assert not fit.reached
     assert fit.distance < np.hypot(5.0, 5.0) - 0.9 * statics.chain.arm.length
     assert len(calls) < 100
@@ -296,24 +226,24 @@ def test_a_tip_far_out_of_reach_is_soon_given_up(monkeypatch):
 
 def test_the_angles_for_a_tip_are_those_of_the_state_also_where_segments_give_way():
     statics = Statics(paper_like(3, Jam(3.0), bodies=3))
-    fit = angles_for_tip(statics, 0.2, 0.1)
-    assert fit.bending_angles == pytest.approx(angles(statics, fit.state), abs=1e-9)
-    assert tip_of(statics, fit.state) == pytest.approx(fit.tip, abs=1e-12)
+    fit = for_tip(statics, 0.2, 0.1)
+    assert fit.bending[:, 1] == pytest.approx(angles(statics, fit.state), abs=1e-9)
+    assert tip_of(statics, fit.state) == pytest.approx(fit.state.tip, abs=1e-12)
 
 
 def test_the_angles_for_a_tip_are_within_the_limits_when_those_of_the_start_are_not():
     statics = limited()
     start = statics.bend(statics.chain.straight(), 0, 2.0)
     tip = tip_of(statics, start)
-    fit = angles_for_tip(statics, tip[0], tip[1], start=start)
+    fit = for_tip(statics, tip[0], tip[1], start=start)
     assert 0 in fit.softened
-    assert np.abs(fit.bending_angles).max() <= 1.2 + 1e-9
+    assert np.abs(fit.bending[:, 1]).max() <= 1.2 + 1e-9
 
 
 @pytest.mark.parametrize('tip', [('a', 0.1), (nan, 0.1), (0.1, np.inf), (0.1, 0.2, nan)])
 def test_a_tip_that_is_no_number_is_refused(tip):
-    with pytest.raises(ValueError, match='tip'):
-        angles_for_tip(limited(), *tip)
+    with pytest.raises(ValueError, match='wanted must be'):
+        for_tip(limited(), *tip)
 
 
 # Workspace
@@ -321,39 +251,33 @@ def test_a_tip_that_is_no_number_is_refused(tip):
 def test_all_tips_lie_within_the_length_of_the_arm_and_all_angles_within_the_limits(sampled):
     statics, tips, shapes = sampled
     assert tips.shape == (9**3, 3)
-    assert shapes.shape == (9**3, 3)
+    assert shapes.shape == (9**3, 3, 2)
     assert np.abs(shapes).max() == pytest.approx(1.0, abs=1e-8)
-    above = np.hypot(tips[:, 0], tips[:, 1] - 0.03)
+    assert not shapes[..., 0].any() and not tips[:, 1].any()
+    above = np.hypot(tips[:, 0], tips[:, 2] - 0.03)
     assert above.max() <= statics.chain.arm.length - 0.03 + 1e-12
-    assert tips[:, 2] == pytest.approx(shapes.sum(axis=1), abs=1e-9)
 
 
 def test_the_workspace_of_an_upright_arm_is_symmetric(sampled):
     _, tips, shapes = sampled
-    order, mirrored = (np.lexsort(np.round(a, 6).T) for a in (shapes, -shapes))
-    assert shapes[order] == pytest.approx(-shapes[mirrored], abs=1e-9)
-    assert tips[order] == pytest.approx(tips[mirrored] * [-1.0, 1.0, -1.0], abs=1e-8)
+    angles = shapes[..., 1]
+    order, mirrored = (np.lexsort(np.round(a, 6).T) for a in (angles, -angles))
+    assert angles[order] == pytest.approx(-angles[mirrored], abs=1e-9)
+    assert tips[order] == pytest.approx(tips[mirrored] * [-1.0, 1.0, 1.0], abs=1e-8)
 
 
 def test_tips_of_the_workspace_are_those_of_the_shapes_set_one_after_the_other(sampled):
     statics, tips, shapes = sampled
     for i in (0, 100, 364, 500, 728):
         state = set_shape(statics, shapes[i])
-        assert tip_of(statics, state) == pytest.approx(tips[i], abs=1e-6)
+        assert state.poses[-1, :3] == pytest.approx(tips[i], abs=1e-6)
 
 
 def test_shapes_that_no_tendon_holds_are_left_out():
     # So heavy that it falls over before it is bent far.
     arm = paper_like(1, gravity=9.80665, payload=3.0, bodies=3)
     statics = Statics(arm.with_tendons(**made_of(50.0)))
-    tips, shapes = workspace(statics, 9)
+    tips, shapes = workspace(statics, 4)
     assert len(tips) == len(shapes) < 9
     assert tips.shape[1:] == (3,)
-    assert shapes.shape[1:] == (1,)
-
-
-@pytest.mark.parametrize('count', [-1, 0, 1, 2.5])
-def test_fewer_than_two_values_a_segment_are_refused(count):
-    with pytest.raises(ValueError, match='at least 2'):
-        workspace(limited(), count)
-    assert radians(90) == pi / 2
+    assert shapes.shape[1:] == (1, 2)

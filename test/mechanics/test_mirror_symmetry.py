@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import (
-    angles_for_tip,
+    bending_for_tip,
     Jam,
     Linearisation,
-    pulls_for_angles,
     set_shape,
     SLACK,
     solve_batch,
@@ -116,19 +115,16 @@ def test_both_tendons_pulled_from_straight(mounting):
 def test_the_inverse_problems(mounting):
     arm = paper_like(2, Jam(8.0), gravity=9.80665, mounting_angle=mounting)
     one, other = Statics(arm), Statics(mirrored(arm))
-    straight, soft = one.chain.straight(), (True, True)
     for angles in ([0.4, -0.3], [0.0, 0.3]):
         back = [-a for a in angles]
         assert_images(set_shape(one, angles), set_shape(other, back))
-        ours, theirs = (pulls_for_angles(model, straight, wanted, soft)
-                        for model, wanted in ((one, angles), (other, back)))
-        assert ours.pulls == pytest.approx(theirs.pulls[::-1], abs=1e-6)
-        x, z, tangent = one.chain.points(set_shape(one, angles).joint_angles)[-1]
-        for slope in (None, tangent):
-            ours = angles_for_tip(one, x, z, slope)
-            theirs = angles_for_tip(other, -x, z, None if slope is None else -slope)
-            assert ours.bending_angles == pytest.approx(-theirs.bending_angles, abs=1e-4)
-    ours, theirs = (np.degrees(workspace(model, 3)[1]) for model in (one, other))
+        there = set_shape(one, angles)
+        x, _, z = there.poses[-1, :3]
+        for turn in (None, there.rotations[-1]):
+            ours = bending_for_tip(one, (x, 0.0, z), turn)
+            theirs = bending_for_tip(other, (-x, 0.0, z), None if turn is None else turn.T)
+            assert ours.bending == pytest.approx(-theirs.bending, abs=1e-4)
+    ours, theirs = (np.degrees(workspace(model, 1)[1])[..., 1] for model in (one, other))
     assert sorted(ours.round(6).tolist()) == sorted((0.0 - theirs).round(6).tolist())
 
 

@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics import angles_for_tip, Jam, Statics
-from soft_continuum.mechanics.spatial import bending_for_tip, set_shape, SpatialStatics, workspace
-from soft_continuum.mechanics.spatial import tip as tip_search
+from soft_continuum.mechanics import (
+    bending_for_tip,
+    Jam,
+    set_shape,
+    Statics,
+    workspace,
+)
+from soft_continuum.mechanics import tip as tip_search
+from soft_continuum.mechanics.spatial import SpatialStatics
 from support import paper_arm as paper
 from support.spatial_arms import in_space, three_segments
 
@@ -48,7 +54,7 @@ def test_in_the_plane_it_is_the_planar_one():
     flat = paper.build(bodies_per_segment=3)
     planar, solid = Statics(flat), SpatialStatics(flat)
     x, z = 0.12, 0.24
-    one, other = angles_for_tip(planar, x, z), bending_for_tip(solid, (x, 0.0, z))
+    one, other = (bending_for_tip(statics, (x, 0.0, z)) for statics in (planar, solid))
     assert one.reached and other.reached
     assert len(other.softened) == len(one.softened)
     assert other.state.tip == pytest.approx((x, 0.0, z), abs=1e-6)

@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import (
-    angles_for_tip,
     Arm,
     ArmError,
+    bending_for_tip,
     Disc,
     Jam,
     LawError,
     LEFT,
     MomentCurvature,
     OverconstrainedError,
-    pulls_for_angles,
     RIGHT,
     Segment,
     set_shape,
@@ -55,10 +54,9 @@ def test_a_start_that_is_no_state_is_refused(statics, start):
                  lambda: statics.solve_tensions(start, (0.0, 0.0), FIRST),
                  lambda: statics.bend(start, 0, 0.1),
                  lambda: solve_path(statics, start, (0.0, SLACK), FIRST),
-                 lambda: pulls_for_angles(statics, start, [0.1] * len(FIRST), FIRST),
                  *(() if start is None else (
                      lambda: set_shape(statics, [0.1] * len(FIRST), start),
-                     lambda: angles_for_tip(statics, 0.0, 0.2, start=start)))):
+                     lambda: bending_for_tip(statics, (0.0, 0.0, 0.2), start=start)))):
         with pytest.raises(ValueError, match='Equilibrium'):
             call()
 

@@ -14,16 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.mechanics import bending_for_tip, pulls_for_bending, set_shape
 from soft_continuum.mechanics import constant_curvature as planar_arcs
-from soft_continuum.mechanics import inverse as planar_inverse
 from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.chain import SLACK
 from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_arcs
-from soft_continuum.mechanics.spatial import inverse as spatial_inverse
 from soft_continuum.mechanics.spatial import SpatialLinearisation
-from soft_continuum.mechanics.spatial import tip as spatial_tip
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -132,23 +130,19 @@ class Model:
 
     def set_shape(self, bending: np.ndarray, order: Sequence[int] | None) -> Any:
         """Return the arm with its segments set one after the other."""
-        return spatial_inverse.set_shape(self.statics, bending, None, order)
+        return set_shape(self.statics, bending, None, order)
 
     def pulls_for(self, state: Any, bending: np.ndarray, soft: Sequence[bool], pretension: float
                   ) -> tuple[Any, np.ndarray]:
         """Return the state, and the pulls, of several soft segments of a spatial arm."""
-        fit = spatial_inverse.pulls_for_bending(
+        fit = pulls_for_bending(
             self.statics, state, np.where(np.array(soft)[:, None], bending, np.nan), soft,
             pretension=pretension)
         return fit.state, fit.pulls
 
     def for_tip(self, position: Sequence[float]) -> tuple[tuple[int, ...], Any]:
         """Return which segments are softened, and the state whose tip is there."""
-        fit: Any
-        if self.planar:
-            fit = planar_inverse.angles_for_tip(self.statics, position[0], position[2])
-        else:
-            fit = spatial_tip.bending_for_tip(self.statics, position)
+        fit = bending_for_tip(self.statics, position)
         return fit.softened, fit.state
 
     def arcs(self, bending: np.ndarray) -> Numbers:

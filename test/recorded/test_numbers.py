@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from recorded.comparing import TOLERANCE, worst
+from recorded.comparing import TIP_TOLERANCE, TOLERANCE, worst
 from recorded.record_numbers import answers, names, NUMBERS, question
 
 
@@ -17,5 +17,6 @@ def test_an_arm_does_what_it_did(name):
     found = answers(asked)
     off = [text for kind in recorded | found for text in worst(
         recorded.get(kind), found.get(kind),
-        asked['search']['agree'] if kind == 'tip_plans' else TOLERANCE)]
+        asked['search']['agree'] if kind == 'tip_plans' else
+        TIP_TOLERANCE if kind == 'tips' else TOLERANCE)]
     assert not off, '\n'.join(off)

@@ -8,8 +8,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import Jam, StaticsError
-from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialStatics
+from soft_continuum.mechanics import Jam, pulls_for_bending, StaticsError
+from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.nodes.up import description_file

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from soft_continuum.mechanics import pulls_for_bending
 from soft_continuum.mechanics.arm import Arm, Disc, Segment, Tendon, Wrench
-from soft_continuum.mechanics.spatial import pulls_for_bending, SpatialStatics
+from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import Obstacle, read_differences, TwinError

@@ -204,7 +204,7 @@ class SpatialStatics:
         sides.  sliding: of no use, since tendons do not rub here.  Raises what pulls_for_bending
         raised first.
         """
-        from soft_continuum.mechanics.spatial.inverse import pulls_for_bending  # needs this
+        from soft_continuum.mechanics.inverse import pulls_for_bending  # needs this
         wanted = np.where(self.chain.arm.bending_axes & np.array(soft)[:, None], bending, np.nan)
         errors = []
         for pretension in pretensions:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,30 +22,30 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.mechanics._checks import check_start, real_array
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.inverse import SAME_BENDING, set_shape
 from soft_continuum.mechanics.spatial import constant_curvature
-from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 from soft_continuum.mechanics.spatial.directions import within_limits
-from soft_continuum.mechanics.spatial.inverse import SAME_BENDING, set_shape
-from soft_continuum.mechanics.spatial.statics import SpatialStatics
 
 METRES_PER_RADIAN = 0.1  # what an orientation that is wanted as well counts
 REACHED = 1e-6  # m: a tip this close is where it was wanted
 TURNED = 1e-4  # rad: an orientation this close is the one wanted
 BEYOND = 10.0  # m per rad by which a bending angle is beyond its limit
 GUESSES, REFINED = 1000, 4  # shapes drawn, and the best of them that are fitted
+HINGED = 0.6  # of its limit, to which a hinge is bent at first
 MAX_EVALUATIONS = 60
 FITTED = 1e-4  # m: a tip by constant curvature this close is as good as reached
-NEAR = 0.02  # m: tips by constant curvature this close may be reached by the statics
-FAR = 0.1  # m: so far out of reach the nearest tip need not be known to a millimetre
-MAX_ROUNDS, MAX_FITS = 20, 8
+NEAR = 0.05  # m: tips by constant curvature this close may be reached by the statics
+FAR = 0.2  # m: so far out of reach the nearest tip need not be known to a millimetre
+MAX_ROUNDS, MAX_FITS = 20, 16
 ROUGH, EXACT = 1e-6, 1e-13  # relative tolerances of fits by constant curvature
 DIFFERENCE = 1e-5  # rad, of bending
+INSIDE = 0.999  # of its limit, at which a fit may begin
 SETTLED = 1e-8  # m: nearer need no tip be
 SLOW = 0.9  # of the error before: it hardly falls any more
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialTipFit:
+class TipFit:
     """
     Bending that brings the tip where it is wanted, or near.
 
@@ -54,7 +55,7 @@ class SpatialTipFit:
     """
 
     bending: Array
-    state: SpatialEquilibrium
+    state: Any
     distance: float
     turn: float
     softened: tuple[int, ...]
@@ -65,9 +66,9 @@ class SpatialTipFit:
         return self.distance <= REACHED
 
 
-def bending_for_tip(statics: SpatialStatics, position: ArrayLike,
+def bending_for_tip(statics: Any, position: ArrayLike,
                     orientation: ArrayLike | None = None,
-                    start: SpatialEquilibrium | None = None) -> SpatialTipFit:
+                    start: Any = None) -> TipFit:
     """
     Return bending within the limits whose tip is at a position, with the fewest softenings.
 
@@ -88,9 +89,10 @@ def bending_for_tip(statics: SpatialStatics, position: ArrayLike,
                              or np.linalg.det(turn) < 0.0):
         raise ValueError('the orientation wanted must be a (3, 3) rotation matrix; given: '
                          f'{orientation!r}')
-    begin = statics.chain.straight() if start is None else start
-    check_start(begin, SpatialEquilibrium)
-    best: SpatialTipFit | None = None
+    straight = statics.chain.straight()
+    begin = straight if start is None else start
+    check_start(begin, type(straight))
+    best: TipFit | None = None
     far: list[tuple[float, _Fit]] = []
     for count in range(statics.chain.segments + 1):
         for segments in combinations(range(statics.chain.segments), count):
@@ -112,21 +114,21 @@ def bending_for_tip(statics: SpatialStatics, position: ArrayLike,
     return _Fit(statics, begin, best.softened, goal, turn).by_statics(best)
 
 
-def _better(one: SpatialTipFit | None, other: SpatialTipFit | None) -> SpatialTipFit | None:
+def _better(one: TipFit | None, other: TipFit | None) -> TipFit | None:
     """Return the fit with the smaller error, of equal ones the first."""
     if one is None or (other is not None and _error(other) < _error(one) - REACHED):
         return other
     return one
 
 
-def _error(fit: SpatialTipFit) -> float:
+def _error(fit: TipFit) -> float:
     return float(np.hypot(fit.distance, METRES_PER_RADIAN * fit.turn))
 
 
 class _Fit:
     """Bending of some segments for one tip."""
 
-    def __init__(self, statics: SpatialStatics, begin: SpatialEquilibrium,
+    def __init__(self, statics: Any, begin: Any,
                  segments: Sequence[int], goal: Array, turn: Array | None) -> None:
         arm = statics.chain.arm
         self.statics, self.begin, self.segments = statics, begin, tuple(segments)
@@ -145,9 +147,11 @@ class _Fit:
     def by_arcs(self) -> float:
         """Fit the bending by constant curvature; return the error, m."""
         guesses = self.guesses()
-        errors = np.linalg.norm(self.missed(guesses, self.goal, self.turn), axis=1)
+        if len(guesses) > 2 * REFINED:
+            errors = np.linalg.norm(self.missed(guesses, self.goal, self.turn), axis=1)
+            guesses = guesses[np.argsort(errors, kind='stable')[:REFINED]]
         self.bending, least = self.present, np.inf
-        for guess in guesses[np.argsort(errors, kind='stable')[:REFINED]]:
+        for guess in guesses:
             bending, error = self.arc(guess, self.goal, self.turn, ROUGH)
             if error < least - ROUGH:
                 self.bending, least = bending, error
@@ -155,7 +159,7 @@ class _Fit:
                 break
         return least
 
-    def run(self) -> SpatialTipFit | None:
+    def run(self) -> TipFit | None:
         """Return the fit of the statics near that by arcs; None where no tendon holds it."""
         try:
             return self.correct(self.bending) if self.segments else self.fit(self.begin)
@@ -163,14 +167,29 @@ class _Fit:
             return None
 
     def guesses(self) -> Array:
-        """Return bendings to begin at, (m, segments, 2), rad: drawn evenly from the limits."""
+        """
+        Return bendings to begin at, (m, segments, 2), rad: drawn evenly from the limits.
+
+        Of hinges about y they are bent to either side, first to that of the goal.
+        """
         if not self.free.any():
-            return self.present[None]
+            return np.array(self.present[None])
+        if not self.free[:, 0].any():
+            some = list(self.segments)
+            side = -HINGED if (self.goal[0], self._leant()) < (0.0, 0.0) else HINGED
+            sides = np.stack(np.meshgrid(*[[side, -side]] * len(some)), axis=-1)
+            found = np.repeat(self.present[None], 2**len(some), axis=0)
+            found[:, some, 1] = sides.reshape(-1, len(some)) * self.limits[some]
+            return found
         draw = np.random.default_rng(0)
         size = np.sqrt(draw.uniform(size=(GUESSES, len(self.limits)))) * self.limits
         way = draw.uniform(0.0, 2.0 * np.pi, size.shape)
         drawn = np.stack([size * np.cos(way), size * np.sin(way)], axis=-1)
         return np.where(self.free, drawn, self.present)
+
+    def _leant(self) -> float:
+        """Return towards x how the goal leans, as the sine of the angle; 0 where it may lean."""
+        return 0.0 if self.turn is None else float(self.turn[0, 2])
 
     def missed(self, bending: Array, goal: Array, turn: Array | None) -> Array:
         """Return by how much tips by constant curvature miss, (..., 3 or 6), m."""
@@ -213,7 +232,7 @@ class _Fit:
         bending[some] = within_limits(bending[some], self.limits[some])
         return bending, float(np.linalg.norm(self.missed(bending, goal, turn)))
 
-    def correct(self, bending: Array) -> SpatialTipFit:
+    def correct(self, bending: Array) -> TipFit:
         """Return the fit of the statics near one by constant curvature."""
         arm, goal, turn, best = self.statics.chain.arm, self.goal, self.turn, None
         for _ in range(MAX_ROUNDS):
@@ -225,14 +244,14 @@ class _Fit:
             if _error(fit) < SETTLED or _error(fit) > SLOW * before:  # there, or out of reach
                 break
             points, turns = constant_curvature.poses(arm, bending)
-            goal = self.goal - (state.tip - points[-1])
+            goal = self.goal - (state.poses[-1, :3] - points[-1])
             if self.turn is not None:
-                turn = turns[-1] @ state.orientations[-1].T @ self.turn
+                turn = turns[-1] @ state.rotations[-1].T @ self.turn
             bending, _ = self.arc(bending, goal, turn, EXACT)
         assert best is not None
         return best
 
-    def by_statics(self, near: SpatialTipFit) -> SpatialTipFit:
+    def by_statics(self, near: TipFit) -> TipFit:
         """Return the fit of the statics from one nearby on, by differences of solves."""
         best = near
 
@@ -244,10 +263,10 @@ class _Fit:
             over = np.linalg.norm(bending, axis=1) - self.limits
             if over.max() <= SAME_BENDING and _error(fit) < _error(best):
                 best = fit
-            away = fit.state.tip - self.goal
+            away = fit.state.poses[-1, :3] - self.goal
             if self.turn is not None:
                 away = np.concatenate([away, METRES_PER_RADIAN * Rotation.from_matrix(
-                    self.turn.T @ fit.state.orientations[-1]).as_rotvec()])
+                    self.turn.T @ fit.state.rotations[-1]).as_rotvec()])
             return np.concatenate([away, BEYOND * np.maximum(over, 0.0)])
 
         def slopes(values: Array) -> Array:
@@ -257,14 +276,16 @@ class _Fit:
 
         if not self.segments or (best.reached and best.turn < TURNED) or _error(best) > FAR:
             return best
+        most = np.broadcast_to(self.limits[:, None], self.free.shape)[self.free]
         with suppress(StaticsError):  # what was found before that stays
-            least_squares(left, near.bending[self.free], slopes, xtol=1e-9, ftol=1e-9,
-                          gtol=1e-12, max_nfev=MAX_FITS)
+            least_squares(left, np.clip(near.bending[self.free], -INSIDE * most, INSIDE * most),
+                          slopes, bounds=(-most, most), xtol=1e-9, ftol=1e-9, gtol=1e-12,
+                          max_nfev=MAX_FITS)
         return best
 
-    def fit(self, state: SpatialEquilibrium) -> SpatialTipFit:
+    def fit(self, state: Any) -> TipFit:
         """Return a state as a fit."""
         turn = 0.0 if self.turn is None else float(
-            Rotation.from_matrix(self.turn.T @ state.orientations[-1]).magnitude())
-        return SpatialTipFit(state.bending, state, float(np.linalg.norm(state.tip - self.goal)),
+            Rotation.from_matrix(self.turn.T @ state.rotations[-1]).magnitude())
+        return TipFit(state.bending, state, float(np.linalg.norm(state.poses[-1, :3] - self.goal)),
                              turn, self.segments)

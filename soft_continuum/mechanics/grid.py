@@ -11,8 +11,7 @@ from soft_continuum.mechanics._checks import segment_order, whole
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.spatial.inverse import set_shape
-from soft_continuum.mechanics.spatial.statics import SpatialStatics
+from soft_continuum.mechanics.inverse import set_shape
 
 Bent: TypeAlias = tuple[Any, Array]
 """A state, and the bending (segments, 2), rad, that was set."""
@@ -62,7 +61,7 @@ def set_each(
 
 
 def set_on_grid(
-        statics: SpatialStatics, angles: int = 2, directions: int = 6,
+        statics: Any, angles: int = 2, directions: int = 6,
         order: Sequence[int] | None = None, *, jamming: bool = True,
         progress: Callable[[Sequence[Bent], str], Iterable[Bent]] = lambda states, _: states
         ) -> list[Bent]:
@@ -86,7 +85,7 @@ def set_on_grid(
                     jamming=jamming, progress=progress)
 
 
-def workspace(statics: SpatialStatics, angles: int = 2, directions: int = 6
+def workspace(statics: Any, angles: int = 2, directions: int = 6
               ) -> tuple[Array, Array]:
     """
     Return tips that the arm reaches when it is set base first, and their bending.
@@ -95,6 +94,6 @@ def workspace(statics: SpatialStatics, angles: int = 2, directions: int = 6
     some 10 ms.
     """
     states = [state for state, _ in set_on_grid(statics, angles, directions)]
-    return (np.array([state.tip for state in states]).reshape(-1, 3),
+    return (np.array([state.poses[-1, :3] for state in states]).reshape(-1, 3),
             np.array([state.bending for state in states]).reshape(
                 -1, len(statics.chain.arm.segments), 2))
