@@ -13,7 +13,7 @@ import os
 from typing import Any
 
 from soft_continuum.arguments import INTERRUPTED, WRONG_USAGE
-from soft_continuum.hardware.real_time import PRIORITY
+from soft_continuum.hardware.real_time import NICENESS, PRIORITY
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.text import printable
 
@@ -48,6 +48,7 @@ TimeoutStopSec=30
 # The threads that talk to devices go on before others on a busy computer. A service of a user gets
 # what the limits of the user allow: see doctor.
 LimitRTPRIO={priority}
+LimitNICE={niceness}
 NoNewPrivileges=yes
 """
 TARGET = """\
@@ -97,7 +98,7 @@ def units(namespace: str, nodes: Sequence[str], command: Sequence[str],
     return {
         f'{name}@.service': UNIT.format(
             name=name, where=where, command=words, environment=listed, wrong_usage=WRONG_USAGE,
-            interrupted=INTERRUPTED, priority=PRIORITY),
+            interrupted=INTERRUPTED, priority=PRIORITY, niceness=NICENESS),
         f'{name}.target': TARGET.format(
             where=where, services=' '.join(f'{name}@{node}.service' for node in nodes))}
 

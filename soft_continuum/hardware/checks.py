@@ -37,7 +37,7 @@ from soft_continuum.hardware.modbus.jamming import registers_from_parameters
 from soft_continuum.hardware.modbus.regulators import Outputs
 from soft_continuum.hardware.modbus.transmitters import Transmitters
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.real_time import LIMITS, PRIORITY, real_time_allowed
+from soft_continuum.hardware.real_time import LIMITS, NICENESS, PRIORITY, priority_allowed
 from soft_continuum.hardware.serial_ports import describe_ports, open_serial
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.user_files import dynamixel_zeros
@@ -70,14 +70,16 @@ class Check:
 def check_real_time(values: Mapping[str, Any]) -> Check:
     """Return whether the threads that talk to devices may go on before others."""
     step = 'control threads'
-    if real_time_allowed():
+    if priority_allowed():
         return Check(step, OK, f'have real-time priority (SCHED_FIFO {PRIORITY})')
+    user = getpass.getuser()
     simulated = values['tendon_driver'] == values['jamming_driver'] == SIMULATED
     return Check(step, OK if simulated else WARN,
                  'have no real-time priority: other programs of a busy computer may keep them '
                  'waiting until a device, or its watchdog, ends the motion. As root, write '
-                 f'"{getpass.getuser()} - rtprio {PRIORITY}" to {LIMITS} (for a container: '
-                 f'--ulimit rtprio={PRIORITY}), and restart the computer')
+                 f'"{user} - rtprio {PRIORITY}" and "{user} - nice {NICENESS}" to {LIMITS} (for a '
+                 f'container: --ulimit rtprio={PRIORITY} --ulimit nice={20 - NICENESS}), and '
+                 'restart the computer')
 
 
 def check_ports(values: Mapping[str, Any]) -> Check:

@@ -1,14 +1,15 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Real-time priority for processes that control devices, where the system allows it."""
+"""Priority for processes that control devices, where the system allows it."""
 
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 import os
+import threading
 
 PRIORITY = 20
 """Among real-time threads, of 1 to 99: below those of the kernel that serve the ports."""
-OTHERS_PRIORITY = 1
+NICENESS = -15
 """Of the other threads of the process: control waits for what they hold, as the interpreter."""
 LIMITS = '/etc/security/limits.d/99-soft_continuum.conf'
 
@@ -28,19 +29,30 @@ def ask_for_real_time() -> bool:
     return True
 
 
-def ask_for_real_time_around_it() -> None:
+def ask_for_a_larger_share() -> bool:
     """
-    Let all threads of this process, and those that it starts, have the lowest one (SCHED_RR).
+    Let all threads of this process, and those that it starts, go on before those of most others.
 
     Else a busy computer keeps a thread that holds the interpreter, or a lock of DDS, from running,
-    and with it the thread that talks to the device.
+    and with it the thread that talks to the device.  Real-time priority is none of theirs: threads
+    of the kernel that hand on what a serial port receives have the usual one, and would wait
+    for whatever this process computes.  Returns whether the system allows it.
     """
-    with suppress(OSError):
+    try:
         for thread in os.listdir('/proc/self/task'):
-            os.sched_setscheduler(int(thread), os.SCHED_RR, os.sched_param(OTHERS_PRIORITY))
+            os.setpriority(os.PRIO_PROCESS, int(thread), NICENESS)
+    except OSError:
+        return False
+    return True
 
 
-def real_time_allowed() -> bool:
-    """Return whether threads of this user may have it; the calling one stays as it is."""
+def priority_allowed() -> bool:
+    """Return whether threads of this user may have both; the calling one stays as it is."""
+    def ask() -> bool:
+        with suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+            return ask_for_real_time()
+        return False
+
     with ThreadPoolExecutor(1) as pool:
-        return pool.submit(ask_for_real_time).result()
+        return pool.submit(ask).result()

@@ -24,7 +24,7 @@ from rclpy.executors import Executor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
-from soft_continuum.hardware.real_time import ask_for_real_time_around_it
+from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.parameters.files import described
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
@@ -131,7 +131,7 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
         discard_old_logs(os.environ)
         wait_until_up()
         if issubclass(kind := node_class(name), ManagedNode):
-            ask_for_real_time_around_it()  # before DDS starts its threads
+            ask_for_a_larger_share()  # before DDS starts its threads
         rclpy.init(args=with_enclave(arguments, name),
                    signal_handler_options=SignalHandlerOptions.NO)
         executor = make_executor()

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from soft_continuum.hardware.real_time import real_time_allowed
+from soft_continuum.hardware.real_time import NICENESS, priority_allowed
 from soft_continuum.nodes import threads
 from soft_continuum.nodes.runtime import end, Signals
 from soft_continuum.nodes.threads import ControlLoop, Worker
@@ -151,6 +151,9 @@ def test_all_threads_of_a_node_that_controls_a_device_go_on_before_other_program
         rig: Rig, processes: Processes) -> None:
     node = processes.node('tendon_actuation', parameters=QUICK)
     rig.wait_until_ready('tendon_actuation')
-    policies = {os.sched_getscheduler(int(thread)) & ~os.SCHED_RESET_ON_FORK
-                for thread in os.listdir(f'/proc/{node.process.pid}/task')}
-    assert policies == ({os.SCHED_FIFO, os.SCHED_RR} if real_time_allowed() else {os.SCHED_OTHER})
+    found = {(os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK,
+              os.getpriority(os.PRIO_PROCESS, thread))
+             for thread in map(int, os.listdir(f'/proc/{node.process.pid}/task'))}
+    usual = os.getpriority(os.PRIO_PROCESS, 0)
+    assert found == ({(os.SCHED_FIFO, NICENESS), (os.SCHED_OTHER, NICENESS)}
+                     if priority_allowed() else {(os.SCHED_OTHER, usual)})

@@ -31,7 +31,8 @@ ROOT = Path(__file__).resolve().parents[2]
 FENCE = re.compile(r' *```(.*)')
 NOT_OURS = {'. install/setup.bash', 'colcon build', 'ls -l /dev/serial/by-id',
             'sudo usermod -aG dialout $USER',
-            'echo "$USER - rtprio 20" | sudo tee /etc/security/limits.d/99-soft_continuum.conf',
+            """printf '%s\\n' "$USER - rtprio 20" "$USER - nice -15" | sudo tee """
+            '/etc/security/limits.d/99-soft_continuum.conf',
             'ssh -L 8080:127.0.0.1:8080 user@rig',
             'export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET', 'sudo apt install python3-venv',
             '/usr/bin/python3 -m venv --system-site-packages ~/soft_continuum_venv'}
