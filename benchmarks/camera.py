@@ -13,6 +13,7 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import RigidChain
 from soft_continuum.mechanics.arm import PLANAR_AXES
+from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -20,8 +21,8 @@ from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sensing.tag_camera import TagCamera
-from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
+from soft_continuum.twin.tag_camera import TagTwinCamera
 
 IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)  # of a covariance (6, 6)
 CAMERAS, PICTURES = 50, 6  # each camera has other tags, another place and another calibration
@@ -70,12 +71,12 @@ def run(quick: bool) -> Section:
 def _measure(chain: RigidChain, layout: TagLayout, given: Differences,
              random: np.random.Generator) -> tuple[NDArray[np.float64], ...]:
     """Return errors (k, 3), those against where the tags were stuck, which are inside, and s."""
-    drawn = TwinCamera(layout, given)
+    drawn = TagTwinCamera(layout, given)
     camera = TagCamera(layout, drawn.lens)
     errors, exact, inside, times = [], [], [], []
     for _ in range(PICTURES):
         discs = chain.uniform(random.uniform(-ANGLE, ANGLE, chain.segments)).points[::2]
-        picture = drawn.picture(discs)
+        picture = drawn.picture(full_poses(discs))
         begin = time.perf_counter()
         sight = camera.measure(picture)
         times.append(time.perf_counter() - begin)
@@ -95,7 +96,7 @@ def _rms(values: NDArray[np.float64]) -> float:
 
 def _false_detections(layout: TagLayout, random: np.random.Generator, count: int) -> int:
     """Return how many tags are seen where there is none."""
-    lens = TwinCamera(layout, read_differences(
+    lens = TagTwinCamera(layout, read_differences(
         description_file().with_name('twin.yaml'), 'ideal')).lens
     small = replace(lens, size=SMALL)
     detector, found = TagDetector(small, layout.fixed_numbers), 0

@@ -20,7 +20,7 @@ from soft_continuum.hardware.jamming_controller import JammingController, Jammin
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.mechanics import Arm
 from soft_continuum.mechanics.arm import PLANAR_AXES
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.chain import Array, full_poses
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -30,10 +30,10 @@ from soft_continuum.sensing.rigid import mean_pose, planar_pose
 from soft_continuum.sensing.ring_layout import layout_of, RingLayout
 from soft_continuum.sensing.sight import Sight
 from soft_continuum.sequencing.planner import PlanSettings
-from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.twin.sensors import Sensors
+from soft_continuum.twin.tag_camera import TagTwinCamera
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
 """What measures the discs."""
@@ -136,7 +136,7 @@ class Lab:
         self._steps = 0
         self._tensions = np.zeros(tendons)  # sum of those not yet averaged
         self._sensor = sensor
-        self._drawn: TwinCamera | None = None
+        self._drawn: TagTwinCamera | None = None
         self.sensors = Sensors(self.plant)
         self._straight: list[tuple[Array, float]] = []  # discs, and when, to be tared on
         self._read()
@@ -319,7 +319,7 @@ class Lab:
             self.pictures += 1
             return {n: Pose(*seen) for n, seen in self._rings.discs(discs).items()}
         if self._drawn is None:
-            self._drawn = TwinCamera(layout, self.differences)
+            self._drawn = TagTwinCamera(layout, self.differences)
             stuck = layout.stuck_as({'tags.mounts': (0.0,)})
             self._camera = layout.camera(self._drawn.lens, stuck)
             # Drawn only now: not every contender looks.
@@ -332,7 +332,7 @@ class Lab:
     def _sight(self, discs: Array, time: float) -> Sight:
         """Draw a picture and return what is measured in it."""
         assert self._drawn is not None
-        sight: Sight = self._camera.measure(self._drawn.picture(discs, time))
+        sight: Sight = self._camera.measure(self._drawn.picture(full_poses(discs), time))
         return sight
 
 

@@ -14,7 +14,7 @@ from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.straight_corners import at_rest
 from soft_continuum.twin.differences import Differences
-from soft_continuum.twin.spatial_camera import FRONT, SpatialTwinCamera
+from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 
 TARE_PICTURES = 6
 DIRECTIONS = (FRONT, FRONT - pi / 3.0)  # from where the first and the second camera look
@@ -28,7 +28,7 @@ class RingSight:
     def __init__(self, layout: RingLayout, given: Differences, straight: Array,
                  cameras: int = 1) -> None:
         """Place 1 or 2; straight: (discs, 7), poses of the discs in the beginning."""
-        self._drawn = [SpatialTwinCamera(layout, given, direction)
+        self._drawn = [RingTwinCamera(layout, given, direction)
                        for direction in DIRECTIONS[:cameras]]
         self._cameras = [RingCamera(layout, drawn.lens) for drawn in self._drawn]
         for k, (camera, drawn) in enumerate(zip(self._cameras, self._drawn, strict=True)):

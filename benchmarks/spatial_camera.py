@@ -22,7 +22,7 @@ from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.sight import DiscPose
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
-from soft_continuum.twin.spatial_camera import FRONT, SpatialTwinCamera
+from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 
 ARM = 'spatial_jamming.yaml'
 RIGS, PICTURES = 50, 6  # each rig has other tags, and its cameras another place and calibration
@@ -64,7 +64,7 @@ def run(quick: bool) -> Section:
 def _measure(layout: RingLayout, chain: SpatialChain, given: Differences,
              random: np.random.Generator, found: dict[int, list[Array]]) -> None:
     """Add errors of position (m) and turn (rad), and their squares over the covariance."""
-    drawn = [SpatialTwinCamera(layout, given, direction) for direction in DIRECTIONS]
+    drawn = [RingTwinCamera(layout, given, direction) for direction in DIRECTIONS]
     cameras = [RingCamera(layout, camera.lens) for camera in drawn]
     for _ in range(PICTURES):
         discs = chain.uniform(random.uniform(-ANGLE, ANGLE, (chain.segments, 2))).poses[::2]

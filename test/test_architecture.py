@@ -4,6 +4,7 @@
 
 from configparser import ConfigParser
 from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -23,3 +24,17 @@ def test_the_list_of_imports_that_point_up_only_gets_shorter():
     config.read(ROOT / '.importlinter', encoding='utf-8')
     listed = config['importlinter:contract:rooms']['ignore_imports'].split('\n')[1:]
     assert len(listed) == MOST, 'set MOST to the number of those that are left'
+
+
+KIND = re.compile(r'isinstance\([^)]*\b(Rigid|Spatial)?(Arm|Chain|Statics|Equilibrium)\b'
+                  r'|\bSpatial[A-Z]|\bRigidChain\b|in_space|\bAny(?!omal)[A-Z]\w')
+
+
+def test_above_the_mechanics_nothing_asks_for_the_kind_of_an_arm():
+    above = [path for path in (ROOT / 'soft_continuum').rglob('*.py')
+             if path.relative_to(ROOT).parts[1] != 'mechanics']
+    asking = [f'{path.relative_to(ROOT)}: {line.strip()}' for path in above
+              for line in path.read_text(encoding='utf-8').splitlines() if KIND.search(line)]
+    assert not asking
+    planar = [path for path in above if re.search(r'\.planar\b', path.read_text('utf-8'))]
+    assert len(planar) <= 5

@@ -40,21 +40,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
     from soft_continuum.sensing.ring_layout import layout_of, RingLayout
-    from soft_continuum.twin.camera import TwinCamera
-    from soft_continuum.twin.pictures import AnyTwinCamera, Pictures
-    from soft_continuum.twin.spatial_camera import SpatialTwinCamera
+    from soft_continuum.twin.pictures import Pictures, TwinCamera
+    from soft_continuum.twin.ring_camera import RingTwinCamera
+    from soft_continuum.twin.tag_camera import TagTwinCamera
 
     def begin(running: ExitStack) -> None:
         layout: Any = layout_of(load_description(
             *options.params_file or [description_file()], node=CAMERA,
             namespace=options.namespace))
         differences = chosen_differences(options)
-        camera: AnyTwinCamera
+        camera: TwinCamera
         if isinstance(layout, RingLayout):
             direction = DIRECTION if options.direction is None else options.direction
-            camera = SpatialTwinCamera(layout, differences, radians(direction))
+            camera = RingTwinCamera(layout, differences, radians(direction))
         elif options.direction is None:
-            camera = TwinCamera(layout, differences)
+            camera = TagTwinCamera(layout, differences)
         else:
             raise ParameterError('--direction is of spatial arms; a planar one is seen from -y')
         running.enter_context(Pictures(camera, options.rate, options.namespace, options.name))

@@ -234,7 +234,7 @@ class ObservedArm:
     def _on_measured(self, topic: str, message: PoseWithCovarianceStamped) -> None:
         """Keep what is measured of a disc; an angle alone does not replace a whole pose."""
         model = self.message('disc_poses')
-        axes = SPATIAL_AXES if _in_space(self.message('joint_states')) else PLANAR_AXES
+        axes = SPATIAL_AXES if _about_three_axes(self.message('joint_states')) else PLANAR_AXES
         try:
             measured, covariance = measured_pose_from_ros(
                 message, axes, model.header.frame_id if model is not None else '')
@@ -365,8 +365,8 @@ def _stopped(state: TendonActuationState) -> str:
     return printable(state.stop_message) or 'no reason given'
 
 
-def _in_space(joints: Any) -> bool:
-    """Whether joint_states, or None, are those of a spatial arm."""
+def _about_three_axes(joints: Any) -> bool:
+    """Whether joints, of joint_states or None, turn about x, y and z, as those of a spatial arm."""
     return joints is not None and any(name.endswith('_x') for name in joints.name[:1])
 
 
@@ -379,7 +379,7 @@ def _bending(joints: Any, segments: Sequence[Pose]
     """
     if joints is None or not segments:
         return None, ()
-    if _in_space(joints):
+    if _about_three_axes(joints):
         turned = matrices(np.array([UNTURNED, *(pose.orientation for pose in segments)]))
         bending = bending_between(turned)
         return (tuple(np.linalg.norm(bending, axis=1).tolist()),

@@ -88,12 +88,12 @@ class Estimator:
 
     @property
     def arm(self) -> Any:
-        """The arm as it is estimated to be: Arm or Arm."""
+        """The arm as it is estimated to be."""
         return self._statics.chain.arm
 
     @property
     def statics(self) -> Any:
-        """The statics of it: Statics or SpatialStatics."""
+        """The statics of it."""
         return self._statics
 
     @property

@@ -87,7 +87,7 @@ class ArmShape:
         """
         The shape: the estimate, or without any measurement the last prediction.
 
-        Equilibrium or SpatialEquilibrium; None when not known.
+        A State; None when not known.
         """
         return self._path if self.estimate is None else self.estimate.state
 

@@ -204,11 +204,7 @@ def equilibrium_to_ros(state: State) -> KinematicsState:
 
 
 def equilibrium_from_ros(message: KinematicsState, chain: Chain) -> Any:
-    """
-    Return the state of the model in a message, None when it is that of no such arm.
-
-    It is an Equilibrium, or of a SpatialChain a SpatialEquilibrium.
-    """
+    """Return the state of the model in a message, None when it is that of no such arm."""
     angles, held = np.array(message.joint_angles), np.array(message.held_angles)
     vacuum = np.array(message.vacuum)
     if (len(angles) != chain.coordinate_count or len(held) != chain.coordinate_count

@@ -33,7 +33,7 @@ class Model:
     """
     The arm as the others plan and predict with it.
 
-    chain: RigidChain or SpatialChain of the arm as it is described, or estimated.  offsets:
+    chain: of the arm as it is described, or estimated.  offsets:
     (tendons,) m by which each tendon is pulled in beyond what its motor says.  offset_deviations:
     (tendons,) m.
     """

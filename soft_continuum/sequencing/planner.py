@@ -175,7 +175,7 @@ class Planner:
     """
     Plans shapes for one arm; states are those of its statics, a goal is as State.bending.
 
-    statics: of the arm, Statics or SpatialStatics.
+    statics: of the arm.
     """
 
     def __init__(self, arm: Arm, settings: PlanSettings,

@@ -19,12 +19,13 @@ from rclpy.time import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
+from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.nodes import camera
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import pose_from_ros
 from soft_continuum.ros.pictures import CHANNELS, grey_message, grey_picture
 from soft_continuum.ros.qos import LATCHED, SENSOR
-from soft_continuum.twin.spatial_camera import FRONT
+from soft_continuum.twin.ring_camera import FRONT
 from support import space_views, views
 from support.descriptions import given_in
 from support.planar import planar
@@ -40,7 +41,7 @@ def drawn() -> Any:
 
 @pytest.fixture(scope='module')
 def picture(drawn: Any) -> Any:
-    return drawn.picture(TRUTH)
+    return drawn.picture(full_poses(TRUTH))
 
 
 def statuses(rig: Rig) -> Any:
@@ -116,16 +117,16 @@ def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
     tare = partial(rig.call, Trigger, 'camera/tare')
     assert 'no disc was seen' in tare().message
     driver.send_until(lambda: 'parameter file: camera: {ros__parameters' in tare().message,
-                      'a tare', drawn.picture(views.discs(0.0, 0.0, 0.0)))
+                      'a tare', drawn.picture(views.poses(0.0, 0.0, 0.0)))
     tared = max(map(len, driver.poses))
     driver.send_until(lambda: all(len(p) > tared + 20 for p in driver.poses), 'a bent arm',
-                      drawn.picture(TRUTH))
+                      drawn.picture(full_poses(TRUTH)))
     for truth, recorded in zip(TRUTH, driver.poses, strict=True):
         pose, _ = planar(recorded.last)
         assert pose[:2] == pytest.approx(truth[:2], abs=3e-4)
         assert pose[2] == pytest.approx(truth[2], abs=5e-3)
     driver.send_until(lambda: 'from where it is' in tare().message,
-                      'a refusal', drawn.picture(TRUTH))
+                      'a refusal', drawn.picture(full_poses(TRUTH)))
 
 
 def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(

@@ -25,7 +25,7 @@ def ideal(request):
     """Return the pictures of an arm, the lens of a drawn camera, and one of the straight arm."""
     of_arm, straight = request.param
     drawn = of_arm.camera()
-    return of_arm, drawn.lens, drawn.picture(of_arm.discs(*straight))
+    return of_arm, drawn.lens, drawn.picture(of_arm.poses(*straight))
 
 
 @pytest.mark.parametrize(('change', 'words'), [

@@ -5,6 +5,7 @@
 import cv2
 import numpy as np
 
+from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.sensing.tag_camera import TagCamera
 from support import views
 from support.planar import IN_PLANE
@@ -35,7 +36,7 @@ def test_a_disc_behind_an_occluder_is_not_measured_the_others_are_and_nothing_fa
             continue
         hidden_ones |= hidden
         free = {n for n, corners in enumerate(tags) if outside(bars, corners).min() > NEAR}
-        sight = measuring.measure(drawn.picture(truth, time))
+        sight = measuring.measure(drawn.picture(full_poses(truth), time))
         looked_at += 1
         assert not hidden & set(sight.discs)
         assert free <= set(sight.discs)
@@ -56,7 +57,7 @@ def test_a_tag_that_a_bar_cuts_is_measured_right_or_not_at_all():
                if -20.0 < outside(bars, corners).min() < 2.0 < outside(bars, corners).max()]
         if cut and (not times or time - times[-1] > 5.0) and len(times) < 10:
             times.append(time)
-            sight = measuring.measure(drawn.picture(truth, time))
+            sight = measuring.measure(drawn.picture(full_poses(truth), time))
             seen.append(len(sight.discs))
             for disc, error in zip(sight.discs.values(), views.errors(sight, truth), strict=True):
                 assert error @ np.linalg.solve(disc.covariance[IN_PLANE], error) < 16.3  # 99.9 %

@@ -45,7 +45,7 @@ def teal(picture):
 def ideal():
     """Return a camera that is as it is said to be, its tags, and a picture of the bent arm."""
     camera = views.camera()
-    return camera, TagCamera(camera._layout, camera.lens), camera.picture(views.discs(*ANGLES))
+    return camera, TagCamera(camera._layout, camera.lens), camera.picture(views.poses(*ANGLES))
 
 
 @pytest.mark.parametrize('preset', ['ideal', 'bad'])
@@ -53,7 +53,7 @@ def test_the_model_is_where_the_camera_sees_it(preset):
     camera = views.camera(preset, tag_offset=0.0, fixed_offset=0.0, depth_offset=0.0,
                           calibration_error=0.0)
     tags = TagCamera(camera._layout, camera.lens)
-    picture = camera.picture(views.discs(0.0, 0.0, 0.0))
+    picture = camera.picture(views.poses(0.0, 0.0, 0.0))
     model = points(*ANGLES)
     pixels = magenta(drawn(picture, tags, tags.measure(picture), model))
     scale = SIZE / picture.shape[1]

@@ -13,7 +13,7 @@ from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, TagGroup
 from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.straight_corners import as_numbers, at_rest, from_numbers
 from soft_continuum.sensing.tilt import SensorError
-from soft_continuum.twin.spatial_camera import FRONT
+from soft_continuum.twin.ring_camera import FRONT
 from support import space_views as views
 from support.views import without_pose
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from soft_continuum.mechanics.chain import full_poses
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.lens import Lens, LensError
@@ -23,7 +24,7 @@ STRAIGHT = views.discs(0.0, 0.0, 0.0)
 def ideal():
     """Return a drawn camera, what measures in its pictures, and one of them."""
     drawn = views.camera()
-    return drawn, TagCamera(views.layout(), drawn.lens), drawn.picture(STRAIGHT)
+    return drawn, TagCamera(views.layout(), drawn.lens), drawn.picture(full_poses(STRAIGHT))
 
 
 def rms(values):
@@ -38,7 +39,7 @@ def test_discs_are_measured_to_a_tenth_of_a_millimetre(preset, position, angle):
     measuring = TagCamera(views.layout(), drawn.lens)
     for _ in range(8):
         truth = views.random_discs(random)
-        sight = measuring.measure(drawn.picture(truth))
+        sight = measuring.measure(drawn.picture(full_poses(truth)))
         assert list(sight.discs) == [0, 1, 2, 3] and not sight.problems
         found.append(views.errors(sight, truth))
     found = np.vstack(found)
@@ -53,7 +54,7 @@ def test_the_covariance_is_as_large_as_the_errors_are():
         measuring = TagCamera(views.layout(), drawn.lens)
         for _ in range(3):
             truth = views.random_discs(random)
-            sight = measuring.measure(drawn.picture(truth))
+            sight = measuring.measure(drawn.picture(full_poses(truth)))
             for (n, disc), error in zip(
                     sight.discs.items(), views.errors(sight, truth), strict=True):
                 assert n in range(4)
@@ -83,7 +84,7 @@ def test_fixed_tags_of_which_three_stand_in_a_line():
     places = (-0.3, -0.02, 0.15, -0.02, 0.3, -0.02, 0.3, 0.4, 0.15, 0.4, -0.3, 0.4)
     tags = views.layout(fixed_positions=places)
     drawn = views.camera(tags=tags)
-    measuring, picture = TagCamera(tags, drawn.lens), drawn.picture(STRAIGHT)
+    measuring, picture = TagCamera(tags, drawn.lens), drawn.picture(full_poses(STRAIGHT))
     assert len(measuring.measure(picture).discs) == 4
     hidden = drawn.seen_at(tags.fixed[3:5], 0.0).astype(int)  # two of the upper row
     for u, v in hidden:
@@ -111,7 +112,7 @@ def test_a_number_that_is_seen_twice(ideal):
 def test_tags_on_the_wrong_discs():
     drawn = views.camera()
     drawn._modules[1], drawn._modules[3] = drawn._modules[3], drawn._modules[1]
-    sight = TagCamera(views.layout(), drawn.lens).measure(drawn.picture(STRAIGHT))
+    sight = TagCamera(views.layout(), drawn.lens).measure(drawn.picture(full_poses(STRAIGHT)))
     assert not {1, 3} & set(sight.discs)
     assert 'right discs' in sight.problems[0]
 

@@ -10,7 +10,7 @@ from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.ring_layout import RingLayout
-from soft_continuum.twin.spatial_camera import FRONT, SpatialTwinCamera
+from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 from support import views
 
 PATH = description_file().with_name('spatial_jamming.yaml')
@@ -27,12 +27,15 @@ def layout(**changes):
 
 def camera(preset='ideal', tags=None, direction=FRONT, **changes):
     """Return a drawn camera."""
-    return SpatialTwinCamera(tags or layout(), views.differences(preset, **changes), direction)
+    return RingTwinCamera(tags or layout(), views.differences(preset, **changes), direction)
 
 
 def discs(*bending):
     """Return the pose (7,) of every disc of an arm that bends about x and y, in circles."""
     return CHAIN.uniform(bending).poses[::2]
+
+
+poses = discs
 
 
 def random_discs(random):

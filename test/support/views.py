@@ -12,8 +12,8 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.tag_camera import TagTwinCamera
 
 VALUES = load_description(description_file(), node='camera')
 ARM = arm_from_parameters(VALUES)
@@ -33,12 +33,17 @@ def differences(preset, **changes):
 
 def camera(preset='ideal', tags=None, **changes):
     """Return a drawn camera."""
-    return TwinCamera(tags or layout(), differences(preset, **changes))
+    return TagTwinCamera(tags or layout(), differences(preset, **changes))
 
 
 def discs(*bending_angles):
     """Return x, z and angle of the bottom of every disc of an arm bent in circles."""
     return CHAIN.uniform(bending_angles).points[::2]
+
+
+def poses(*bending_angles):
+    """Return the pose (7,) of the bottom of every disc of an arm bent in circles."""
+    return CHAIN.uniform(bending_angles).poses[::2]
 
 
 def random_discs(random):

@@ -59,7 +59,7 @@ class _Piece:
     modules: NDArray[np.bool_] | None = None
 
 
-class SpatialTwinCamera:
+class RingTwinCamera:
     """A webcam beside a spatial arm; ``lens`` is what its calibration says of it."""
 
     def __init__(self, layout: RingLayout, differences: Differences, direction: float = FRONT

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from soft_continuum.sensing.layout import CORNERS, QUIET, TagLayout
 from soft_continuum.sensing.pictures import Array, Picture, white_modules
+from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.occluders import Occluders
 from soft_continuum.twin.optics import (
@@ -35,7 +36,7 @@ from soft_continuum.twin.optics import (
 )
 
 
-class TwinCamera:
+class TagTwinCamera:
     """A webcam before the arm, looking along +y; ``lens`` is what its calibration says of it."""
 
     def __init__(self, layout: TagLayout, differences: Differences) -> None:
@@ -69,9 +70,10 @@ class TwinCamera:
         """
         Return what it sees.
 
-        discs: (discs, 3), x, z and angle of the bottom of each.  time: s, of what moves before it.
+        discs: (discs, 7), pose of the bottom of each, position (m) and quaternion x, y, z, w.
+        time: s, of what moves before it.
         """
-        grey = self._still.copy()
+        grey, discs = self._still.copy(), planar_pose(discs)
         for below, above, height in zip(
                 discs, discs[1:], self._layout.disc_heights, strict=False):
             top = below[:2] + height * _directions(below[2])[1]
