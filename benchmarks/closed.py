@@ -16,7 +16,7 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.model import State
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.parameters.loop import DEAD_BAND, LOCK_IN_DEVIATION
 from soft_continuum.sensing.rigid import in_plane

@@ -15,7 +15,7 @@ from benchmarks.timing import progress
 from soft_continuum.mechanics import Jam, pulls_for_bending, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, mounted, STANDARD_GRAVITY
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences

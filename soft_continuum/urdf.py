@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import Chain, chain_of
+from soft_continuum.mechanics.model import Chain, chain_of
 
 MATERIALS = {'disc': '0.75 0.78 0.82 1', 'skin': '0.35 0.30 0.25 1'}
 AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}

@@ -17,7 +17,7 @@ from soft_continuum.client.state_text import reached_text
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.mechanics import Arm, RigidChain, Statics
 from soft_continuum.mechanics.arm import ArmError, Tendon
-from soft_continuum.mechanics.either import chain_of, statics_of
+from soft_continuum.mechanics.model import chain_of, statics_of
 from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.prediction import TensionPrediction

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics.arm import Arm, ArmError, SECOND_ORDER
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import Solver, State, statics_of
+from soft_continuum.mechanics.model import Solver, State, statics_of
 
 CONTINUUM_BODIES = 100  # of the second-order chain, which is then within 1e-5 of the rod
 Step = tuple[tuple[bool, ...], Array]

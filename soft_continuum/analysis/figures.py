@@ -10,7 +10,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.model import State
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.orientations import matrices
 

@@ -22,8 +22,8 @@ from soft_continuum.analysis.unknowns import (
 )
 from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import Solver, statics_of
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.model import Solver, statics_of
 from soft_continuum.parameters.arm import arm_from_parameters
 
 DIFFERENCE = 1e-4  # of the scale of an unknown

@@ -28,8 +28,8 @@ from soft_continuum.analysis.delimited import (
 )
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import Solver, State
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.model import Solver, State
 
 BASE_TOLERANCE = 0.005  # m: the base disc cannot be further from where the frame has it
 BENT_LENGTH = 0.75  # of a segment, straight from end to end when it is bent by about 150 degrees

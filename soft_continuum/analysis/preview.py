@@ -12,7 +12,7 @@ import scipy
 from soft_continuum.analysis.figures import finish_panels, new_panels, rim
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State, statics_of
+from soft_continuum.mechanics.model import State, statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_step
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import arc_bending, arc_pulls, Solver, statics_of
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.model import arc_bending, arc_pulls, Solver, statics_of
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.directions import hinged
 

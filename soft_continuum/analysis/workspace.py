@@ -17,8 +17,8 @@ import scipy
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.grid import bends, set_each
+from soft_continuum.mechanics.model import statics_of
 
 
 @dataclass(frozen=True, eq=False)

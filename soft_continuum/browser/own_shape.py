@@ -12,7 +12,7 @@ from soft_continuum.browser.controls import number_of
 from soft_continuum.browser.html import own_shape_html
 from soft_continuum.browser.points import Points, points_of
 from soft_continuum.browser.session import Description
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 
 if TYPE_CHECKING:
     from soft_continuum.client.sequence import Bending

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.either import Chain
+from soft_continuum.mechanics.model import Chain
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 
 Points = tuple[tuple[float, ...], ...]

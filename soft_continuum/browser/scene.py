@@ -40,7 +40,7 @@ from soft_continuum.colours import (
     UNKNOWN,
 )
 from soft_continuum.mechanics.chain import Array, orientation
-from soft_continuum.mechanics.either import chain_of, State
+from soft_continuum.mechanics.model import chain_of, State
 from soft_continuum.mechanics.spatial.orientations import matrices
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.obstacles import Key

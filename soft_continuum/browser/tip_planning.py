@@ -12,7 +12,7 @@ from soft_continuum.client.plan import Plan, plan_shapes, PlanStep
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 
 WHILE_DRAGGED, AT_REST = 1000, 0  # states that are judged for a plan; 0: as many as Go would
 LATE = 1.0  # s without an answer

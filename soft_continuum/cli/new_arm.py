@@ -16,7 +16,7 @@ from soft_continuum.analysis.results import reserve_outputs, ResultError, text_t
 from soft_continuum.arguments import command_name, Parser, WRONG_USAGE
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
-from soft_continuum.mechanics.either import chain_of, State
+from soft_continuum.mechanics.model import chain_of, State
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.new_arm.answers import Answer, AnswerError, Answers, Given, Question
 from soft_continuum.new_arm.description import (

@@ -28,7 +28,7 @@ from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.extras import require
 from soft_continuum.mechanics import arm as mechanics
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.spatial.orientations import quaternions

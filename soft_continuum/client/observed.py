@@ -366,7 +366,7 @@ def _stopped(state: TendonActuationState) -> str:
 
 
 def _about_three_axes(joints: Any) -> bool:
-    """Whether joints, of joint_states or None, turn about x, y and z, as those of a spatial arm."""
+    """Whether joints, of joint_states or None, turn about x, y and z: those of a spatial arm."""
     return joints is not None and any(name.endswith('_x') for name in joints.name[:1])
 
 

@@ -12,7 +12,7 @@ from soft_continuum.analysis.obstacle_figures import draw_obstacles
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import KINEMATICS_STATE, ObservedArm
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.conversions import equilibrium_from_ros
 

@@ -23,8 +23,8 @@ from soft_continuum.estimation.measuring import (
 )
 from soft_continuum.estimation.unknowns import Layout
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import linearised, statics_of
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.model import linearised, statics_of
 
 LONGER = (-1.5e-3, -2.5e-3, -4e-3, -6.5e-3)
 OFFSETS = (*LONGER, 1.5e-3, 2.5e-3, 4e-3)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from soft_continuum.estimation.discs import MODEL_ERROR
 from soft_continuum.estimation.unknowns import Layout
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import linearised
+from soft_continuum.mechanics.model import linearised
 from soft_continuum.sensing.rigid import displacement
 
 MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measured

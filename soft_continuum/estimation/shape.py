@@ -20,7 +20,7 @@ from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSet
 from soft_continuum.estimation.unknowns import MAX_OFFSET
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 from soft_continuum.sensing.rigid import IDENTITY

@@ -15,9 +15,9 @@ import numpy as np
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, LawError
+from soft_continuum.mechanics.model import statics_of
 
 MIN_RATIO = 2.0  # K of a stiff segment that is estimated
 MAX_RATIO = 1e4

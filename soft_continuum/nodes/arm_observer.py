@@ -10,7 +10,7 @@ from typing import Any
 from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.age import Age

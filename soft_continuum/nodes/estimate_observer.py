@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.model import State
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum_interfaces.msg import KinematicsState
 

@@ -6,7 +6,7 @@ from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.ros.qos import LATCHED

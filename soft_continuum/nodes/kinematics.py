@@ -25,7 +25,7 @@ from soft_continuum.estimation.shape import (
 )
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.model import State
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
 from soft_continuum.nodes.entries import repeat, serve, subscribe

@@ -23,7 +23,7 @@ from soft_continuum.colours import (
     WRONG,
 )
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import Chain, State
+from soft_continuum.mechanics.model import Chain, State
 
 LIFETIME = Duration(nanosec=500_000_000)
 """Of what is not always there: it goes when it is not published any more."""

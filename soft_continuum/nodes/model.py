@@ -9,7 +9,7 @@ from typing import Any
 
 from soft_continuum.mechanics._kernel import must_build
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.nodes.threads import on_ros_thread
 

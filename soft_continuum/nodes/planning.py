@@ -10,7 +10,7 @@ from math import inf
 from typing import Any, TypeVar
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import chain_of, State
+from soft_continuum.mechanics.model import chain_of, State
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.obstacles import Surroundings

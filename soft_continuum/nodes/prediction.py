@@ -10,7 +10,7 @@ import numpy as np
 from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import Solver, State, statics_of
+from soft_continuum.mechanics.model import Solver, State, statics_of
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states

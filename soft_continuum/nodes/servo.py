@@ -15,8 +15,8 @@ from std_msgs.msg import Bool, Empty, Float64
 from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.nodes.arm_commander import MotionCommander
 from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
 from soft_continuum.nodes.estimate_observer import Estimate, EstimateObserver

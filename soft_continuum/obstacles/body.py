@@ -21,7 +21,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm, Segment
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import chain_of, State
+from soft_continuum.mechanics.model import chain_of, State
 
 TENDON_RADIUS = 0.0005
 """Of every tendon, m: no description has it; the ropes of such arms are thinner."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.model import State
 from soft_continuum.obstacles.body import Body, Cylinders, MIN_HALF_LENGTH
 from soft_continuum.obstacles.geometry import distance, placed
 from soft_continuum.obstacles.mesh import Mesh

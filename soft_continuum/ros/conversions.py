@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import Chain, State
+from soft_continuum.mechanics.model import Chain, State
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
 from soft_continuum.sensing.rigid import in_plane, planar_pose

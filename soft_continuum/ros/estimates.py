@@ -14,7 +14,7 @@ from soft_continuum.estimation.settings import Prior
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState

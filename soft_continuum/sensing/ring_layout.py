@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.model import State
 from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.sequencing.planner import (

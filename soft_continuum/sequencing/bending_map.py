@@ -18,8 +18,8 @@ import numpy as np
 import scipy
 
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.model import State
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 
 WAYS = np.round(np.exp(2j * pi * np.arange(16) / 16), 15)

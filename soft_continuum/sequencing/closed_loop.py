@@ -19,7 +19,7 @@ from math import inf, isnan, nan
 
 import numpy as np
 
-from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.model import State
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.arm_port import ArmPort

@@ -19,7 +19,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.spatial.directions import bending_vectors, within_limits
 from soft_continuum.mechanics.statics import HeldBending, SLACK_ALLOWANCE, StaticsError
 from soft_continuum.parameters.shapes import angles_problem

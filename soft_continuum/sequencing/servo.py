@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.model import State
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
 

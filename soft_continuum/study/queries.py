@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.sequencing.planner import Planner, PlanSettings

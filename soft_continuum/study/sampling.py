@@ -14,9 +14,9 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import statics_of
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.spatial.directions import hinged
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.study.design import Design

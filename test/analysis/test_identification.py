@@ -19,7 +19,7 @@ from soft_continuum.analysis.unknowns import (
 )
 from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.arm import mounted, SECOND_ORDER
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.parameters.arm import arm_from_parameters
 from support import specimen_data as data

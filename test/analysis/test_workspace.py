@@ -14,7 +14,7 @@ from soft_continuum.analysis.workspace import furthest_apart, Reach, reach
 from soft_continuum.cli import workspace
 from soft_continuum.mechanics import set_shape
 from soft_continuum.mechanics.arm import Tendon
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.new_arm.description import complete, describe
 from soft_continuum.parameters.files import parameters_text

@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from soft_continuum.mechanics.either import fully_actuated
+from soft_continuum.mechanics.model import fully_actuated
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from support.flat_arm import of_segments

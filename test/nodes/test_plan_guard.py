@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.nodes.plan_guard import PlanGuard
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import Shape, ShapePlan

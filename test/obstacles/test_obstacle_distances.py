@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.obstacles import (
     Box,
     Capsule,

@@ -18,7 +18,7 @@ from soft_continuum.mechanics import bending_for_tip, pulls_for_bending, set_sha
 from soft_continuum.mechanics import constant_curvature as planar_arcs
 from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.chain import SLACK
-from soft_continuum.mechanics.either import statics_of
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.spatial import constant_curvature as spatial_arcs
 from soft_continuum.mechanics.spatial import SpatialLinearisation

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.either import chain_of
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.plan_watch import PlanWatch

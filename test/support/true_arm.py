@@ -11,8 +11,8 @@ from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics.either import chain_of
 from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import in_plane

@@ -14,7 +14,7 @@ import scipy
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import arc_pulls, arc_tips, chain_of, State
+from soft_continuum.mechanics.model import arc_pulls, arc_tips, chain_of, State
 from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import TipGoal

@@ -11,7 +11,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State
+from soft_continuum.mechanics.model import State
 from soft_continuum.sequencing.planner import PlanError
 
 Kind = Literal['position', 'direction', 'pose']

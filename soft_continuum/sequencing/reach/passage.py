@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.either import State
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.model import State
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import Clear, Distance, ReachSettings, Surroundings
 from soft_continuum.sequencing.reach.result import PlannedStep

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What planar and spatial arms have in common, for those that need not know which one they have.
+The model of an arm, whichever kernel solves for it: what its states and its statics offer.
 
 A state says where everything is in space; its coordinates are what tells one shape from another.
 """
