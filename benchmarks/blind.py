@@ -15,8 +15,8 @@ from benchmarks.lab import CAMERA, Description, Lab, Pose
 from benchmarks.loop import judged, judged_in, random_goal, Result
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.nodes.up import description_file
 from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.user_files import description_file
 
 FIRST_SEED, SEEDS = 200, 20  # of rigs on which nothing was tried before
 MOMENTS = (0.25, 0.5, 0.75)  # parts of the pictures that an undisturbed run takes

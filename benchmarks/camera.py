@@ -14,7 +14,6 @@ from benchmarks.timing import progress
 from soft_continuum.mechanics import RigidChain
 from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.chain import full_poses
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.corners import TagDetector
@@ -23,6 +22,7 @@ from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sensing.tag_camera import TagCamera
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
 from soft_continuum.twin.tag_camera import TagTwinCamera
+from soft_continuum.user_files import description_file
 
 IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)  # of a covariance (6, 6)
 CAMERAS, PICTURES = 50, 6  # each camera has other tags, another place and another calibration

@@ -25,7 +25,6 @@ from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.measured_tensions import MeasuredTensions
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
@@ -33,6 +32,7 @@ from soft_continuum.sensing.rigid import displacement, IDENTITY, in_plane
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'bad')
 SEEDS = 10

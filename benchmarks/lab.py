@@ -22,7 +22,6 @@ from soft_continuum.mechanics import Arm
 from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.chain import Array, full_poses
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import jamming_settings
@@ -34,6 +33,7 @@ from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.twin.sensors import Sensors
 from soft_continuum.twin.tag_camera import TagTwinCamera
+from soft_continuum.user_files import description_file
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
 """What measures the discs."""

@@ -16,10 +16,10 @@ from benchmarks.timing import progress
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.spatial.directions import bending_vectors
-from soft_continuum.nodes.up import description_file
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'bad')
 SEEDS = 30

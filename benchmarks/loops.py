@@ -120,7 +120,7 @@ def measure(disturbance: str, seconds: float) -> tuple[list[float], list[float]]
                 _process([*PROGRAM, f'{name}_emulator', '--link', str(link)]))
             while not link.exists():
                 time.sleep(0.05)
-            from soft_continuum.nodes.up import description_file
+            from soft_continuum.user_files import description_file
             up += [f'--{driver}-driver', name, '--params-file', str(description_file()),
                    '--params-file', str(file)]
         stack.enter_context(_process(up))

@@ -17,9 +17,9 @@ from benchmarks.timing import progress
 from soft_continuum.mechanics.arm import Arm, mounted
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.nodes.up import description_file
 from soft_continuum.sequencing.planner import Move, PlanError
 from soft_continuum.twin.differences import read_differences
+from soft_continuum.user_files import description_file
 
 QUERIES, IN_SPACE, ON_TWIN, QUICK = 500, 200, 60, 7
 LIMIT, LIMIT_IN_SPACE = 5.0, 10.0  # s of processor time

@@ -17,10 +17,10 @@ from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import Arm, Jam, Statics
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.servo import AngleServo, ServoSettings
 from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.user_files import description_file
 
 IMAGE = DOCUMENTS.parent / 'images' / 'servo.svg'
 SETTINGS = ServoSettings()

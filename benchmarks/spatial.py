@@ -29,8 +29,8 @@ from soft_continuum.mechanics.spatial import (
     SpatialLinearisation,
     SpatialStatics,
 )
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.user_files import description_file
 
 BODIES = (12, 24, 50, 100)
 PULLS = 0.004, -0.006  # m

@@ -14,7 +14,6 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.spatial.chain import SpatialChain
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.pictures import Array
@@ -23,6 +22,7 @@ from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.sight import DiscPose
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
 from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
+from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'
 RIGS, PICTURES = 50, 6  # each rig has other tags, and its cameras another place and calibration

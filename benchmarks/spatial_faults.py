@@ -29,9 +29,9 @@ from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
-from soft_continuum.nodes.up import description_file
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
 from soft_continuum.twin.differences import read_differences
+from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'
 RUNS, OPEN = 5, 10  # of each fault; sequences without one

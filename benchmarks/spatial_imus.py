@@ -18,12 +18,12 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.twin.differences import Differences, read_differences
 from soft_continuum.twin.plant import TIME_STEP
+from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'bad')
 SEEDS = 5

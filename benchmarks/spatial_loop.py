@@ -13,9 +13,9 @@ from benchmarks.lab import CAMERA, Description, NOTHING, TWO_CAMERAS
 from benchmarks.loop import HEAD, judged, line, Result, row
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.nodes.up import description_file
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.twin.differences import read_differences
+from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'
 PRESET = 'bad'

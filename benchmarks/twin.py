@@ -16,10 +16,10 @@ from soft_continuum.mechanics import Jam, pulls_for_bending, Statics, StaticsErr
 from soft_continuum.mechanics.arm import Arm, mounted, STANDARD_GRAVITY
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.model import statics_of
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.user_files import description_file
 
 SEQUENCES, IN_SPACE, STEPS = 50, 20, 6  # a step: soften a segment, pull, stiffen it
 ANGLE = 0.6  # rad, largest bending angle of a segment

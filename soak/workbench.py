@@ -19,7 +19,7 @@ import yaml
 from soak.boards import Board, BOARDS, Pulls
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
 from soft_continuum.mechanics.statics import warm_up
-from soft_continuum.nodes.up import description_file
+from soft_continuum.user_files import description_file
 from support.processes import NodeProcess, Processes
 from support.ros_rig import ALL, LATCHED, Recording, RELIABLE, Rig, SEGMENTS
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where files are: those of a user by the XDG Base Directory Specification, and the pages."""
+"""Where files are: a user's, by the XDG Base Directory Specification, and those of the package."""
 
 import os
 from pathlib import Path
@@ -31,6 +31,11 @@ def pages() -> Path:
     above = Path(__file__).resolve().parents
     return next((folder for parent in above for folder in (parent, parent / 'share/soft_continuum')
                  if (folder / 'msg_docs').is_dir()), above[1])
+
+
+def description_file(arm: str = 'manipulator') -> Path:
+    """Return a shipped description, by default that of the arm of the paper."""
+    return pages() / 'config' / f'{arm}.yaml'
 
 
 def _folder(variable: str, default: str) -> Path:

@@ -40,7 +40,7 @@ def add_preset_options(parser: Parser) -> None:
 
 def chosen_differences(options: Namespace) -> Differences:
     """Return what these options ask for; raises as read_differences does."""
-    from soft_continuum.nodes.up import description_file
+    from soft_continuum.user_files import description_file
     return read_differences(
         options.file or description_file().with_name('twin.yaml'), options.preset)
 
@@ -80,12 +80,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--regulators', action='store_true',
                         help='vacuum regulators on an output board, in place of pump and valves')
     options = parser.parse_args(argv)
-    from soft_continuum.nodes.up import description_file
     from soft_continuum.parameters.arm import arm_from_parameters
     from soft_continuum.parameters.files import load_description
     from soft_continuum.twin.rig import TwinRig
     from soft_continuum.twin.sensor_topics import SensorTopics
     from soft_continuum.twin.truth import Truth
+    from soft_continuum.user_files import description_file
 
     def begin(running: ExitStack) -> None:
         values = load_description(*options.params_file or [description_file()],

@@ -36,13 +36,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                         f'has to see fixed tags (default: {DIRECTION:g})')
     options = parser.parse_args(argv)
     require('cv2')
-    from soft_continuum.nodes.up import description_file
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
     from soft_continuum.sensing.ring_layout import layout_of, RingLayout
     from soft_continuum.twin.pictures import Pictures, TwinCamera
     from soft_continuum.twin.ring_camera import RingTwinCamera
     from soft_continuum.twin.tag_camera import TagTwinCamera
+    from soft_continuum.user_files import description_file
 
     def begin(running: ExitStack) -> None:
         layout: Any = layout_of(load_description(

@@ -34,10 +34,11 @@ from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.spatial.orientations import quaternions
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
-from soft_continuum.nodes.up import chosen_nodes, description_file, with_asked
+from soft_continuum.nodes.up import chosen_nodes, with_asked
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.sequencing.progress import Phase
+from soft_continuum.user_files import description_file
 
 ARMS = ('manipulator', 'spatial_jamming', 'tendon_arm')
 """The shipped descriptions, config/NAME.yaml; the first is the arm of the paper."""

@@ -47,7 +47,7 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
     if preset is None:
         yield {}
         return
-    from soft_continuum.nodes.up import description_file  # which needs this module itself
+    from soft_continuum.user_files import description_file
     tendons = len(load_arm(
         *params_files or [description_file()], namespace=namespace).tendon_names)
     with TemporaryDirectory(prefix='soft_continuum_') as directory:

@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import NamedTemporaryFile
 from time import sleep
 
-from ament_index_python.packages import get_package_share_directory, get_packages_with_prefixes
+from ament_index_python.packages import get_packages_with_prefixes
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
@@ -46,6 +46,7 @@ from soft_continuum.ros.names import (
     SHAPE_SEQUENCER,
     TELEOP,
 )
+from soft_continuum.user_files import description_file
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
 STEERING = (SERVO, TELEOP)
@@ -54,11 +55,6 @@ COMPUTERS = (ALL, RIG, WORKSTATION)
 COMPUTER_HELP = ('which of the nodes to start: those that own devices (rig), the others '
                  '(workstation), or all')
 PERIOD = 0.05  # s between two looks at the processes
-
-
-def description_file(arm: str = 'manipulator') -> Path:
-    """Return an installed description, by default that of the arm of the paper."""
-    return Path(get_package_share_directory('soft_continuum')) / 'config' / f'{arm}.yaml'
 
 
 def start_parser(verb: str, description: str) -> Parser:

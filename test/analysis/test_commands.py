@@ -15,9 +15,9 @@ import pytest
 
 from soft_continuum.cli import characterize, converge, identify, validate, workspace
 from soft_continuum.mechanics.laws import MomentCurvature
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
+from soft_continuum.user_files import description_file
 from support import curve_files as files
 from support.flat_arm import of_segments
 

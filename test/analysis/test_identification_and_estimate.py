@@ -17,12 +17,12 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import SECOND_ORDER
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.user_files import description_file
 
 RATIO, FACTORS = 30.0, (1.2, 0.85, 1.15)
 NOISE = 3e-4  # m of each coordinate of a point

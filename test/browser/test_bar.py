@@ -24,11 +24,11 @@ from soft_continuum.browser.words import plain
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.observed import KINEMATICS_STATE
 from soft_continuum.client.state import Pose, Progress
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import KinematicsState
 from support.arm_states import MOVING, READY, STOPPED

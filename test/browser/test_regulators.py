@@ -12,8 +12,8 @@ import pytest
 from soft_continuum.browser.access import open_server
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.session import Description
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.user_files import description_file
 from support.arm_states import READY
 
 

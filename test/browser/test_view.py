@@ -25,10 +25,10 @@ from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.analysis.bag_tables import read_recording
-from soft_continuum.nodes.up import description_file
 from soft_continuum.obstacles import Box, Capsule, Obstacle, Sphere
 from soft_continuum.ros.obstacles import obstacle_to_ros
 from soft_continuum.ros.qos import LATCHED, OBSTACLES, STREAM
+from soft_continuum.user_files import description_file
 from support.descriptions import given_in
 from support.page import (
     address_of,

@@ -30,8 +30,8 @@ from soft_continuum.client import (
     SequenceError,
 )
 from soft_continuum.client.connection import Connection
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm, load_description
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import MotionRequest
 from support.ros_rig import Rig
 

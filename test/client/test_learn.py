@@ -11,13 +11,13 @@ import pytest
 from soft_continuum.cli.learn import FILE
 from soft_continuum.cli.learn import learn as what_is_learned
 from soft_continuum.client.estimate import LearnedParameter
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import (
     load_arm,
     write_parameters,
 )
 from soft_continuum.parameters.overrides import Overrides
 from soft_continuum.ros.estimates import model_from_ros, parameter_names
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 from support.estimated_arm import ARM, EstimatedArm, learned
 

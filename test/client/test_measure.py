@@ -19,11 +19,11 @@ from soft_continuum.cli import measure
 from soft_continuum.client import Arm, ClientError
 from soft_continuum.client.measured import mean_of
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_from_ros, tracked_pose_to_ros
 from soft_continuum.sensing.rigid import in_plane, planar_pose
 from soft_continuum.sequencing.progress import Phase, Progress
+from soft_continuum.user_files import description_file
 from support.descriptions import given
 from support.planar import measured_pose_to_ros
 from support.ros_rig import Rig, STREAM

@@ -17,8 +17,8 @@ from soft_continuum.client.own_file import (
     save_shape,
 )
 from soft_continuum.client.own_shapes import OwnShapesError, Saved, steps_from_text
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import Shape
 
 LIBRARY = ('c_form', 's_form')

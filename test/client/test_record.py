@@ -25,12 +25,12 @@ from soft_continuum.analysis.recording import BAG, DESCRIPTION
 from soft_continuum.cli.export import main as export
 from soft_continuum.cli.report import main as report
 from soft_continuum.client import Arm
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.recordings.bag import BagReader
 from soft_continuum.recordings.playback import Playback
 from soft_continuum.ros.definitions import DefinitionError, message_class
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import RecorderState
 from support.ros_rig import DEADLINE, Rig
 

@@ -14,9 +14,9 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import Arm, Jam, Statics, Wrench
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import in_plane
+from soft_continuum.user_files import description_file
 
 COVARIANCE = np.diag([8e-4, 8e-4, 1e-2])**2
 SEGMENT = 1  # which becomes soft, 0-based

@@ -19,9 +19,9 @@ from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
 from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import displacement
+from soft_continuum.user_files import description_file
 from support.spatial_arms import in_space
 from support.spatial_truth import ARM, COVARIANCE, DEVIATIONS, PRIOR, SpatialSession, SpatialTruth
 from support.true_arm import ARM as PLANAR

@@ -9,10 +9,10 @@ import pytest
 from soft_continuum.emulators.driving import SPOOL_RADIUS
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.rig import TwinRig
+from soft_continuum.user_files import description_file
 from support.servo_rig import SPEED, spools
 from support.virtual_clock import VirtualClock
 

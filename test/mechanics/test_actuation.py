@@ -5,8 +5,8 @@
 from dataclasses import replace
 
 from soft_continuum.mechanics.model import fully_actuated
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.user_files import description_file
 from support.flat_arm import of_segments
 from support.spatial_arms import three_segments
 

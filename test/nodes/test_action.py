@@ -13,12 +13,12 @@ import pytest
 
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.nodes.sequence_server import error_code
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.progress import Code, Phase
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
 from support.ros_rig import Goal, Rig

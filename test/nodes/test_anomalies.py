@@ -12,9 +12,9 @@ from sensor_msgs.msg import JointState
 
 from soft_continuum.estimation.unknowns import STRETCH
 from soft_continuum.mechanics import Statics
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.names import MEASURED_POSE
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
 from support.planar import measured_pose_to_ros
 from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig

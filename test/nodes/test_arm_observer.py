@@ -14,8 +14,8 @@ from sensor_msgs.msg import FluidPressure, JointState
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.reported_arm import ReportedArm
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
     KinematicsState,

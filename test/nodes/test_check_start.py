@@ -7,14 +7,9 @@ from collections.abc import Sequence
 
 import pytest
 
-from soft_continuum.nodes.up import (
-    asked_of,
-    check_start,
-    chosen_nodes,
-    description_file,
-    start_parser,
-)
+from soft_continuum.nodes.up import asked_of, check_start, chosen_nodes, start_parser
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.user_files import description_file
 
 
 def test_what_can_be_started_is_not_refused() -> None:

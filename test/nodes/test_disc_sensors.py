@@ -18,10 +18,10 @@ import yaml
 
 from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import measured_pose_from_ros
 from soft_continuum.ros.qos import LATCHED
+from soft_continuum.user_files import description_file
 from support.descriptions import given_in
 from support.planar import planar
 from support.ros_rig import pairs, Rig, STREAM

@@ -23,9 +23,9 @@ import yaml
 from soft_continuum.arguments import COMMON_OPTIONS
 from soft_continuum.cli.main import main
 from soft_continuum.client import Arm, demo
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros.names import NODES
+from soft_continuum.user_files import description_file
 from support import ros2_commands
 from support.documented_commands import (
     blocks,

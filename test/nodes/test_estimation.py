@@ -15,11 +15,11 @@ from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.mechanics import Equilibrium, Statics, StaticsError
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum.sensing.rigid import planar_pose
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
 from support.planar import measured_pose_to_ros

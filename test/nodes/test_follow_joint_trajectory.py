@@ -20,7 +20,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 import pytest
 
-from soft_continuum.nodes.up import description_file
+from soft_continuum.user_files import description_file
 from support.processes import module_command, NodeProcess, Processes
 from support.ros_rig import Rig
 

@@ -17,7 +17,6 @@ from rclpy.action import (
     get_action_server_names_and_types_by_node,
 )
 
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.ros.interface_tables import (
     documented_nodes,
@@ -27,6 +26,7 @@ from soft_continuum.ros.interface_tables import (
 )
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP
 from soft_continuum.ros.security_policy import policy
+from soft_continuum.user_files import description_file
 from support.policies import allowed, used
 from support.ros_rig import ALL, DEADLINE, Rig
 

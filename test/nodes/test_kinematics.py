@@ -12,9 +12,9 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes import kinematics
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.ros_time import stamp_of
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState, TendonActuationState
 from support.ros_rig import LATCHED, RELIABLE, Rig
 

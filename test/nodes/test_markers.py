@@ -13,8 +13,8 @@ import yaml
 from soft_continuum.colours import PREDICTED, WRONG
 from soft_continuum.mechanics import RigidChain
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.user_files import description_file
 
 CHAIN = RigidChain(load_arm(description_file()))
 BENT = CHAIN.uniform((0.3, -0.2, 0.25))

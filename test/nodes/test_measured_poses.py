@@ -13,10 +13,10 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from soft_continuum.nodes.measured_poses import MeasuredPoses
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
+from soft_continuum.user_files import description_file
 from support.planar import measured_pose_to_ros
 from support.ros_rig import Rig
 

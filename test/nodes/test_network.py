@@ -13,7 +13,6 @@ import sys
 
 import pytest
 
-from soft_continuum.nodes.up import description_file
 from soft_continuum.ros.network import (
     choose_network,
     given_network,
@@ -22,6 +21,7 @@ from soft_continuum.ros.network import (
     reachable_addresses,
     who_commands,
 )
+from soft_continuum.user_files import description_file
 from support.processes import module_command, NodeProcess, Processes
 from support.ros_rig import Rig
 

@@ -11,11 +11,11 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum import version
 from soft_continuum.nodes.about import Instance
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import ARM_PARAMETERS, description_digest
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.scalars import read_scalar
 from soft_continuum.ros.names import DISC_SENSORS, KINEMATICS, SERVO, TENDON_ACTUATION
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import NodeInstance
 from soft_continuum_interfaces.srv import About
 from support.ros_rig import ALL, Rig, trajectory

@@ -16,7 +16,6 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 
 from soft_continuum.nodes.runtime import run
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
@@ -36,6 +35,7 @@ from soft_continuum.parameters.shapes import (
     vacuum_parameter,
     VACUUM_PREFIX,
 )
+from soft_continuum.user_files import description_file
 from support.processes import module_command, Processes
 from support.ros_rig import ALL, Rig
 

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 from soft_continuum.cli.main import main
-from soft_continuum.nodes.up import description_file
 from soft_continuum.ros.network import PARENT
+from soft_continuum.user_files import description_file
 from support.documented_commands import kept_signal_handlers
 from support.processes import assert_ended_in_peace, module_command, NodeProcess, Processes
 from support.ros_rig import ALL, DEADLINE, Rig

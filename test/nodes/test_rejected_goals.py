@@ -17,9 +17,9 @@ from std_msgs.msg import Header
 from soft_continuum.mechanics.chain import RigidChain
 from soft_continuum.nodes import kinematics, shape_sequencer
 from soft_continuum.nodes.model import load_model
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import PlanError, Planner
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
 from support.ros_rig import ALL, LATCHED, Rig, shape_message

@@ -21,9 +21,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.mechanics import Statics
 from soft_continuum.nodes.servo import EstimateObserver
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_to_ros
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import TendonTrajectory
 from support.ros_rig import Heard, LATCHED, pairs, RELIABLE, Rig, trajectory
 

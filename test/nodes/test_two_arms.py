@@ -10,8 +10,8 @@ import signal
 import numpy as np
 import pytest
 
-from soft_continuum.nodes.up import description_file
 from soft_continuum.ros.conversions import poses_from_ros
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from support.processes import assert_ended_in_peace, module_command, Processes
 from support.ros_rig import ALL, Rig

@@ -15,7 +15,6 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.spatial import SpatialChain
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.estimates import (
     estimate_to_ros,
@@ -24,6 +23,7 @@ from soft_continuum.ros.estimates import (
     parameters_to_ros,
 )
 from soft_continuum.sensing.rigid import in_plane
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 from support.flat_arm import of_segments
 

@@ -12,7 +12,6 @@ import yaml
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import full_poses
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.imu_axes import imu_rotations
@@ -21,6 +20,7 @@ from soft_continuum.sensing.sight import DiscPose, Sight
 from soft_continuum.sensing.tare import mount_of, straight_heights, tag_mount, turn_of, Window
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sensing.tracker import Tracker
+from soft_continuum.user_files import description_file
 from support import space_views, views
 
 VALUES = {'frame_id': 'base_link', 'tracker.frame_id': 'world', 'tracker.mounts': (0.0,)}

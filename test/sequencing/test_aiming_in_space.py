@@ -12,7 +12,6 @@ from soft_continuum.mechanics import Jam, pulls_for_bending, StaticsError
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.statics import PRETENSIONS
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.aiming import (
     Aim,
@@ -22,6 +21,7 @@ from soft_continuum.sequencing.aiming import (
     worth_setting_again,
 )
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, WHOLE_ARM
+from soft_continuum.user_files import description_file
 
 ALL = (0, 1, 2)
 FALLS = -0.109, -0.178  # rad: where the least tensions leave segment 2 free to fall

@@ -12,7 +12,6 @@ from benchmarks.servo_loop import follow, Measuring, StaticPlant, TwinPlant
 from soft_continuum.mechanics import Jam, Statics, StaticsError
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.bending_map import bending_map, BendingLimits, LINE_STEP
 from soft_continuum.sequencing.servo import (
@@ -22,6 +21,7 @@ from soft_continuum.sequencing.servo import (
     TargetError,
 )
 from soft_continuum.twin.differences import read_differences
+from soft_continuum.user_files import description_file
 
 ARM = load_arm(description_file())
 TYPICAL = read_differences(description_file().with_name('twin.yaml'), 'typical')

@@ -12,7 +12,6 @@ import pytest
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.mechanics.spatial.directions import bending_vectors
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
 from soft_continuum.sequencing.servo import (
@@ -21,6 +20,7 @@ from soft_continuum.sequencing.servo import (
     ServoSettings,
     TargetError,
 )
+from soft_continuum.user_files import description_file
 from support.spatial_arms import in_space
 
 ARM = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),

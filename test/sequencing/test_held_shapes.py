@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.nodes.up import description_file
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.arm_port import Failure
@@ -20,6 +19,7 @@ from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
+from soft_continuum.user_files import description_file
 from support.measured_rig import asked_to_soften, LOOP, MeasuredRig, OffsetStatics
 from support.virtual_rig import PLAN_SETTINGS, RUNNER_SETTINGS, VirtualRig
 

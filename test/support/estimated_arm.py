@@ -21,10 +21,10 @@ from rclpy.time import Duration
 from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import full_poses, RigidChain
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.names import NODES
+from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
     EstimatedParameter,

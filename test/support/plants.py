@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.user_files import description_file
 
 ARM = load_arm(description_file())
 IDEAL = read_differences(description_file().with_name('twin.yaml'), 'ideal')

@@ -6,11 +6,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.spatial.chain import SpatialChain
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
+from soft_continuum.user_files import description_file
 from support import views
 
 PATH = description_file().with_name('spatial_jamming.yaml')

@@ -11,8 +11,8 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Jam
 from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.user_files import description_file
 from support.true_arm import Session
 
 ARM = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),

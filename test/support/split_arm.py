@@ -15,8 +15,8 @@ from typing import Any, Self
 
 import yaml
 
-from soft_continuum.nodes.up import description_file
 from soft_continuum.ros.network import PROFILES
+from soft_continuum.user_files import description_file
 from support.processes import NodeProcess, Processes
 from support.ros_rig import Rig
 from support.two_computers import Computer, Computers, PERFECT, Quality, RIG, WORKSTATION

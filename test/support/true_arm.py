@@ -13,9 +13,9 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.model import chain_of
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import in_plane
+from soft_continuum.user_files import description_file
 
 ARM = replace(load_arm(description_file()), bodies_per_segment=4)
 DEVIATIONS = np.array([3e-4, 3e-4, 2e-3])  # m, m, rad: of the camera

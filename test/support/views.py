@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from soft_continuum.mechanics import RigidChain
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.tag_camera import TagTwinCamera
+from soft_continuum.user_files import description_file
 
 VALUES = load_description(description_file(), node='camera')
 ARM = arm_from_parameters(VALUES)

@@ -6,8 +6,8 @@ import pytest
 import yaml
 
 from soft_continuum.cli import twin
-from soft_continuum.nodes.up import description_file
 from soft_continuum.twin.differences import Obstacle, RANGES, read_differences, TwinError
+from soft_continuum.user_files import description_file
 
 FILE = description_file().with_name('twin.yaml')
 

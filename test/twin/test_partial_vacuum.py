@@ -11,13 +11,13 @@ import pytest
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.nodes.up import description_file
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
 from soft_continuum.twin.plant import Plant
+from soft_continuum.user_files import description_file
 from support.plants import ARM, IDEAL, only, points_of, run, STIFF
 
 FULL = 80e3

@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.mechanics import pulls_for_bending
 from soft_continuum.mechanics.arm import Arm, Disc, Segment, Tendon, Wrench
 from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.nodes.up import description_file
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import Obstacle, read_differences, TwinError
 from soft_continuum.twin.plant import Plant
 from soft_continuum.twin.sensors import Sensors
+from soft_continuum.user_files import description_file
 from support.plants import ARM, IDEAL, only, run, SOFT, STIFF
 from support.spatial_arms import in_space, stretching
 
