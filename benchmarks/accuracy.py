@@ -80,12 +80,12 @@ def _models() -> dict[str, Callable[[Arm], Solver]]:
 
 def _constant_curvature(arm: Arm) -> Solver:
     def solve(steps: list[paper.Step]) -> Array:
-        angles = [0.0] * len(arm.segments)
+        bending = np.zeros((len(arm.segments), 2))
         for step in steps:
             side = 1.0 if step.tendon == RIGHT else -1.0
-            angles[step.segment] = side * constant_curvature.bending_angle(
+            bending[step.segment, 1] = side * constant_curvature.bending_angle(
                 arm, step.segment, step.change)
-        return constant_curvature.poses(arm, angles)
+        return constant_curvature.poses(arm, bending)[0][:, [0, 2]]
 
     return solve
 

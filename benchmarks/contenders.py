@@ -122,6 +122,7 @@ def pi_on_angles(lab: Lab, goal: Goal, arm: Arm) -> Outcome:
 def _arcs(arm: Arm, angles: Array, other: int, slack: float) -> Array:
     """Return the pulls (2,) m of arcs of these angles (segments,), rad; ``other`` has slack, m."""
     limits = arm.bending_angle_limits
-    pulls = np.array(constant_curvature.pulls(arm, np.clip(angles, -limits, limits).tolist()))
+    bending = np.column_stack([np.zeros(len(angles)), np.clip(angles, -limits, limits)])
+    pulls = constant_curvature.pulls(arm, bending)
     pulls[other] -= slack
     return pulls

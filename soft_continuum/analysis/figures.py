@@ -8,10 +8,10 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
+from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.model import State
-from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.orientations import matrices
 
 if TYPE_CHECKING:

@@ -15,11 +15,11 @@ import numpy as np
 
 from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps, Step
 from soft_continuum.analysis.results import progress
+from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array, SLACK
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import arc_bending, arc_pulls, Solver, statics_of
-from soft_continuum.mechanics.spatial import constant_curvature
+from soft_continuum.mechanics.model import Solver, statics_of
 from soft_continuum.mechanics.spatial.directions import hinged
 
 CONSTANT_CURVATURE = 'constant curvature'
@@ -88,11 +88,11 @@ def _constant_curvature(shape: MeasuredShape, arm: Arm) -> Prediction:
         soft = np.array(step.soft(len(arm.segments)))
         bending[soft] = aimed[soft] = 0.0
         with suppress(ArmError):
-            bending = arc_bending(arm, step.pulls, bending, soft.tolist())
-        before = arc_pulls(arm, aimed)
+            bending = constant_curvature.bending(arm, step.pulls, bending, soft.tolist())
+        before = constant_curvature.pulls(arm, aimed)
         wanted = _wanted(arm, step)
         aimed[soft] = bending[soft] if wanted is None else wanted[soft]
-        pulls = arc_pulls(arm, aimed)
+        pulls = constant_curvature.pulls(arm, aimed)
         most = len(pulls) - 1 - int(np.argmax((pulls - before)[::-1]))
         needed.append(None if wanted is None else (most, float(pulls[most])))
     slack = tuple(set(step.pulls) == {SLACK} for step in shape.steps)

@@ -27,9 +27,9 @@ from soft_continuum.client.state_text import angles_text
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.extras import require
 from soft_continuum.mechanics import arm as mechanics
+from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.model import chain_of
-from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.spatial.orientations import quaternions
 from soft_continuum.nodes.processes import NodeProcesses

@@ -373,24 +373,36 @@ class Arm:
         offset = one.offset_at(segment, part)
         return offset * cos(angle), offset * sin(angle)
 
+    @cached_property
+    def guide_places(self) -> NDArray[np.float64]:
+        """
+        Places (x, y) of guides, (tendons, segments, spacers + 2, 2) m, those of spacers included.
+
+        nan where a tendon does not pass a segment.
+        """
+        parts = np.linspace(0.0, 1.0, self.spacers + 2)
+        return np.array([[[
+            self.tendon_place(t, s, part) if tendon.end > s else (np.nan, np.nan)
+            for part in parts] for s in range(len(self.segments))]
+            for t, tendon in enumerate(self.tendons)]).reshape(
+                -1, len(self.segments), len(parts), 2)
+
     @property
     def guide_radii(self) -> NDArray[np.float64]:
         """Largest distance of a guide from the backbone in each segment, (segments,), m."""
-        return np.array([max((tendon.offset_at(s, part) for tendon in self.tendons
-                              if tendon.end > s for part in (0.0, 1.0)), default=0.0)
-                         for s in range(len(self.segments))])
+        radii = np.linalg.norm(np.nan_to_num(self.guide_places[:, :, [0, -1]]), axis=-1)
+        found: NDArray[np.float64] = radii.max(axis=(0, 2), initial=0.0)
+        return found
 
     @property
     def ropes(self) -> NDArray[np.float64]:
         """Length of each tendon of the straight arm from its motor to its end, (tendons,), m."""
-        parts = np.linspace(0.0, 1.0, self.spacers + 2)
-        found = np.zeros(len(self.tendons))
-        for t, tendon in enumerate(self.tendons):
-            spans = [np.hypot(np.linalg.norm(np.diff(
-                [self.tendon_place(t, s, part) for part in parts], axis=0), axis=1),
-                self.segments[s].length / (self.spacers + 1)).sum() for s in range(tendon.end)]
-            found[t] = tendon.free_length + sum(spans) + sum(
-                disc.height for disc in self.discs[:tendon.end + 1])
+        lengths = np.array([segment.length for segment in self.segments])
+        spans = np.hypot(np.linalg.norm(np.diff(self.guide_places, axis=2), axis=-1),
+                         lengths[:, None] / (self.spacers + 1))
+        through = np.cumsum([disc.height for disc in self.discs])[list(self.tendon_ends)]
+        found: NDArray[np.float64] = np.nansum(spans, axis=(1, 2)) + through + [
+            tendon.free_length for tendon in self.tendons]
         return found
 
     @property

@@ -12,10 +12,9 @@ from typing import Any, Protocol, TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, RigidChain, SLACK
-from soft_continuum.mechanics.spatial import constant_curvature as spatial_curvature
+from soft_continuum.mechanics.chain import Array, RigidChain
+from soft_continuum.mechanics.constant_curvature import pulls
 from soft_continuum.mechanics.spatial.chain import SpatialChain
 from soft_continuum.mechanics.spatial.directions import ONE_PLANE
 
@@ -138,38 +137,6 @@ def chain_of(arm: Arm) -> Chain:
     return RigidChain(arm) if arm.planar else SpatialChain(arm)
 
 
-def arc_pulls(arm: Arm, bending: Array) -> Array:
-    """Return the pulls (tendons,) m of a bending, as State.bending, of constant curvature."""
-    if arm.planar:
-        return np.array(constant_curvature.pulls(arm, bending[:, 1].tolist()))
-    return spatial_curvature.pulls(arm, bending)
-
-
-def arc_bending(arm: Arm, pulls: Sequence[float], start: Array, soft: Sequence[bool]) -> Array:
-    """Return the bending (segments, 2), rad, by constant_curvature.bending; SLACK: not pulled."""
-    if arm.planar:
-        return constant_curvature.bending(arm, pulls, start, soft)
-    return spatial_curvature.bending(
-        arm, [pull if pull > SLACK else np.nan for pull in pulls], start, soft)
-
-
-def arc_tips(arm: Arm, bending: Array) -> tuple[Array, Array]:
-    """
-    Return where tips are, (m, 3) m, and their orientations (m, 3, 3), by constant curvature.
-
-    bending: (m, segments, 2), rad, each as State.bending.
-    """
-    if not arm.planar:
-        points, turns = spatial_curvature.poses(arm, bending)
-        return points[..., -1, :], turns[..., -1, :, :]
-    x, z, angle = np.moveaxis(constant_curvature.poses(arm, bending[..., 1])[..., -1, :], -1, 0)
-    turned = np.zeros((*x.shape, 3, 3))
-    turned[..., 0, 0] = turned[..., 2, 2] = np.cos(angle)
-    turned[..., 0, 2], turned[..., 2, 0] = np.sin(angle), -np.sin(angle)
-    turned[..., 1, 1] = 1.0
-    return np.stack([x, np.zeros_like(x), z], axis=-1), turned
-
-
 def fully_actuated(arm: Arm) -> bool:
     """
     Return whether tendons alone bend each segment by itself to where it can bend, all being soft.
@@ -182,7 +149,7 @@ def fully_actuated(arm: Arm) -> bool:
     for rate, (segment, axis) in zip(rates, axes, strict=True):
         bending = np.zeros((len(arm.segments), 2))
         bending[segment, axis] = SMALL
-        rate[:] = (arc_pulls(arm, bending) - arc_pulls(arm, -bending)) / (2.0 * SMALL)
+        rate[:] = (pulls(arm, bending) - pulls(arm, -bending)) / (2.0 * SMALL)
     rank = np.linalg.matrix_rank(rates, tol=ONE_PLANE * np.abs(rates).max(initial=0.0))
     return bool(rank == len(axes))
 

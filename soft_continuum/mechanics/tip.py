@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics._checks import check_start, real_array
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import SAME_BENDING, set_shape
-from soft_continuum.mechanics.spatial import constant_curvature
 from soft_continuum.mechanics.spatial.directions import within_limits
 
 METRES_PER_RADIAN = 0.1  # what an orientation that is wanted as well counts
@@ -193,11 +193,11 @@ class _Fit:
 
     def missed(self, bending: Array, goal: Array, turn: Array | None) -> Array:
         """Return by how much tips by constant curvature miss, (..., 3 or 6), m."""
-        points, turns = constant_curvature.poses(self.statics.chain.arm, bending)
-        away: Array = points[..., -1, :] - goal
+        tips, turns = constant_curvature.tips(self.statics.chain.arm, bending)
+        away: Array = tips - goal
         if turn is None:
             return away
-        turned = Rotation.from_matrix((turn.T @ turns[..., -1, :, :]).reshape(-1, 3, 3))
+        turned = Rotation.from_matrix((turn.T @ turns).reshape(-1, 3, 3))
         return np.concatenate(
             [away, METRES_PER_RADIAN * turned.as_rotvec().reshape(away.shape)], axis=-1)
 
@@ -243,10 +243,10 @@ class _Fit:
                 best = fit
             if _error(fit) < SETTLED or _error(fit) > SLOW * before:  # there, or out of reach
                 break
-            points, turns = constant_curvature.poses(arm, bending)
-            goal = self.goal - (state.poses[-1, :3] - points[-1])
+            tip, turned = constant_curvature.tips(arm, bending)
+            goal = self.goal - (state.poses[-1, :3] - tip)
             if self.turn is not None:
-                turn = turns[-1] @ state.rotations[-1].T @ self.turn
+                turn = turned @ state.rotations[-1].T @ self.turn
             bending, _ = self.arc(bending, goal, turn, EXACT)
         assert best is not None
         return best

@@ -11,7 +11,7 @@ import pytest
 
 from soft_continuum.mechanics import ArmError, constant_curvature, Disc, RigidChain, Segment
 from support import paper_arm as paper
-from support.flat_arm import flat_arm, guides_of
+from support.flat_arm import about_y, arcs_of, flat_arm, guides_of
 from support.random_arms import arms, between, MODERATE
 
 
@@ -41,7 +41,7 @@ def drawn(arm, angle):
 @given(arms(segments=(1, 1)), between(-2.0, 2.0))
 def test_pulls_are_those_of_guides_drawn_on_an_arc(arm, angle):
     expected = np.array(drawn(arm, 0.0)) - drawn(arm, angle)
-    assert constant_curvature.segment_pulls(arm, 0, angle) == pytest.approx(expected, abs=1e-14)
+    assert constant_curvature.pulls(arm, about_y([angle])) == pytest.approx(expected, abs=1e-14)
 
 
 def test_an_angle_near_zero_joins_smoothly():
@@ -53,16 +53,17 @@ def test_an_angle_near_zero_joins_smoothly():
 @MODERATE
 @given(arms(segments=(1, 1)), between(-1.5, 1.5))
 def test_the_bending_angle_is_recovered_from_the_pull(arm, angle):
-    pull, _ = constant_curvature.segment_pulls(arm, 0, angle)
+    pull, _ = constant_curvature.pulls(arm, about_y([angle]))
     found = constant_curvature.bending_angle(arm, 0, pull)
     # A slender segment has two angles of the same pull: the smaller one counts.
-    assert constant_curvature.segment_pulls(arm, 0, found)[0] == pytest.approx(pull, abs=1e-12)
+    assert constant_curvature.pulls(arm, about_y([found]))[0] == pytest.approx(pull, abs=1e-12)
     assert abs(found) <= abs(angle) + 1e-9
 
 
 def test_a_pull_beyond_the_bending_angle_limit_is_refused():
     arm = paper.build()
-    most, _ = constant_curvature.segment_pulls(arm, 0, arm.segments[0].bending_angle_limit)
+    most, _ = constant_curvature.pulls(
+        arm, about_y([arm.segments[0].bending_angle_limit, 0.0, 0.0]))
     with pytest.raises(ArmError, match='allowed'):
         constant_curvature.bending_angle(arm, 0, most + 1e-6)
     with pytest.raises(ArmError, match='allowed'):
@@ -73,13 +74,13 @@ def test_a_pull_within_the_limit_has_the_smallest_angle_that_gives_it():
     # Wide guides meet before the limit: beyond, the same pull belongs to a second, useless angle.
     arm = one_segment(0.03, pi / 2)
     for angle in (0.3, 0.8, 1.1):
-        pull, _ = constant_curvature.segment_pulls(arm, 0, angle)
+        pull, _ = constant_curvature.pulls(arm, about_y([angle]))
         assert constant_curvature.bending_angle(arm, 0, pull) == pytest.approx(angle, abs=1e-9)
 
 
 def test_a_limit_of_a_full_turn_leaves_small_pulls_allowed():
     arm = one_segment(0.07, 2 * pi)
-    pull, _ = constant_curvature.segment_pulls(arm, 0, 0.6)
+    pull, _ = constant_curvature.pulls(arm, about_y([0.6]))
     assert constant_curvature.bending_angle(arm, 0, pull) == pytest.approx(0.6, abs=1e-9)
 
 
@@ -89,24 +90,24 @@ def test_the_chain_with_many_even_joints_lies_on_the_arcs(arm, data):
     angles = [data.draw(between(-1.2, 1.2)) for _ in arm.segments]
     chain = RigidChain(arm)
     state = chain.uniform(angles)
-    arcs = constant_curvature.poses(arm, angles)
-    assert chain.points(state.joint_angles) == pytest.approx(arcs, abs=2e-4)
-    assert state.pulls == pytest.approx(constant_curvature.pulls(arm, angles), abs=2e-4)
+    arcs, _ = constant_curvature.poses(arm, about_y(angles))
+    assert state.poses[:, :3] == pytest.approx(arcs, abs=2e-4)
+    assert state.pulls == pytest.approx(constant_curvature.pulls(arm, about_y(angles)), abs=2e-4)
 
 
 def test_calculation_points_of_the_straight_arm():
-    points = constant_curvature.poses(paper.build(), (0.0, 0.0, 0.0))
-    assert points[:, 1] == pytest.approx([0.0, 0.03, 0.1, 0.13, 0.2, 0.23, 0.3, 0.33])
-    assert np.all(points[:, [0, 2]] == 0.0)
+    points, _ = constant_curvature.poses(paper.build(), np.zeros((3, 2)))
+    assert points[:, 2] == pytest.approx([0.0, 0.03, 0.1, 0.13, 0.2, 0.23, 0.3, 0.33])
+    assert np.all(points[:, :2] == 0.0)
 
 
-@pytest.mark.parametrize('angles', [(0.1, 0.2), (0.1,) * 4, (0.1, float('nan'), 0.1)])
-def test_wrong_angles_are_refused(angles):
-    for function in (constant_curvature.pulls, constant_curvature.poses):
-        with pytest.raises(ArmError):
-            function(paper.build(), angles)
-
-
-def test_any_number_of_segments():
-    arm = one_segment(0.07, pi / 2)
-    assert constant_curvature.poses(arm, [pi / 2])[-1, 2] == pytest.approx(pi / 2)
+@MODERATE
+@given(arms(segments=(1, 4)), st.data())
+def test_discs_are_on_chords_of_arcs(arm, data):
+    angles = [data.draw(between(-2.5, 2.5)) for _ in arm.segments]
+    points, turns = constant_curvature.poses(arm, about_y(angles))
+    arcs = arcs_of(arm, angles)
+    assert points[:, [0, 2]] == pytest.approx(arcs[:, :2], abs=1e-14)
+    assert turns[:, 0, 2] == pytest.approx(np.sin(arcs[::2, 2]), abs=1e-14)
+    tip, turn = constant_curvature.tips(arm, about_y(angles))
+    assert np.array_equal(tip, points[-1]) and np.array_equal(turn, turns[-1])

@@ -14,13 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics import bending_for_tip, pulls_for_bending, set_shape
-from soft_continuum.mechanics import constant_curvature as planar_arcs
+from soft_continuum.mechanics import (
+    bending_for_tip,
+    constant_curvature,
+    pulls_for_bending,
+    set_shape,
+)
 from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.chain import SLACK
 from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.spatial import constant_curvature as spatial_arcs
 from soft_continuum.mechanics.spatial import SpatialLinearisation
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
@@ -147,13 +150,8 @@ class Model:
 
     def arcs(self, bending: np.ndarray) -> Numbers:
         """Return pulls and place of the tip, by constant curvature."""
-        module = planar_arcs if self.planar else spatial_arcs
-        if self.planar:
-            x, z, _ = planar_arcs.poses(self.arm, self._own(bending))[-1]
-            tip = np.array([x, 0.0, z])
-        else:
-            tip = spatial_arcs.poses(self.arm, self._own(bending))[0][-1]
-        return {'pulls': module.pulls(self.arm, self._own(bending)), 'tip': tip}
+        places, _ = constant_curvature.poses(self.arm, bending)
+        return {'pulls': constant_curvature.pulls(self.arm, bending), 'tip': places[-1]}
 
     # Plans.
 
@@ -206,9 +204,6 @@ class Model:
                 int))]} for move in plan.moves], 'end': self.state(plan.state)}
 
     # Forms.
-
-    def _own(self, bending: np.ndarray) -> np.ndarray:
-        return bending[:, 1] if self.planar else bending
 
     def _joints(self, coordinates: np.ndarray) -> np.ndarray:
         """Return the rotation vector of every joint, (joints, 3)."""

@@ -3,7 +3,9 @@
 """Planar arms for tests, in the numbers of the paper: offsets of guides, and an angle."""
 
 from dataclasses import replace
-from math import inf
+from math import cos, inf, sin
+
+import numpy as np
 
 from soft_continuum.mechanics.arm import Arm, mounted, STANDARD_GRAVITY, tendon_pair
 
@@ -43,3 +45,23 @@ def of_segments(arm, which, **changes):
         discs=(arm.discs[0], *(arm.discs[1 + s] for s in which)),
         tendons=tuple(replace(tendon, offset=offsets, end=len(which)) for tendon in arm.tendons),
         **changes)
+
+
+def arcs_of(arm, angles):
+    """Return bottom and top of every disc, x, z (m) and angle (rad), by chords of arcs."""
+    x, z, turned, points = 0.0, 0.0, 0.0, []
+    for k, disc in enumerate(arm.discs):
+        points.append((x, z, turned))
+        x, z = x + disc.height * sin(turned), z + disc.height * cos(turned)
+        points.append((x, z, turned))
+        if k < len(arm.segments):
+            half = angles[k] / 2.0
+            chord = arm.segments[k].length * (sin(half) / half if half else 1.0)
+            x, z = x + chord * sin(turned + half), z + chord * cos(turned + half)
+            turned += angles[k]
+    return np.array(points)
+
+
+def about_y(angles):
+    """Return angles (segments,) as bending (segments, 2), rad."""
+    return np.column_stack([np.zeros(len(angles)), angles])

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from soft_continuum.lazy import names_from
 
 if TYPE_CHECKING:
-    from soft_continuum.mechanics.spatial import constant_curvature
     from soft_continuum.mechanics.spatial.batch import solve_batch, solve_path, SpatialBatch
     from soft_continuum.mechanics.spatial.chain import SpatialChain, SpatialEquilibrium
     from soft_continuum.mechanics.spatial.directions import bending_directions, bending_vectors
@@ -26,13 +25,12 @@ if TYPE_CHECKING:
 __all__ = [
     'SpatialBatch', 'SpatialChain', 'SpatialEquilibrium', 'SpatialLinearisation',
     'SpatialSensitivity', 'SpatialStatics', 'bending_directions', 'bending_vectors',
-    'constant_curvature', 'self_intersections', 'solve_batch', 'solve_path', 'wound_up',
+    'self_intersections', 'solve_batch', 'solve_path', 'wound_up',
 ]
 
 # Cheap ones first, as in the plane: who solves does not load SciPy.
 __getattr__ = names_from(__name__, __all__, (
-    'directions', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity',
-    'constant_curvature'))
+    'directions', 'chain', 'statics', 'batch', 'self_contact', 'sensitivity'))
 
 
 def __dir__() -> list[str]:

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 import scipy
 
+from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import arc_pulls, arc_tips, chain_of, State
+from soft_continuum.mechanics.model import chain_of, State
 from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import TipGoal
@@ -91,11 +92,11 @@ class Arcs:
 
     def tips(self, bending: Array) -> tuple[Array, Array]:
         """Return where tips are, (m, 3) m, and their orientations (m, 3, 3), of (m, ...) rad."""
-        return arc_tips(self.arm, bending)
+        return constant_curvature.tips(self.arm, bending)
 
     def pulls(self, bending: Array) -> Array:
         """Return the pulls (tendons,) m of one bending."""
-        return arc_pulls(self.arm, bending)
+        return constant_curvature.pulls(self.arm, bending)
 
     def columns(self, movers: Sequence[int]) -> NDArray[np.intp]:
         """Return which of the numbers of a bending some segments, or WHOLE_ARM, set."""
