@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.spatial import SpatialStatics
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_arm, load_description
+from soft_continuum.parameters.files import load_description
 from soft_continuum.sequencing.planner import Planner, PlanSettings, WHOLE_ARM
 from soft_continuum.sequencing.reach import follow, reach, ReachSettings, TipGoal
 
@@ -89,11 +88,3 @@ def test_an_arm_without_jamming_follows_a_line_within_what_it_says(tendon_arm):
     assert nearest.max() <= 2e-3
     assert np.linalg.norm(tips[-1] - line[-1]) <= found.tip_error + 1e-6
     assert found.tip_error <= 2e-3
-
-
-def test_arcs_of_many_planar_shapes_at_once_are_those_of_each():
-    arm = load_arm(CONFIG / 'manipulator.yaml')
-    many = np.random.default_rng(0).uniform(-1.0, 1.0, (2, 4, 3))
-    found = constant_curvature.poses(arm, many)
-    assert found.shape == (2, 4, 8, 3)
-    assert found[1, 2] == pytest.approx(constant_curvature.poses(arm, many[1, 2]))
