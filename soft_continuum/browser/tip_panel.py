@@ -40,6 +40,7 @@ class TipPanel:
         self._place: Array = np.zeros(3)
         self._tilt, self._towards = 0.0, 0.0  # rad, of where it points
         self._situation: object = None  # what a plan begins with
+        self._shown: object = None  # what handle and numbers show
         self._tip: Pose | None = None  # of the arm, the last that was shown
         session.tip.leave()
         gui, far = server.gui, 1e3 * REACH * description.arm.length
@@ -177,11 +178,20 @@ class TipPanel:
             enable(control, on and self._directed.value is True)
 
     def _show_handle(self, on: bool) -> None:
-        """Bring handle and numbers to where the goal is."""
+        """
+        Bring handle and numbers to where the goal is, when it has changed.
+
+        What a browser sets is there before ``_typed`` and ``_dragged`` know of it, which come on
+        another thread: to set it back then would lose it.
+        """
         self._handle.visible = on
+        directed = self._directed.value is True
+        shown = (directed, *self._place.tolist(), self._tilt, self._towards) if on else None
+        if shown == self._shown:
+            return
+        self._shown = shown
         if not on:
             return
-        directed = self._directed.value is True
         self._handle.disable_rotations = not directed
         if not np.abs(self._handle.position - self._place).max() < 1e-9:
             self._handle.position = tuple(self._place)

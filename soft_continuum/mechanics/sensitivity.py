@@ -223,7 +223,7 @@ class Linearisation:
         Return the derivatives with respect to forces on the discs, per N.
 
         In turn x, y, which moves nothing, and z (base_link) at the centre of every disc but the
-        base, as a PointForce.
+        base, as a Wrench.
         """
         chain, free = self._chain, self._system.group >= 0
         bodies = np.arange(chain.joints)
