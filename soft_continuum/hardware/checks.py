@@ -69,17 +69,23 @@ class Check:
 
 def check_real_time(values: Mapping[str, Any]) -> Check:
     """Return whether the threads that talk to devices may go on before others."""
-    step = 'control threads'
-    if priority_allowed():
-        return Check(step, OK, f'have real-time priority (SCHED_FIFO {PRIORITY})')
+    step, (real_time, share) = 'control threads', priority_allowed()
+    have = (f'have real-time priority (SCHED_FIFO {PRIORITY})' if real_time
+            else 'have no real-time priority')
+    if real_time and share:
+        return Check(step, OK, have)
     user = getpass.getuser()
+    missing = [limit for limit, allowed in ((f'rtprio {PRIORITY}', real_time), (
+        f'nice {NICENESS}', share)) if not allowed]
+    lines = ' and '.join(f'"{user} - {limit}"' for limit in missing)
+    if not share:
+        have += ', and those around them no larger share of the processor'
     simulated = values['tendon_driver'] == values['jamming_driver'] == SIMULATED
     return Check(step, OK if simulated else WARN,
-                 'have no real-time priority: other programs of a busy computer may keep them '
-                 'waiting until a device, or its watchdog, ends the motion. As root, write '
-                 f'"{user} - rtprio {PRIORITY}" and "{user} - nice {NICENESS}" to {LIMITS} (for a '
-                 f'container: --ulimit rtprio={PRIORITY} --ulimit nice={20 - NICENESS}), and '
-                 'restart the computer')
+                 f'{have}: other programs of a busy computer may keep them waiting until a '
+                 f'device, or its watchdog, ends the motion. As root, write {lines} to {LIMITS} '
+                 f'(for a container: --ulimit rtprio={PRIORITY} --ulimit nice={20 - NICENESS}), '
+                 'and restart the computer')
 
 
 def check_ports(values: Mapping[str, Any]) -> Check:

@@ -29,30 +29,27 @@ def ask_for_real_time() -> bool:
     return True
 
 
-def ask_for_a_larger_share() -> bool:
+def ask_for_a_larger_share() -> None:
     """
     Let all threads of this process, and those that it starts, go on before those of most others.
 
     Else a busy computer keeps a thread that holds the interpreter, or a lock of DDS, from running,
     and with it the thread that talks to the device.  Real-time priority is none of theirs: threads
     of the kernel that hand on what a serial port receives have the usual one, and would wait
-    for whatever this process computes.  Returns whether the system allows it.
+    for whatever this process computes.  Where the system does not allow it, nothing changes.
     """
-    try:
+    with suppress(OSError):
         for thread in os.listdir('/proc/self/task'):
             os.setpriority(os.PRIO_PROCESS, int(thread), NICENESS)
-    except OSError:
-        return False
-    return True
 
 
-def priority_allowed() -> bool:
-    """Return whether threads of this user may have both; the calling one stays as it is."""
-    def ask() -> bool:
+def priority_allowed() -> tuple[bool, bool]:
+    """Return whether threads of this user may have each of both; the calling one stays as is."""
+    def ask() -> tuple[bool, bool]:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
-            return ask_for_real_time()
-        return False
+            return ask_for_real_time(), True
+        return ask_for_real_time(), False
 
     with ThreadPoolExecutor(1) as pool:
         return pool.submit(ask).result()

@@ -183,7 +183,7 @@ class Tendon:
         check_range(f'twist of {self.name}', self.twist, -1e3, 1e3, 'rad/m')
         if self.axial_stiffness != inf:
             check_range(f'axial stiffness E A of {self.name}', self.axial_stiffness,
-                        1e-3, 1e9, 'N')
+                        1.0, 1e9, 'N')
         check_range(f'friction coefficient of {self.name}', self.friction, 0.0, 2.0, '')
         check_range(f'free length of {self.name}', self.free_length, 0.0, 100.0, 'm')
 
@@ -240,7 +240,8 @@ class Arm:
     guides of every tendon inside each segment, evenly spaced.  discretisation: PAPER, n + 1 equal
     springs, which converges to the rod like 1/n; or SECOND_ORDER, end springs twice as stiff as
     those between the bodies, which converges like 1/n^2.  payload: kg at the top of the tip disc.
-    gravity: acceleration of free fall in base_link, m/s^2, such as mounted(pi).
+    gravity: acceleration of free fall in base_link, m/s^2, such as mounted(pi).  weightless_angle:
+    mounting_angle, rad, where no gravity tells it.
     """
 
     segments: tuple[Segment, ...]
@@ -252,6 +253,7 @@ class Arm:
     payload: float = 0.0
     wrenches: tuple[Wrench, ...] = ()
     gravity: tuple[float, float, float] = mounted(0.0)
+    weightless_angle: float = 0.0
 
     def __post_init__(self) -> None:
         """Refuse what is not a physical arm."""
@@ -293,6 +295,10 @@ class Arm:
                            'sit between bodies')
         check_range('payload', self.payload, 0.0, 100.0, 'kg')
         _check_vector('gravity', self.gravity, 'm/s^2', 100.0)
+        check_range('mounting angle', self.weightless_angle, -2 * pi, 2 * pi, 'rad')
+        if not self.planar:
+            for segment in self.segments:  # a bending beyond half a turn is one the other way
+                check_range('bending angle limit', segment.bending_angle_limit, 1e-3, pi, 'rad')
 
     @cached_property
     def planar(self) -> bool:
@@ -303,6 +309,7 @@ class Arm:
             and (right.angle, left.angle) == (0.0, pi)
             and replace(right, name=left.name, angle=pi) == left
             and right.end == len(self.segments) and not right.twist and not self.spacers
+            and np.min(right.offset) > 0.0
             and all((s.stiffness_x, s.torsional_stiffness, s.friction) == (inf, inf, 0.0)
                     for s in self.segments)
             and not any(wrench.moment[1] for wrench in self.wrenches))
@@ -329,9 +336,9 @@ class Arm:
 
     @property
     def tendon_labels(self) -> tuple[str, ...]:
-        """How tables name the tendons: right and left those of a pair."""
-        return tuple(name.removesuffix('_tendon') if name in PAIR else name
-                     for name in self.tendon_names)
+        """How tables name the tendons: right and left those of a planar arm."""
+        names = self.tendon_names
+        return tuple(name.removesuffix('_tendon') for name in names) if self.planar else names
 
     @property
     def bending_angle_limits(self) -> NDArray[np.float64]:
@@ -381,11 +388,13 @@ class Arm:
         nan where a tendon does not pass a segment.
         """
         parts = np.linspace(0.0, 1.0, self.spacers + 2)
-        return np.array([[[
+        found = np.array([[[
             self.tendon_place(t, s, part) if tendon.end > s else (np.nan, np.nan)
             for part in parts] for s in range(len(self.segments))]
             for t, tendon in enumerate(self.tendons)]).reshape(
                 -1, len(self.segments), len(parts), 2)
+        found.flags.writeable = False
+        return found
 
     @property
     def guide_radii(self) -> NDArray[np.float64]:
@@ -412,7 +421,9 @@ class Arm:
 
     @property
     def mounting_angle(self) -> float:
-        """Rotation of base_link about +y from upright, rad, as gravity has it."""
+        """Rotation of base_link about +y from upright, rad, as gravity has it if there is any."""
+        if not any(self.gravity):
+            return self.weightless_angle
         return atan2(self.gravity[0], -self.gravity[2])
 
     @property
@@ -422,7 +433,7 @@ class Arm:
 
     def without_gravity(self) -> 'Arm':
         """Return the same arm with gravity left out."""
-        return replace(self, gravity=(0.0, 0.0, 0.0))
+        return replace(self, gravity=(0.0, 0.0, 0.0), weightless_angle=self.mounting_angle)
 
     def without_friction(self) -> 'Arm':
         """Return the same arm with the friction of its tendons and segments left out."""

@@ -91,7 +91,7 @@ def workspace(statics: Any, angles: int = 2, directions: int = 6
     Return tips that the arm reaches when it is set base first, and their bending.
 
     Of the shapes of set_on_grid: tips (m, 3), m, and bending (m, segments, 2), rad.  Each takes
-    some 10 ms.
+    some 10 ms, of a planar arm 0.2 ms.
     """
     states = [state for state, _ in set_on_grid(statics, angles, directions)]
     return (np.array([state.poses[-1, :3] for state in states]).reshape(-1, 3),

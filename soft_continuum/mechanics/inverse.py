@@ -63,6 +63,7 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
     """
     Return the pulls at which soft segments have given bending, with the least tensions.
 
+    statics: SpatialStatics, of any arm; of a planar one Statics.bend does the same for a segment.
     bending: (segments, 2) rad about x and y, as SpatialEquilibrium.bending; nan for what may be
     anything.  pretension: N that every tendon carries at least; with 0 a tendon may be slack.
     Where several tensions do, the sum of their squares is least.  Followed from ``start``, with

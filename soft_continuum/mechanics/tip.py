@@ -162,9 +162,15 @@ class _Fit:
     def run(self) -> TipFit | None:
         """Return the fit of the statics near that by arcs; None where no tendon holds it."""
         try:
-            return self.correct(self.bending) if self.segments else self.fit(self.begin)
+            fit = self.correct(self.bending) if self.segments else self.fit(self.begin)
         except StaticsError:
             return None
+        return fit if self.allowed(fit) else None  # segments that are kept may give way
+
+    def allowed(self, fit: TipFit) -> bool:
+        """Return whether all segments of a fit are within their limits."""
+        return bool(np.all(np.linalg.norm(fit.bending, axis=1) <= self.limits
+                           + 2.0 * self.statics.precision[1]))
 
     def guesses(self) -> Array:
         """
@@ -261,7 +267,7 @@ class _Fit:
             bending[self.free] = values
             fit = self.fit(set_shape(self.statics, bending, self.begin, self.segments))
             over = np.linalg.norm(bending, axis=1) - self.limits
-            if over.max() <= SAME_BENDING and _error(fit) < _error(best):
+            if over.max() <= SAME_BENDING and self.allowed(fit) and _error(fit) < _error(best):
                 best = fit
             away = fit.state.poses[-1, :3] - self.goal
             if self.turn is not None:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm, Segment
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Array
 from soft_continuum.mechanics.model import chain_of, State
 
@@ -114,8 +114,7 @@ def _spans_that_come_out(arm: Arm, radii: Array, guides: Sequence[Array]
     """
     offsets, each = arm.guide_radii, arm.spacers + 1  # spans of a tendon in a segment
     found = []
-    segments: Sequence[Segment | Segment] = arm.segments
-    for s, segment in enumerate(segments):
+    for s, segment in enumerate(arm.segments):
         length = segment.length / each
         bend = min(UNEVEN * segment.bending_angle_limit / each, np.pi)
         # At the middle of an arc of this length and angle, from it to the chord inside of it.

@@ -13,6 +13,7 @@ from soft_continuum.mechanics.arm import (
     Arm,
     ArmError,
     Disc,
+    MIN_OFFSET,
     mounted,
     PAPER,
     SECOND_ORDER,
@@ -128,7 +129,6 @@ ARM_PARAMETERS = (
     Parameter('arm.gravity', STANDARD_GRAVITY,
               'gravitational acceleration; 0: none', 0.0, 100.0, unit='m/s^2'),
 )
-MIN_GUIDE_OFFSET = 1e-4  # m
 MAX_SEGMENTS = 100
 
 
@@ -188,10 +188,10 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
             name = parameter.name.removeprefix('arm.')
             get[name] = spread(parameter.name, get[name], expected,
                                f'arm.segment_lengths has {count}')
-    if any(0.0 < offset < MIN_GUIDE_OFFSET for offset in get['guide_offsets']):
+    if any(0.0 < offset < MIN_OFFSET for offset in get['guide_offsets']):
         raise ParameterError(
             f'parameter arm.guide_offsets is {list(get["guide_offsets"])}; allowed: '
-            f'{MIN_GUIDE_OFFSET:g} m and more, or 0 for half the outer diameter')
+            f'{MIN_OFFSET:g} m and more, or 0 for half the outer diameter')
     get['bending_stiffnesses'] = tuple(
         given or get['youngs_modulus'] * second_moment_of_area(width, thickness)
         for given, width, thickness in zip(
@@ -208,7 +208,8 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
             _tendons(get, count),
             **{name: get[name] for name in ('bodies_per_segment', 'spacers', 'discretisation',
                                             'payload')},
-            gravity=mounted(get['mounting_angle'], get['gravity']))
+            gravity=mounted(get['mounting_angle'], get['gravity']),
+            weightless_angle=get['mounting_angle'])
     except (ArmError, LawError) as error:
         raise ParameterError(f'arm: {error}') from None
 

@@ -12,8 +12,9 @@ import numpy as np
 from soft_continuum.estimation.discs import angle_deviations, lever
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.arm import Arm, ArmError
 from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.laws import LawError
 from soft_continuum.mechanics.model import chain_of
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
@@ -114,15 +115,15 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
     """
     Return the model that published parameters make of a described arm.
 
-    Without any, or with those of another arm, it is the arm as described.
+    Without any, or with those of another arm or of none that could be, it is the arm as described.
     """
+    described = Model(chain_of(arm), *np.zeros((2, len(arm.tendons))))
     found = {one.name: one for one in parameters}
     names = parameter_names(arm)
     if set(names) - set(found) not in (set(), {n for n in names if n.startswith(RATIO)}) or (
             set(found) - set(names)) or not all(
             np.isfinite(one.value) and np.isfinite(one.deviation) for one in parameters):
-        nothing = np.zeros(len(arm.tendon_names))
-        return Model(chain_of(arm), nothing, nothing)
+        return described
     layout = layout_of(arm)
     values = first_values(arm, layout, Prior())
     for place, name in enumerate(names, layout.parameters.start):
@@ -130,5 +131,9 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
             value = found[name].value
             values[place] = log(max(value, 1e-9)) if name.startswith('stiff') else value
     values = limited(values, layout)
-    return Model(chain_of(arm_with(arm, layout, values)), values[layout.offset],
+    try:
+        estimated = arm_with(arm, layout, values)
+    except (ArmError, LawError):  # such as a spring stiffer than what is measured of its jam
+        return described
+    return Model(chain_of(estimated), values[layout.offset],
                  np.array([found[f'offset_{name}'].deviation for name in arm.tendon_names]))

@@ -49,11 +49,13 @@ class Plant:
         turns = np.random.default_rng([differences.seed, 2]).normal(
             0.0, 0.0 if arm.planar else differences.angle_error, tendons)
         guides = _guides(arm, turns.tolist())
-        spans = [(t, low.body + 1) for t, each in enumerate(guides)
+        spans = [(t, low.body + 1, high.body + 1) for t, each in enumerate(guides)
                  for low, high in zip(each, each[1:], strict=False) if high.ends_span]
-        self._span_tendons, firsts = np.array(spans, dtype=np.intp).reshape(-1, 2).T
+        self._span_tendons, firsts, ends = np.array(spans, dtype=np.intp).reshape(-1, 3).T
         self._begins, self._span_parts = np.unique(firsts, return_inverse=True)
         """The first joint of each stretch between guides, and the last stretch of each span."""
+        self._passed = slice(ends.max(initial=0))
+        """Joints that a tendon passes."""
         self._model = mujoco.MjModel.from_xml_string(
             _model(arm, guides, self._joints, differences))
         self._data = mujoco.MjData(self._model)
@@ -185,7 +187,7 @@ class Plant:
 
     def _friction(self, tensions: Array) -> Array:
         """Return what the spans pull less, or more, than the base: forces on the joints, N m."""
-        bent = np.add.reduceat(self._joints.angles(self._data), self._begins)
+        bent = np.add.reduceat(self._joints.angles(self._data)[self._passed], self._begins)
         turned = np.cumsum(np.linalg.norm(bent[:, :2], axis=1))[self._span_parts]
         of_span = self._span_tendons
         gain = np.expm1(-self.differences.guide_friction * (self._sliding[of_span] * turned))

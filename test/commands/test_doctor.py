@@ -23,7 +23,7 @@ WRITE_COIL = 5
 @pytest.fixture(autouse=True)
 def real_time(monkeypatch):
     """Let every system allow real-time priority."""
-    monkeypatch.setattr(checks, 'priority_allowed', lambda: True)
+    monkeypatch.setattr(checks, 'priority_allowed', lambda: (True, True))
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def test_a_sound_rig_passes_every_check(rig, ask):
 
 
 def test_threads_that_may_have_to_wait_are_named_on_a_rig_alone(rig, ask, monkeypatch):
-    monkeypatch.setattr(checks, 'priority_allowed', lambda: False)
+    monkeypatch.setattr(checks, 'priority_allowed', lambda: (False, False))
     status, message = ask(rig.file)[1]['control threads']
     assert status == 'WARN' and ' - rtprio 20"' in message
     assert ask()[1]['control threads'][0] == 'OK'

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import ArmError, Disc, RigidChain, Segment, Tendon, Wrench
+from soft_continuum.parameters.arm import arm_from_parameters
 from support import paper_arm as paper
 
 GOOD = {'length': 0.07, 'stiffness_x': 0.03, 'stiffness_y': 0.0265, 'mass': 0.069,
@@ -167,3 +168,34 @@ def test_a_force_on_a_disc_that_is_not_there_is_refused(disc):
 def test_a_number_is_not_a_stiffness_law(field):
     with pytest.raises(ArmError, match='give a'):
         Segment(**{**GOOD, field: 5.0})
+
+
+# What an arm is by its tendons and segments
+
+def test_an_arm_without_gravity_is_mounted_as_before():
+    arm = paper.build(mounting_angle=0.5)
+    assert arm.mounting_angle == pytest.approx(0.5)
+    assert arm.without_gravity().mounting_angle == pytest.approx(0.5)
+    described = {'arm.mounting_angle': 2.0, 'arm.gravity': 0.0}
+    assert arm_from_parameters(described).mounting_angle == 2.0
+
+
+@pytest.mark.parametrize('changed', [
+    {'angle': 0.1}, {'end': 1, 'offset': 0.02}, {'twist': 1.0}, {'friction': 0.1},
+    {'offset': 0.01}, {'offset': 0.0}])
+def test_a_tendon_that_is_not_like_the_other_makes_an_arm_a_spatial_one(changed):
+    arm = paper.build()
+    right, left = arm.tendons
+    assert arm.planar and arm.tendon_labels == ('right', 'left')
+    other = replace(arm, tendons=(replace(right, **changed), left))
+    assert not other.planar and other.tendon_labels == other.tendon_names
+    with pytest.raises(ArmError, match='SpatialStatics'):
+        RigidChain(other)
+
+
+def test_only_a_planar_arm_bends_beyond_half_a_turn():
+    arm = paper.build()
+    wide = replace(arm, segments=tuple(replace(s, bending_angle_limit=4.0) for s in arm.segments))
+    right, left = arm.tendons
+    with pytest.raises(ArmError, match='bending angle limit'):
+        replace(wide, tendons=(right, replace(left, twist=0.1)))

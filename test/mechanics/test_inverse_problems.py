@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 from itertools import permutations
-from math import nan, pi
+from math import nan, pi, radians
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -238,6 +238,18 @@ def test_the_angles_for_a_tip_are_within_the_limits_when_those_of_the_start_are_
     fit = for_tip(statics, tip[0], tip[1], start=start)
     assert 0 in fit.softened
     assert np.abs(fit.bending[:, 1]).max() <= 1.2 + 1e-9
+
+
+def test_a_segment_that_is_kept_and_gives_way_stays_within_its_limit():
+    statics = Statics(paper_like(3, Jam(3.0), bodies=3, gravity=9.80665))
+    arm = statics.chain.arm
+    statics = Statics(replace(arm, segments=tuple(
+        replace(s, bending_angle_limit=radians(60.0)) for s in arm.segments)))
+    start = set_shape(statics, (radians(60.0) - 1e-6, 0.0, 0.0))
+    beyond = set_shape(statics, (0.0, 0.0, 0.8), start, (2,))
+    assert np.abs(beyond.bending_angles).max() > radians(60.5)
+    fit = bending_for_tip(statics, beyond.poses[-1, :3], start=start)
+    assert np.abs(fit.bending).max() <= radians(60.0) + 1e-6
 
 
 @pytest.mark.parametrize('tip', [('a', 0.1), (nan, 0.1), (0.1, np.inf), (0.1, 0.2, nan)])

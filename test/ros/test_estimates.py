@@ -14,6 +14,7 @@ from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.laws import Jam, MomentCurvature
 from soft_continuum.mechanics.spatial import SpatialChain
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.estimates import (
@@ -116,6 +117,15 @@ def test_values_that_no_arm_has_are_limited():
     assert arm.chain.arm.segments[0].jam.ratio == pytest.approx(2.0)
     assert arm.offsets == pytest.approx([0.01, -0.006])
     assert arm.chain.arm.payload == 0.0
+
+
+def test_a_spring_that_is_stiffer_than_its_jam_was_measured_leaves_the_arm_as_described():
+    law = MomentCurvature((0.0, 1.0, 10.0), (0.0, 0.05, 0.3))
+    arm = replace(ARM, segments=tuple(
+        replace(s, stiffness_y=0.02, jam=Jam(law=law)) for s in ARM.segments))
+    names = parameter_names(arm)
+    values = {name: 3.0 if name.startswith('stiffness') else 0.0 for name in names}
+    assert model_from_ros(parameters(values), arm).chain.arm == arm
 
 
 def test_names_are_those_of_the_arms_segments_and_tendons():
