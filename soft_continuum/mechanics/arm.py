@@ -303,13 +303,16 @@ class Arm:
     @cached_property
     def planar(self) -> bool:
         """Whether it is hinges about y that a pair of like tendons bends: RigidChain's arm."""
-        right, left = self.tendons if len(self.tendons) == len(PAIR) else (None, None)
+        if len(self.tendons) != len(PAIR) or self.spacers:
+            return False
+        right, left = self.tendons
+        one, other = ((t.offset, t.end, t.twist, t.axial_stiffness, t.friction, t.free_length)
+                      for t in self.tendons)
         return (
-            right is not None and left is not None
-            and (right.angle, left.angle) == (0.0, pi)
-            and replace(right, name=left.name, angle=pi) == left
-            and right.end == len(self.segments) and not right.twist and not self.spacers
-            and np.min(right.offset) > 0.0
+            (right.angle, left.angle) == (0.0, pi) and one == other
+            and (right.end, right.twist) == (len(self.segments), 0.0)
+            and all(right.offset_at(s, part) > 0.0
+                    for s in range(len(self.segments)) for part in (0.0, 1.0))
             and all((s.stiffness_x, s.torsional_stiffness, s.friction) == (inf, inf, 0.0)
                     for s in self.segments)
             and not any(wrench.moment[1] for wrench in self.wrenches))
@@ -371,28 +374,30 @@ class Arm:
                     found.append([*which])
         return found
 
-    def tendon_place(self, tendon: int, segment: int, part: float = 0.5) -> tuple[float, float]:
-        """Return (x, y) of a tendon in a segment (both 0-based), part 0 to 1 along it, m."""
-        below = sum(s.length for s in self.segments[:segment]) + sum(
-            d.height for d in self.discs[:segment + 1])
-        one = self.tendons[tendon]
-        angle = one.angle + one.twist * (below + part * self.segments[segment].length)
-        offset = one.offset_at(segment, part)
-        return offset * cos(angle), offset * sin(angle)
+    def places(self, tendon: int, parts: Sequence[float]) -> NDArray[np.float64]:
+        """
+        Return x and y of a tendon (0-based) at parts 0 to 1 along each segment.
+
+        (segments, parts, 2) m; nan in segments that it does not pass.
+        """
+        one, along = self.tendons[tendon], np.array(parts)
+        found = np.full((len(self.segments), len(along), 2), np.nan)
+        below = self.discs[0].height
+        for s, segment in enumerate(self.segments[:one.end]):
+            angle = one.angle + one.twist * (below + along * segment.length)
+            lower, upper = one.offset_at(s, 0.0), one.offset_at(s, 1.0)
+            offset = lower + along * (upper - lower)
+            found[s, :, 0], found[s, :, 1] = offset * np.cos(angle), offset * np.sin(angle)
+            below += segment.length + self.discs[s + 1].height
+        return found
 
     @cached_property
     def guide_places(self) -> NDArray[np.float64]:
-        """
-        Places (x, y) of guides, (tendons, segments, spacers + 2, 2) m, those of spacers included.
-
-        nan where a tendon does not pass a segment.
-        """
+        """Places of all guides, those of spacers included, (tendons, segments, spacers + 2, 2)."""
         parts = np.linspace(0.0, 1.0, self.spacers + 2)
-        found = np.array([[[
-            self.tendon_place(t, s, part) if tendon.end > s else (np.nan, np.nan)
-            for part in parts] for s in range(len(self.segments))]
-            for t, tendon in enumerate(self.tendons)]).reshape(
-                -1, len(self.segments), len(parts), 2)
+        found = np.array([
+            self.places(t, parts.tolist()) for t in range(len(self.tendons))]).reshape(
+            -1, len(self.segments), len(parts), 2)
         found.flags.writeable = False
         return found
 

@@ -261,7 +261,7 @@ class _Search:
         missed = np.where(self.chosen, state.bending - self.wanted, 0.0)
         worst = int(np.argmax(np.abs(missed).max(axis=1)))
         passing = [t for t, end in enumerate(arm.tendon_ends) if end > worst]
-        places = np.array([arm.tendon_place(t, worst) for t in passing])
+        places = np.array([arm.places(t, (0.5,))[worst, 0] for t in passing])
         names = ', '.join(f'{arm.tendon_names[t]} at {_degrees(place):.0f}'
                           for t, place in zip(passing, places, strict=True))
         off = (f'segment {worst + 1} cannot be held at its bending: '

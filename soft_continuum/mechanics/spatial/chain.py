@@ -252,7 +252,7 @@ class SpatialChain:
         """
         arm = self.arm
         beside = [np.array(place) for place in (
-            *(arm.tendon_place(t, 0, 0.0) for t in range(len(arm.tendons))),
+            *(arm.places(t, (0.0,))[0, 0] for t in range(len(arm.tendons))),
             *(wrench.force[:2] for wrench in arm.wrenches),
             *((wrench.moment[1], -wrench.moment[0]) for wrench in arm.wrenches),
             arm.gravity[:2])]

@@ -56,8 +56,8 @@ def direction_problem(arm: Arm, segment: int, direction: float) -> str:
 
     What tension, gravity and stability allow beyond that is for the statics to say.
     """
-    places = np.array([arm.tendon_place(t, segment, part) for t, end in enumerate(arm.tendon_ends)
-                       if end > segment for part in (0.0, 0.5, 1.0)])
+    places = np.array([place for t, end in enumerate(arm.tendon_ends) if end > segment
+                       for place in arm.places(t, (0.0, 0.5, 1.0))[segment]])
     if not len(places):
         return f'no tendon passes segment {segment + 1}, so its bending cannot be chosen'
     about_x, about_y = arm.bending_axes[segment]
