@@ -42,6 +42,20 @@ def enable(control: Any, works: bool) -> None:
         control._queue_update('disabled', not works)
 
 
+def show_value(server: viser.ViserServer, control: Any, value: Callable[[], Any]) -> None:
+    """
+    Let a control that browsers set show a value, called for where they set it: on viser's thread.
+
+    On another one it could be set back after a browser has set it and before its callback is run.
+    """
+    def show() -> None:
+        now = value()
+        if control.value != now:
+            control.value = now
+
+    server.get_event_loop().call_soon_threadsafe(show)
+
+
 def number_of(value: Any, low: float, high: float) -> float:
     """Return a number within limits, 0 or the nearest for what is none: a browser may send any."""
     known = isinstance(value, int | float) and low <= value <= high

@@ -11,7 +11,7 @@ import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.charts import History
-from soft_continuum.browser.controls import add_button, add_group, enable
+from soft_continuum.browser.controls import add_button, add_group, enable, show_value
 from soft_continuum.browser.scene import viewpoint, views_of
 from soft_continuum.browser.session import Description, Session
 from soft_continuum.browser.shapes_panel import ShapesPanel
@@ -180,9 +180,9 @@ class Panel:
     def show(self, state: ArmState) -> None:
         """Show what has changed."""
         if self._playback is not None:
-            self._slider.value = (  # type: ignore[misc]  # it can be set
-                round(self._playback.position, 1))
-            self._play.label = PAUSE if self._playback.playing else PLAY
+            playback = self._playback
+            show_value(self._server, self._slider, lambda: round(playback.position, 1))
+            self._play.label = PAUSE if playback.playing else PLAY
         else:
             recorder = self._session.observed.recorder
             self._recording.content = html.recording_html(recorder)
@@ -209,8 +209,7 @@ class Panel:
         if self._playback is not None:
             return
         closed = self._session.closed_loop
-        if self._loop.value is not bool(closed):
-            self._loop.value = bool(closed)  # type: ignore[misc]  # it can be set
+        show_value(self._server, self._loop, lambda: bool(self._session.closed_loop))
         self._hint.content = html.jog_hint_html(state, self._description)
         # What would do nothing now is grey.
         may_move = state.stopped == ''

@@ -10,6 +10,7 @@ import threading
 from soft_continuum.arguments import DONE, given_path, Parser, WRONG_USAGE
 from soft_continuum.emulators.driving import parameter_lines
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
+from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.twin.differences import (
     DEFAULT_PRESET,
@@ -88,6 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from soft_continuum.user_files import description_file
 
     def begin(running: ExitStack) -> None:
+        ask_for_a_larger_share()  # as a rig, it waits for no other program
         values = load_description(*options.params_file or [description_file()],
                                   namespace=options.namespace)
         arm = arm_from_parameters(values)

@@ -11,6 +11,7 @@ import threading
 from typing import Any, TypeVar
 
 from soft_continuum.arguments import Parser
+from soft_continuum.hardware.real_time import ask_for_a_larger_share
 
 Emulator = TypeVar('Emulator')
 Ranges = Mapping[str, tuple[float, float]]
@@ -77,6 +78,7 @@ def serve(parser: Parser, make: Callable[[], AbstractContextManager[Emulator]],
     introduce: what to print first.  execute_command: carries out a typed line and returns what to
     print; raises ValueError for one that is wrong.
     """
+    ask_for_a_larger_share()  # as a device, it waits for no other program
     try:
         with make() as emulator:
             print(introduce(emulator), flush=True)

@@ -10,8 +10,9 @@ reference has a cause: each possible one displaces the discs in a pattern of its
 likely one is named when it is much more likely than every other that explains what is seen, twice.
 """
 
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,6 +38,7 @@ SETTLING, SWITCHING = 0.6, 1.2  # s after a motion, or after a valve, until the 
 WINDOW, LEAST = 0.2, 3  # s, and number, of pictures that are judged together
 STILL = 2.0  # deviations by which a resting disc is elsewhere in the next pictures
 FOLLOW_PERIOD = 0.1  # s between two steps of the reference in a motion
+WORK = 300  # iterations of what others than the reference follow, in one message
 RENEWAL = 10.0  # s after which the reference of a resting arm is renewed
 EXPECTED = 1.5  # distance up to which measurements are as expected
 RATIO, MARGIN = 4.0, 1.0  # log likelihood over nothing being wrong, and over the next cause
@@ -122,13 +124,32 @@ class Watch:
             self._moved = self._changed = True
             if time >= self._followed + FOLLOW_PERIOD:
                 self._step(commands)
+        self._follow_others()
+
+    def _follow_others(self) -> None:
+        """
+        Let the others follow, those that are furthest behind first, as far as WORK goes.
+
+        There are up to three for each segment, and what softens may take one of them 0.3 s in
+        space: who waits for the shape does not wait for all of them.
+        """
+        work = 0
+        while work < WORK:
+            behind = max(self._others, key=lambda one: len(one.steps), default=None)
+            if behind is None or not behind.steps:
+                return
+            self._others.remove(behind)
+            if behind.follow():
+                self._others.append(behind)
+            work += behind.estimator.state.iterations
 
     def _step(self, commands: Commands) -> None:
-        """Let the reference follow."""
+        """Let the reference follow, and the others when it is their turn."""
         self._followed = commands.time
         if self._reference is None:
             return
-        self._others = [one for one in self._others if one.follows(commands)]
+        for one in self._others:
+            one.note(commands)
         try:
             self._reference.follow(commands)
         except (StaticsError, np.linalg.LinAlgError):
@@ -168,6 +189,7 @@ class Watch:
                 self.refer_to(estimator, time)
             return
         self._step(self._last)
+        self._follow_others()
         if self._reference is not None:
             try:
                 self._judge(time, mean, self._reference, estimator)
@@ -181,6 +203,9 @@ class Watch:
                         if one.cause is Cause.NOT_SOFT and not self._moved]
         for segment in np.flatnonzero(estimator.state.stiff).tolist():
             self._others += _leaking(segment, estimator)
+        assert self._last is not None
+        for one in self._others:
+            one.note(self._last)
         self._stiffened = None
         self._moved = self._changed = False
 
@@ -194,6 +219,8 @@ class Watch:
             if self._changed or time > self._taken + RENEWAL:
                 self.refer_to(estimator, time)
             return
+        if any(one.steps for one in self._others):
+            return  # until all have followed
         causes = hypotheses(point, self._last, reference, self._moved)
         causes += [otherwise(one.cause, one.segment + 1, point, one.estimator, discs)
                    for one in self._others
@@ -247,16 +274,25 @@ class _Other:
     """
     The estimate of an arm with a segment that is not as stiff, or as soft, as reported.
 
-    segment: 0-based.  vacuum: that is left in it, a part of full vacuum.
+    segment: 0-based.  vacuum: that is left in it, a part of full vacuum.  steps: of motors and
+    valves that it has not followed yet.
     """
 
     cause: Cause
     segment: int
     vacuum: float
     estimator: Estimator
+    steps: deque[Commands] = field(default_factory=deque)
 
-    def follows(self, commands: Commands) -> bool:
-        """Follow motors and valves; return whether there is such an arm."""
+    def note(self, commands: Commands) -> None:
+        """Note a step that is to be followed; of those of one stiffness the last is enough."""
+        if self.steps and self.steps[-1].stiff == commands.stiff:
+            self.steps.pop()
+        self.steps.append(commands)
+
+    def follow(self) -> bool:
+        """Follow the next step; return whether there is such an arm."""
+        commands = self.steps.popleft()
         stiff = list(commands.stiff)
         vacuum = list(commands.vacuum or (1.0,) * len(stiff))
         if self.cause is Cause.NOT_SOFT or self.vacuum == 0.0:

@@ -23,6 +23,11 @@ from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
 
 VACUUM_ROUNDING = 1.0  # Pa
+COMPUTING = 4.0
+"""
+Times silence_timeout for which kinematics may be silent while no tendon moves: where a segment
+becomes soft some solves in space take 0.3 s each, more on a busy computer.
+"""
 
 
 class ArmObserver(ReportedArm):
@@ -132,16 +137,21 @@ class ArmObserver(ReportedArm):
     @property
     def fault(self) -> str:
         """Why the arm cannot be operated; empty when it can."""
+        return self._fault(self.timeout)
+
+    def _fault(self, shape_timeout: float) -> str:
+        """Return it; shape_timeout: s for which kinematics may be silent."""
         if faults := self.reported_fault:
             return faults
         if self.tendons.connected and not self.tendons.referenced:
             return f'{TENDON_ACTUATION}: {NOT_REFERENCED}'
-        timeout = self.timeout
         if unheard := self.unheard:
             return (f'nothing received yet from {", ".join(unheard)}; do they run, and what is '
                     'their status?')
-        stale = [name for name, age in self._ages.items() if age.seconds > timeout]
-        return f'nothing received for {timeout:g} s from {", ".join(stale)}' if stale else ''
+        stale = {name: timeout for name, age in self._ages.items() if age.seconds > (
+            timeout := shape_timeout if age is self.shape_age else self.timeout)}
+        return (f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
+                if stale else '')
 
     @property
     def unheard(self) -> list[str]:
@@ -192,7 +202,8 @@ class ArmObserver(ReportedArm):
             pulls=self.pulls, pull_tolerances=self._pull_tolerances, moving=self.moves,
             stiff=tuple(bool(stiff) for stiff in self.stiff),
             vacuum=tuple(ambient - pressure for pressure in self.pressures),
-            stopped=self.stopped, stops=self.tendons.stops, fault=self.fault or fault,
+            stopped=self.stopped, stops=self.tendons.stops,
+            fault=self._fault(self.timeout * (1.0 if self.moves else COMPUTING)) or fault,
             motion_failure=motion_failure, measured=self.measured,
             anomaly='; '.join(one.message for one in self.kinematics.anomalies),
             regulators=self.regulators,

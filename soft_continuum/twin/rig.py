@@ -21,6 +21,7 @@ from soft_continuum.twin.plant import Plant, TIME_STEP
 
 PERIOD = 0.005  # s between two looks at the boards
 MAX_LATENESS = 0.2  # s that are made up for; the plant stands still for what is beyond
+STEPS = 10  # of time between two looks, at most: sensors wait until they are done
 FULL_VACUUM = JammingPlant().ultimate_vacuum  # Pa
 
 
@@ -89,7 +90,7 @@ class TwinRig:
                 self.lost += late - MAX_LATENESS
                 late = MAX_LATENESS
             with self.lock:
-                for _ in range(int(late / TIME_STEP)):
+                for _ in range(min(STEPS, int(late / TIME_STEP))):
                     self.plant.step(pulls, vacuum / FULL_VACUUM)
                 tensions = self.plant.tensions
             self.motors.load(tensions.tolist())

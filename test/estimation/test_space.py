@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
+from soft_continuum.estimation import anomalies
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import Cause
@@ -320,6 +321,41 @@ def named(spoil, within=3.0):
         longer = spoilt
     rest(within, toward(0.4, 0.3), stiff)
     return found, truth
+
+
+def test_what_could_be_wrong_is_followed_a_little_with_each_message(monkeypatch):
+    """All at once, at a switch of a bent arm, they kept kinematics silent for 0.8 s."""
+    shape, truth, work, time = ArmShape(ARM, 1e-3), SpatialTruth(), [], 100.0
+    rng, solve = np.random.default_rng(1), Estimator.follow
+
+    def follow(estimator, commands):
+        solve(estimator, commands)
+        work[-1].append(estimator.state.iterations)
+
+    monkeypatch.setattr(Estimator, 'follow', follow)
+
+    def go(pulls, stiff, seconds):
+        nonlocal time
+        for _ in range(round(seconds / 0.1)):
+            time += 0.1
+            work.append([])
+            truth.follow(pulls, [not one for one in stiff])
+            shape.follow(Commands(time, pulls, stiff))
+            shape.measure(time, truth.seen(rng, discs=range(4)))
+
+    stiff, pulls = (True,) * 3, np.zeros(3)
+    go(pulls, stiff, 1.6)
+    for segment, (angle, direction) in enumerate(((0.6, 1.0), (-0.6, 1.0), (0.7, -1.0))):
+        switched = tuple(s != segment for s in range(3))
+        go(pulls, switched, 1.0)
+        for part in np.linspace(0.1, 1.0, 10):
+            go(pulls + part * toward(angle, direction), switched, 0.1)
+        pulls = pulls + toward(angle, direction)
+        go(pulls, stiff, 2.0)
+    hardest = max(max(each, default=0) for each in work)
+    assert hardest > 2 * anomalies.WORK
+    assert max(map(sum, work)) < 2 * hardest  # no two of these with one message
+    assert sum(map(len, work)) > 300  # all were followed
 
 
 def test_a_tendon_that_slips_in_space_is_named():

@@ -123,6 +123,21 @@ def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: st
     assert topic.split('/')[-1] in bench.observer.fault
 
 
+def test_kinematics_may_compute_for_longer_while_no_tendon_moves(bench: Bench) -> None:
+    def fault() -> str:
+        return bench.observer.observation(None, '').fault
+
+    bench._callbacks['kinematics/state'] = Mock()
+    bench.stream(3.0 * TIMEOUT)
+    assert fault() == ''
+    assert 'kinematics' in bench.observer.fault  # no goal begins so
+    bench.tendons(moving=True)
+    assert fault().startswith('nothing received for 0.5 s from kinematics')
+    bench.tendons()
+    bench.stream(1.2 * TIMEOUT)
+    assert fault().startswith('nothing received for 2 s from kinematics')
+
+
 @pytest.mark.parametrize('fault', ['device', 'segment', 'tendons'])
 def test_a_fault_counts_once_it_has_lasted(bench: Bench, fault: str) -> None:
     def report() -> None:
