@@ -13,8 +13,7 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import interleave, progress, Sampler, sampler
 from references.elastica import Elastica
 from soft_continuum.mechanics import Arm, constant_curvature, RIGHT, Statics
-from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array, PAPER, SECOND_ORDER
 
 FINE = 200  # bodies per segment of the chain in which the elastica's stiff segments are held
 CHAINS = ((PAPER, 12), (SECOND_ORDER, 4), (SECOND_ORDER, 6), (SECOND_ORDER, 12))

@@ -12,8 +12,8 @@ from benchmarks import paper
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import SLACK, Statics
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.batch import Batch, solve_batch
-from soft_continuum.mechanics.chain import Array
 
 COUNT = 10_000
 CHECKED = 50  # problems that are compared with Statics.solve
@@ -88,5 +88,5 @@ def _off(case: tuple[str, Statics | list[Statics], float, Sequence[bool]], batch
         statics = arms if isinstance(arms, Statics) else arms[i]
         start = statics.chain.straight()
         alone = statics.solve(start, (float(batch.pulls[i, 0]), SLACK), soft)
-        worst = max(worst, paper.apart(statics, batch.joint_angles[i], alone.joint_angles))
+        worst = max(worst, paper.apart(statics, batch.configurations[i], alone.joint_angles))
     return worst

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.mechanics import RigidChain
 from soft_continuum.mechanics.arm import PLANAR_AXES
-from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.orientations import full_poses
+from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.corners import TagDetector
@@ -41,7 +41,7 @@ def run(quick: bool) -> Section:
     random = np.random.default_rng(1)
     values = load_description(description_file(), node='camera')
     arm = arm_from_parameters(values)
-    chain = RigidChain(arm)
+    chain = PlaneChain(arm)
     layout = TagLayout.of(values, arm)
     rows = []
     for preset in PRESETS:
@@ -68,7 +68,7 @@ def run(quick: bool) -> Section:
     return Section('sensing.md', 'camera', body)
 
 
-def _measure(chain: RigidChain, layout: TagLayout, given: Differences,
+def _measure(chain: PlaneChain, layout: TagLayout, given: Differences,
              random: np.random.Generator) -> tuple[NDArray[np.float64], ...]:
     """Return errors (k, 3), those against where the tags were stuck, which are inside, and s."""
     drawn = TagTwinCamera(layout, given)

@@ -14,10 +14,9 @@ from benchmarks.lab import Lab, LabError
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import State
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.parameters.loop import DEAD_BAND, LOCK_IN_DEVIATION
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
@@ -125,8 +124,8 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
     def plan(shapes: Sequence[Shape]) -> 'Future[list[ShapePlan]]':
         return planned(lambda planner: planner.plan(state(), lab.pulls.tolist(), shapes))
 
-    def state() -> State:
-        found: State | None = rig.shape.state
+    def state() -> Equilibrium:
+        found: Equilibrium | None = rig.shape.state
         assert found is not None
         return found
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.lab import angles_of, Lab
 from soft_continuum.mechanics import Arm, constant_curvature, Jam
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.timing import timed
 from soft_continuum.twin.differences import Differences

@@ -23,7 +23,7 @@ from soft_continuum.estimation.measuring import (
 )
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.measured_tensions import MeasuredTensions
 from soft_continuum.parameters.estimation import estimation_from_parameters
 from soft_continuum.parameters.files import load_description

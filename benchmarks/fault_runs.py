@@ -14,7 +14,7 @@ from benchmarks import closed
 from benchmarks.lab import Description, Lab, Pose, TRUTH
 from benchmarks.loop import random_goal
 from soft_continuum.mechanics import Arm, Statics
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
 from soft_continuum.twin.differences import Differences

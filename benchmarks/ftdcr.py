@@ -24,7 +24,7 @@ from benchmarks.measured import (
 )
 from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from soft_continuum.mechanics import _kernel
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 IMAGES = DOCUMENTS.parent / 'images'
 PATTERNS = {'same': 'all segments bend one way', 'scurve': 'an S',

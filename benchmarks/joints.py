@@ -10,7 +10,8 @@ from benchmarks.reference import MissingCompilerError, Reference
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import interleave, progress, Sampler, sampler
 from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.plane.chain import PlaneChain
+from soft_continuum.mechanics.space.statics import SpaceStatics
 
 MOST_IN_SPACE = 1000  # joints
 BODIES = (12, 24, 49, 99, 199, 332, 665, 999)  # per segment
@@ -25,16 +26,16 @@ def run(quick: bool) -> Section:
         pull = paper.pull_for_tip_segment(statics, paper.ANGLE)
         task, _ = paper.cold_and_warm(statics, pull)
         kernel = Kernel(statics, task.start, task.pulls, paper.ALL_SOFT)
-        joints[n], iterations[n] = statics.chain.joints, kernel.iterations
+        joints[n], iterations[n] = statics.chain.bodies, kernel.iterations
         samplers[f'kernel {n}'] = sampler(kernel.run)
         samplers[f'statics {n}'] = sampler(
             lambda s=statics, t=task: s.solve(t.start, t.pulls, paper.ALL_SOFT))  # type: ignore[misc]
         if joints[n] <= MOST_IN_SPACE:
-            solid = SpatialStatics(statics.chain.arm)
+            solid = SpaceStatics(statics.chain.arm)
             samplers[f'space {n}'] = sampler(lambda s=solid, t=task: s.solve(  # type: ignore[misc]
                 s.chain.straight(), t.pulls, paper.ALL_SOFT))
         try:
-            reference = Reference(statics.chain)
+            reference = Reference(PlaneChain(statics.chain.arm))
             shape = reference.solve(np.cumsum(task.start.joint_angles), 0.0, pull)
             off[n] = paper.apart(statics, np.diff(shape, prepend=0.0), kernel.joint_angles)
             samplers[f'c {n}'] = lambda r=reference, t=task: r.seconds_per_solve(  # type: ignore[misc]
@@ -55,7 +56,7 @@ def run(quick: bool) -> Section:
     slope = np.polyfit(np.log([joints[n] for n in BODIES[3:]]), np.log(
         [times[f'kernel {n}'].median / iterations[n] for n in BODIES[3:]]), 1)[0]
     head = ['joints', 'iterations', 'C, µs', 'compiled solver, µs', 'Statics.solve, µs',
-            'compiled solver per joint and iteration, ns', 'SpatialStatics.solve, µs', 'off, m']
+            'compiled solver per joint and iteration, ns', 'Statics.solve in space, µs', 'off, m']
     return Section('performance.md', 'joints', '\n'.join([
         machine(), '', table(head, rows), '',
         f'From {joints[BODIES[3]]} joints on the time of an iteration grows like the number of '

@@ -7,7 +7,7 @@ from typing import Any
 from unittest.mock import patch
 
 from soft_continuum.mechanics import _kernel, _newton, Equilibrium, Statics
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 
 class Kernel:

@@ -19,9 +19,8 @@ from benchmarks.ring_sight import RingSight
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.mechanics import Arm
-from soft_continuum.mechanics.arm import PLANAR_AXES
-from soft_continuum.mechanics.chain import Array, full_poses
-from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
+from soft_continuum.mechanics.arm import Array, PLANAR_AXES
+from soft_continuum.mechanics.orientations import bending_between, full_poses, matrices
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.nodes import jamming_settings

@@ -15,7 +15,7 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.twin.differences import Differences, read_differences

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.distance import pdist
 
-from soft_continuum.mechanics.arm import Arm, Disc, SECOND_ORDER, Segment, Tendon
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import solve_path, SpatialStatics
+from soft_continuum.mechanics.arm import Arm, Array, Disc, SECOND_ORDER, Segment, Tendon
+from soft_continuum.mechanics.batch import solve_path
+from soft_continuum.mechanics.space.statics import SpaceStatics
 
 DATA = Path(__file__).parents[1] / 'data'
 POISSON = 0.3
@@ -121,14 +121,14 @@ class MeasuredArm:
 
     def tips(self, recording: Recording) -> Array:
         """Return where the tip is measured (n, 3), m, with the pulls set in turn from straight."""
-        statics = SpatialStatics(self.arm())
+        statics = SpaceStatics(self.arm())
         then = recording.times - self.delay
         pulls = np.column_stack([np.interp(then, recording.times, each)
                                  for each in recording.pulls.T])
         pulls += np.repeat([0.0, self.pull_2, self.pull_3], TENDONS)
         soft = [True] * len(self.design.lengths)
         path = solve_path(statics, statics.chain.straight(), pulls, soft)
-        found: Array = path.tips + self.marker * path.rotations[:, -1, :, 1]
+        found: Array = path.tips + self.marker * path.configurations[:, -1, :, 1]
         return found
 
     def deviations(self, recording: Recording) -> Array:

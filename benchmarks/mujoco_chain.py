@@ -15,8 +15,11 @@ import numpy as np
 
 from benchmarks.paper import apart, Task
 from benchmarks.timing import Sampler
-from soft_continuum.mechanics import RigidChain, Statics
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics import (
+    Statics,
+)
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.plane.chain import PlaneChain
 
 REST = 3000  # steps, at most
 SAMPLES = 5
@@ -60,7 +63,7 @@ class MujocoArm:
     def __init__(self, statics: Statics, settings: Settings) -> None:
         """Build the model."""
         self._statics = statics
-        self._model = mujoco.MjModel.from_xml_string(_xml(statics.chain, settings))
+        self._model = mujoco.MjModel.from_xml_string(_xml(PlaneChain(statics.chain.arm), settings))
         self._data = mujoco.MjData(self._model)
         mujoco.mj_forward(self._model, self._data)
         self._straight = float(self._data.ten_length[0])
@@ -109,7 +112,7 @@ class MujocoArm:
         self._model.tendon_range[0] = 0.0, self._straight - task.pull
 
 
-def _xml(chain: RigidChain, settings: Settings) -> str:
+def _xml(chain: PlaneChain, settings: Settings) -> str:
     arm = chain.arm
     n = arm.bodies_per_segment
     lines = [_site('0', chain.guides[0, 0], arm.discs[0].height)]
@@ -138,7 +141,7 @@ def _xml(chain: RigidChain, settings: Settings) -> str:
         f'<option timestep="{settings.time_step!r}" integrator="{settings.integrator}" '
         f'solver="{settings.solver}" iterations="20" tolerance="1e-14" jacobian="dense">'
         '<flag contact="disable" gravity="disable"/></option><worldbody>'
-        + ''.join(lines) + '</body>' * chain.joints + '</worldbody><tendon>'
+        + ''.join(lines) + '</body>' * chain.bodies + '</worldbody><tendon>'
         f'<spatial limited="true" range="0 1" solreflimit="{-stiff!r} {-damp!r}" '
         'solimplimit="0.9999 0.9999 0.001 0.5 1">'
         + ''.join(f'<site site="{name}"/>' for name in guides)

@@ -14,8 +14,7 @@ from benchmarks.plan_contenders import base_to_tip, NoPlanError, ours, rrt_conne
 from benchmarks.queries import AROUND, check, MARGIN, nearest, Query, random_query, Verdict
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.mechanics.arm import Arm, mounted
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array, mounted
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.sequencing.planner import Move, PlanError
 from soft_continuum.twin.differences import read_differences

@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.lab import Description
 from benchmarks.queries import MARGIN, Query
 from soft_continuum.mechanics import bending_for_tip, set_shape
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, Shape

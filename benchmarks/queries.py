@@ -16,8 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.lab import Description
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, soft_flags

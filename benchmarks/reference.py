@@ -10,8 +10,12 @@ import tempfile
 
 import numpy as np
 
-from soft_continuum.mechanics import Equilibrium, RIGHT, RigidChain
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics import (
+    Equilibrium,
+    RIGHT,
+)
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.plane.chain import PlaneChain
 
 SOURCE = Path(__file__).with_name('reference.c')
 FLAGS = ('-O2', '-std=gnu11', '-fPIC', '-shared')
@@ -28,7 +32,7 @@ class Reference:
     Every size is a constant for the compiler.
     """
 
-    def __init__(self, chain: RigidChain) -> None:
+    def __init__(self, chain: PlaneChain) -> None:
         """Compile for the sizes of ``chain`` and pack its numbers."""
         self.chain = chain
         library = _compiled(chain.segments, chain.joints_per_segment)
@@ -38,7 +42,7 @@ class Reference:
             chain.body_lengths, chain.joint_stiffness, chain.guides[:, 0], chain.guides[:, 1]])
         self._tension = ctypes.c_double()
         self._iterations, self._residual = ctypes.c_int(), ctypes.c_double()
-        self._theta = np.empty(chain.joints)
+        self._theta = np.empty(chain.bodies)
         pointer, double = ctypes.c_void_p, ctypes.c_double
         self._solve.argtypes = [pointer, double, pointer, pointer, pointer, pointer]
         self._time.argtypes = [pointer, double, pointer, double, ctypes.c_int]
@@ -61,7 +65,7 @@ class Reference:
         """Return absolute angles (joints,) rad for a pull (m), from absolute angles and N."""
         self._theta[:] = theta
         self._tension.value = tension
-        ended = self._solve(self._arm, self.chain.straight_length - pull, *self._pointers)
+        ended = self._solve(self._arm, self.chain.straight_paths[0] - pull, *self._pointers)
         if ended != 0:
             raise RuntimeError(f'the C reference did not converge: status {ended}')
         return self._theta
@@ -70,7 +74,7 @@ class Reference:
         """Return the time of one solve (s), timed inside of C."""
         theta = np.cumsum(start.joint_angles)
         return float(self._time(
-            self._arm, self.chain.straight_length - pull, theta.ctypes.data,
+            self._arm, self.chain.straight_paths[0] - pull, theta.ctypes.data,
             float(start.tensions[RIGHT]), repeats))
 
 

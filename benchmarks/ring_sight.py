@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.rigid import displacement
 from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.ring_layout import RingLayout

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm, Disc, SECOND_ORDER, Segment, Wrench
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import SpatialEquilibrium
+from soft_continuum.mechanics.arm import Arm, Array, Disc, SECOND_ORDER, Segment, Wrench
+from soft_continuum.mechanics.chain import Equilibrium
 
 DATA = Path(__file__).parents[1] / 'data' / 'sorosim'
 AXES = [1, 2, 0]  # x of the file is along the rod, as z is here
@@ -58,10 +57,10 @@ class Shape:
         return Arm((rod.segment(),) * 2, (Disc(),) * 3, (), bodies // 2, 0,
                           SECOND_ORDER, wrenches=self.wrenches, gravity=gravity)
 
-    def errors(self, state: SpatialEquilibrium) -> Array:
+    def errors(self, state: Equilibrium) -> Array:
         """Return how far each station is off, (14,), m; bodies are straight."""
         chain, ends = state.chain, state.chain.ends(state.rotations)
-        along = np.concatenate([[0.0], np.cumsum(chain.lengths)])
+        along = np.concatenate([[0.0], np.cumsum(chain.body_lengths)])
         there = np.column_stack([np.interp(self.arc, along, ends[:, i]) for i in range(3)])
         errors: Array = np.linalg.norm(there - self.stations, axis=1)
         return errors

@@ -16,7 +16,7 @@ from benchmarks.servo_loop import follow, Measuring, Record, StaticPlant, TwinPl
 from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import Arm, Jam, Statics
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.servo import AngleServo, ServoSettings
 from soft_continuum.twin.differences import Differences, read_differences

@@ -16,8 +16,14 @@ import numpy as np
 from benchmarks.paper import only
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.hardware.tendon_controller import TendonController, TendonLimits
-from soft_continuum.mechanics import Arm, Equilibrium, RigidChain, Statics, StaticsError
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics import (
+    Arm,
+    Equilibrium,
+    Statics,
+    StaticsError,
+)
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.sequencing.servo import AngleServo, ServoSettings
 from soft_continuum.twin.differences import Differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
@@ -132,7 +138,7 @@ def follow(arm: Arm, plant: Simulated, segment: int, target: Callable[[float], f
     arm: the model of the servo.  measuring: None for an arm that is only predicted.  Raises
     MotionRefusedError when a piece is not one that tendon_actuation would follow.
     """
-    chain, now = RigidChain(arm), 0.0
+    chain, now = PlaneChain(arm), 0.0
     tendons = TendonController(
         SimulatedTendons(lambda: now, arm.tendon_names, 0.03, 0.3, 5e-6),
         TendonLimits(arm.tendon_names, settings.limits.pull_limits, 0.03))
@@ -144,7 +150,7 @@ def follow(arm: Arm, plant: Simulated, segment: int, target: Callable[[float], f
         return replace(chain.state(joint_angles), stiff=stiff)
 
     servo = AngleServo(Statics(arm), settings, state(
-        plant.joint_angles if measuring else np.zeros(chain.joints)), segment)
+        plant.joint_angles if measuring else np.zeros(chain.bodies)), segment)
     next_target = next_piece = next_picture = 0.0
     pieces: list[tuple[float, Array, Array]] = []
     rows = []
@@ -158,7 +164,7 @@ def follow(arm: Arm, plant: Simulated, segment: int, target: Callable[[float], f
             taken = max(0.0, now - measuring.delay)
             seen = next(angles for time, angles in reversed(past) if time <= taken + 1e-9)
             noise = random.normal(0.0, measuring.deviation / chain.joints_per_segment**0.5,
-                                  chain.joints)
+                                  chain.bodies)
             stamp = taken + measuring.stamp_error
             servo.observe(state(seen + noise), stamp, stamp, now)
         for sent, times, pulls in [piece for piece in pieces if piece[0] <= now]:

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize
 
-from soft_continuum.mechanics import RigidChain
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.plane.chain import PlaneChain
 
 
-def solver(chain: RigidChain, start: Array, pull: float, gradient: bool) -> Callable[[], Array]:
+def solver(chain: PlaneChain, start: Array, pull: float, gradient: bool) -> Callable[[], Array]:
     """
     Return a call that finds the joint angles of a weightless arm for one right pull (m).
 
@@ -20,7 +20,7 @@ def solver(chain: RigidChain, start: Array, pull: float, gradient: bool) -> Call
     """
     stiffness = chain.joint_stiffness
     scale = 1.0 / stiffness.mean()
-    length = chain.straight_length - pull
+    length = chain.straight_paths[0] - pull
     segments, joints = chain.segments, chain.joints_per_segment
     bodies = chain.body_lengths.reshape(segments, joints).copy()
     bodies[:, -1] = 0.0  # the discs are no part of a span

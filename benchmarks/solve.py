@@ -12,9 +12,16 @@ from benchmarks.kernel import Kernel, repeated
 from benchmarks.reference import FLAGS, MissingCompilerError, Reference
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import interleave, progress, Sampler, sampler, Timing
-from soft_continuum.mechanics import _kernel, Arm, Equilibrium, RigidChain, SLACK, Statics
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics import (
+    _kernel,
+    Arm,
+    Equilibrium,
+    SLACK,
+    Statics,
+)
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.plane.chain import PlaneChain
+from soft_continuum.mechanics.space.statics import SpaceStatics
 
 C = 'C, called in a loop in C'
 C_REPEATS = 200
@@ -55,8 +62,7 @@ def run(quick: bool) -> Section:
     lines = [machine(), '']
     for title, (cold, _) in tasks.items():
         state = statics.solve(cold.start, cold.pulls, paper.ALL_SOFT)
-        angles = ', '.join(f'{np.degrees(a):.1f}' for a in statics.chain.bending_angles(
-            state.joint_angles))
+        angles = ', '.join(f'{np.degrees(a):.1f}' for a in state.bending_angles)
         lines += [f'**{title}** (from straight to {angles} degrees)', '',
                   _table(title, contenders, results), '']
     lines += [f'**{c_form}** (from straight to 36, 36, 36 degrees in three solves)', '',
@@ -94,7 +100,7 @@ def _first(title: str, contenders: dict[tuple[str, str, str], Contender]) -> str
 def _contenders(statics: Statics, task: paper.Task, residuals: list[float],
                 notes: set[str]) -> dict[str, Contender]:
     """Return every way to solve one task."""
-    chain, start = statics.chain, task.start
+    chain, start = PlaneChain(statics.chain.arm), task.start
     state = statics.solve(start, task.pulls, paper.ALL_SOFT)
     residuals.append(state.residual)
     begin = np.cumsum(start.joint_angles)
@@ -119,11 +125,11 @@ def _contenders(statics: Statics, task: paper.Task, residuals: list[float],
         sampler(kernel.run), off(kernel.joint_angles))
     found['Statics.solve'] = Contender(
         sampler(lambda: statics.solve(start, task.pulls, paper.ALL_SOFT)), 0.0)
-    solid = SpatialStatics(chain.arm)
+    solid = SpaceStatics(chain.arm)
     begun = solid.chain.straight()
     if tension > 0.0:
         begun = solid.solve(begun, (float(start.pulls[0]), SLACK), paper.ALL_SOFT)
-    found['SpatialStatics.solve, the same arm'] = Contender(
+    found['Statics.solve in space, the same arm'] = Contender(
         sampler(lambda: solid.solve(begun, task.pulls, paper.ALL_SOFT)),
         float(np.abs(solid.solve(begun, task.pulls, paper.ALL_SOFT).points[:, ::2]
                      - state.points[:, :2]).max()))
@@ -196,7 +202,7 @@ class _Alone:
         single = replace(arm, segments=arm.segments[step.segment:step.segment + 1],
                          discs=arm.discs[step.segment:step.segment + 2])
         self._statics = Statics(single)
-        self._reference = Reference(RigidChain(single))
+        self._reference = Reference(PlaneChain(single))
         self._start = self._statics.chain.straight()
         self._pull = step.change
         theta = self._reference.solve(np.cumsum(self._start.joint_angles), 0.0, self._pull)

@@ -23,12 +23,9 @@ from soft_continuum.mechanics import (
     Statics,
 )
 from soft_continuum.mechanics.arm import Arm, Disc, Segment, Tendon
-from soft_continuum.mechanics.spatial import (
-    solve_batch,
-    solve_path,
-    SpatialLinearisation,
-    SpatialStatics,
-)
+from soft_continuum.mechanics.batch import solve_batch, solve_path
+from soft_continuum.mechanics.space.sensitivity import SpaceLinearisation
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 
@@ -54,7 +51,7 @@ def _row(rod: Rod, bodies: int, most: int | None) -> tuple[str, ...]:
     errors, times, every = [], [], list(islice(shapes(rod), most))
     for shape in every:
         begin = time.thread_time()
-        statics = SpatialStatics(shape.arm(rod, bodies))
+        statics = SpaceStatics(shape.arm(rod, bodies))
         state = statics.solve(statics.chain.straight(), [], [True, True])
         times.append(1e3 * (time.thread_time() - begin))
         if not state.jumped:
@@ -71,7 +68,7 @@ def _beside_rods() -> str:
     for bodies in (6, 12, 24, 48):
         cells = []
         for discretisation, spacers in ((PAPER, 0), (SECOND_ORDER, 0), (SECOND_ORDER, 2)):
-            statics = SpatialStatics(replace(
+            statics = SpaceStatics(replace(
                 three_tendons(), bodies_per_segment=bodies, discretisation=discretisation,
                 spacers=spacers))
             state = statics.solve(statics.chain.straight(), pulls, [True] * 3)
@@ -85,7 +82,7 @@ def _beside_rods() -> str:
 def _beside_the_plane(repeats: int) -> str:
     """Return how long one solve of the same planar arm takes by either, in turns."""
     arm = load_arm(description_file())
-    planar, solid = Statics(arm), SpatialStatics(arm)
+    planar, solid = Statics(arm), SpaceStatics(arm)
     soft = [True, False, False]
     solves: dict[str, Callable[[], object]] = {
         'in the plane': lambda: planar.solve(planar.chain.straight(), PULLS, soft),
@@ -103,7 +100,7 @@ def three_tendons() -> Arm:
 
 def _questions(repeats: int) -> str:
     """Return how long what is asked of an arm of three segments and tendons takes."""
-    statics = SpatialStatics(three_tendons())
+    statics = SpaceStatics(three_tendons())
     straight, soft, pulls = statics.chain.straight(), [True, False, False], (0.006, -0.004, -0.003)
     state = statics.solve(straight, pulls, soft)
     bend = [(0.4, 0.6), (nan, nan), (nan, nan)]
@@ -111,7 +108,7 @@ def _questions(repeats: int) -> str:
     path = np.linspace(straight.pulls, state.pulls, 50)
     asked: dict[str, Callable[[], object]] = {
         'one solve': lambda: statics.solve(straight, pulls, soft),
-        'derivatives by all pulls': lambda: SpatialLinearisation(statics, state).pulls(),
+        'derivatives by all pulls': lambda: SpaceLinearisation(statics, state).pulls(),
         'a path of 50 rows': lambda: solve_path(statics, straight, path, soft),
         'pulls for a bending': lambda: pulls_for_bending(statics, straight, bend, soft),
         'three segments set': lambda: set_shape(statics, there.bending),
@@ -124,8 +121,8 @@ def _questions(repeats: int) -> str:
 def _batches(count: int) -> str:
     """Return how many solves a batch makes, in wall time and in processor time of all threads."""
     random = np.random.default_rng(1)
-    statics = SpatialStatics(three_tendons())
-    arms = [SpatialStatics(replace(three_tendons(), payload=float(payload)))
+    statics = SpaceStatics(three_tendons())
+    arms = [SpaceStatics(replace(three_tendons(), payload=float(payload)))
             for payload in random.uniform(0.0, 0.02, count)]
     pulls = random.uniform(-PULL, PULL, (count, 3))
     pulls[:, 0] = -pulls[:, 1:].sum(axis=1)

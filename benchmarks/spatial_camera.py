@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.pictures import Array
@@ -39,7 +39,7 @@ def run(quick: bool) -> Section:
     values = load_description(description_file().with_name(ARM), node='camera')
     arm = arm_from_parameters(values)
     assert isinstance(arm, Arm)
-    layout, chain = RingLayout.of(values, arm), SpatialChain(arm)
+    layout, chain = RingLayout.of(values, arm), SpaceChain(arm)
     random, rigs, rows = np.random.default_rng(1), 2 if quick else RIGS, []
     for preset in PRESETS:
         given = read_differences(description_file().with_name('twin.yaml'), preset)
@@ -61,7 +61,7 @@ def run(quick: bool) -> Section:
     return Section('sensing.md', 'spatial_camera', body)
 
 
-def _measure(layout: RingLayout, chain: SpatialChain, given: Differences,
+def _measure(layout: RingLayout, chain: SpaceChain, given: Differences,
              random: np.random.Generator, found: dict[int, list[Array]]) -> None:
     """Add errors of position (m) and turn (rad), and their squares over the covariance."""
     drawn = [RingTwinCamera(layout, given, direction) for direction in DIRECTIONS]

@@ -25,10 +25,10 @@ from benchmarks.faults import ALARMS, alarms, HEAD, judge, observe, Outcome, RIG
 from benchmarks.lab import Description
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.mechanics.spatial.directions import bending_vectors
-from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.orientations import bending_between, matrices
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.user_files import description_file
@@ -102,7 +102,7 @@ class SpatialRig(Rig):
     def plan(arm: Any, random: np.random.Generator, shapes: int
              ) -> tuple[list[Move], list[int | None]]:
         """Return moves of random shapes that can be planned, and what carries after each."""
-        planner, statics = Planner(arm, PlanSettings()), SpatialStatics(arm)
+        planner, statics = Planner(arm, PlanSettings()), SpaceStatics(arm)
         state, pulls = statics.chain.straight(), np.zeros(len(arm.tendons))
         count, found = len(arm.segments), list[Move]()
         carrying: list[int | None] = []

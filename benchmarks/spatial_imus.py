@@ -17,7 +17,7 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.tilt import ImuSample, SensorError

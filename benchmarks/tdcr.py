@@ -16,9 +16,9 @@ import time
 import numpy as np
 
 from benchmarks.tables import machine, number, Section, table
-from soft_continuum.mechanics.arm import Arm, Disc, SECOND_ORDER, Segment, Tendon, Wrench
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial import SpatialEquilibrium, SpatialStatics
+from soft_continuum.mechanics.arm import Arm, Array, Disc, SECOND_ORDER, Segment, Tendon, Wrench
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.space.statics import SpaceStatics
 
 LENGTH, SPACERS, OFFSET = 0.2, 9, 0.01  # m; spacers; m
 BENDING = 54e9 * pi / 4.0 * 0.7e-3**4  # E I, N m^2
@@ -44,7 +44,7 @@ BODIES = (1, 2, 5, 10)  # between two guides
 
 
 def state(bodies: int, force: tuple[float, float, float], discs: bool = False
-          ) -> SpatialEquilibrium:
+          ) -> Equilibrium:
     """
     Return the arm of the example under a force (N) at the tip, so many bodies between guides.
 
@@ -59,7 +59,7 @@ def state(bodies: int, force: tuple[float, float, float], discs: bool = False
         (Disc(),) * (segments + 1), tendons,
         bodies if discs else bodies * (SPACERS + 1), 0 if discs else SPACERS, SECOND_ORDER,
         wrenches=(Wrench(segments, force),), gravity=(0.0, 0.0, 0.0))
-    statics = SpatialStatics(arm)
+    statics = SpaceStatics(arm)
     return statics.solve(statics.chain.straight(), np.zeros(6), [True] * segments,
                          tensions=TENSIONS)
 

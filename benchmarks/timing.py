@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 SAMPLE = 2e-3  # s that one sample lasts at least: short calls are repeated
 LEAST_ROUNDS = 5

@@ -13,9 +13,7 @@ from benchmarks.paper import only
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import Jam, pulls_for_bending, Statics, StaticsError
-from soft_continuum.mechanics.arm import Arm, mounted, STANDARD_GRAVITY
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import statics_of
+from soft_continuum.mechanics.arm import Arm, Array, mounted, STANDARD_GRAVITY
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import Differences, PRESETS, read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
@@ -86,9 +84,9 @@ def _rows(arm: str, distances: Array, ideal: Differences) -> list[tuple[str, ...
 
 def _walk(arm: Arm, ideal: Differences, random: np.random.Generator) -> Array:
     """Return how far a disc is at most from each statics after each step, (STEPS, 2), m."""
-    plant, rigid = Plant(arm, ideal), statics_of(arm)
+    plant, rigid = Plant(arm, ideal), Statics(arm)
     described: Any = arm
-    elastic: Any = statics_of(replace(described, segments=tuple(
+    elastic: Any = Statics(replace(described, segments=tuple(
         replace(s, jam=Jam(ratio=ideal.stiff_ratio)) for s in described.segments)))
     state: Any = rigid.chain.straight()
     same = elastic.chain.straight()

@@ -11,14 +11,14 @@ from PIL import Image
 
 from soft_continuum.analysis.figures import draw_arm
 from soft_continuum.client import Arm
-from soft_continuum.mechanics import RigidChain
+from soft_continuum.mechanics import Chain
 
 PERIOD = 0.3  # s between two frames
 FASTER = 2
 
 looks = []
 with Arm() as arm:
-    chain = RigidChain(arm.description)
+    chain = Chain(arm.description)
     running = arm.start(*arm.shapes, hold=1.5)
     while not running.done:
         if arm.state.joint_angles is not None:

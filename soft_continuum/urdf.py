@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import Chain, chain_of
+from soft_continuum.mechanics.chain import Chain
 
 MATERIALS = {'disc': '0.75 0.78 0.82 1', 'skin': '0.35 0.30 0.25 1'}
 AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
@@ -45,7 +45,7 @@ def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:
     diameters = [arm.segments[0].outer_diameter, *(s.outer_diameter for s in arm.segments)]
     _link(robot, base_frame, arm.discs[0].height, diameters[0] / 2, arm.discs[0].mass, 'disc')
     below, length, n = base_frame, arm.discs[0].height, arm.bodies_per_segment
-    axes = chain_of(arm).joint_axes
+    axes = Chain(arm).joint_axes
     for s in range(1, len(arm.segments) + 1):
         segment = arm.segments[s - 1]
         for j in range(1, n + 2):

@@ -36,7 +36,7 @@ statics = Statics(arm)
 bent = set_shape(statics, [0.3])
 paper = load_arm(Path(sys.prefix, 'share/soft_continuum/config/manipulator.yaml'))
 print(json.dumps({
-    'bending_angle': float(statics.chain.bending_angles(bent.joint_angles)[0]),
+    'bending_angle': float(bent.bending_angles[0]),
     'tips': len(reach(arm, [0], 3).tips),
     'segments': len(paper.segments),
     'version': version(),

@@ -15,11 +15,11 @@ from soft_continuum.client.sequence import goal
 from soft_continuum.client.state import Pose, Reached
 from soft_continuum.client.state_text import reached_text
 from soft_continuum.hardware.grbl.motion import Motors
-from soft_continuum.mechanics import Arm, RigidChain, Statics
+from soft_continuum.mechanics import Arm, Chain, Statics
 from soft_continuum.mechanics.arm import ArmError, Tendon
-from soft_continuum.mechanics.model import chain_of, statics_of
-from soft_continuum.mechanics.spatial import SpatialChain
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.plane.statics import PlaneStatics
+from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.nodes.up import nodes_of
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -161,9 +161,9 @@ def test_tendons_without_an_axis_of_the_controller_are_refused():
                           'grbl.steps_per_mm': (200.0,) * 9, 'grbl.signs': (1.0,) * 9})
 
 
-def test_planar_statics_say_what_takes_another_arm():
-    with pytest.raises(ArmError, match='a spatial one, for SpatialStatics'):
-        Statics(load_arm(TENDON_ARM))
+def test_hinges_refuse_an_arm_in_space():
+    with pytest.raises(ArmError, match='a spatial one'):
+        PlaneStatics(load_arm(TENDON_ARM))
 
 
 def test_the_shapes_of_the_paper_are_left_out_where_an_arm_in_space_does_not_bend_so():
@@ -228,7 +228,7 @@ def test_a_hinge_bends_in_its_plane(direction, allowed):
 
 
 def test_bendings_have_the_angle_and_direction_they_were_made_of():
-    chain = chain_of(described())
+    chain = Chain(described())
     angles, directions = np.array([0.3, 0.5, 0.2]), np.array([1.0, -2.0, 3.0])
     state = chain.uniform(bending_vectors(chain.arm, angles, directions))
     assert state.bending_angles == pytest.approx(angles)
@@ -249,7 +249,7 @@ def bent():
     """Return a planar arm, and the same as a spatial one, bent alike."""
     flat = load_arm(PLANAR)
     angles = np.array([0.4, -0.3, 0.7])
-    return (RigidChain(flat).uniform(angles), SpatialChain(flat).uniform(
+    return (Chain(flat).uniform(angles), SpaceChain(flat).uniform(
         np.column_stack([np.zeros(3), angles])))
 
 
@@ -265,7 +265,7 @@ def test_a_planar_arm_is_drawn_where_the_spatial_one_is():
 
 @pytest.mark.parametrize('path', [PLANAR, JAMMING, TENDON_ARM], ids=lambda p: p.stem)
 def test_a_state_is_made_again_of_its_coordinates(path):
-    chain = chain_of(load_arm(path))
+    chain = Chain(load_arm(path))
     numbers = np.random.default_rng(3).uniform(-0.1, 0.1, (2, chain.coordinate_count))
     state = chain.state_of(numbers[0], numbers[1], (True, False, True))
     again = chain.state_of(state.coordinates, state.held_coordinates, state.stiff)
@@ -284,7 +284,7 @@ def test_a_state_is_made_again_of_its_coordinates(path):
     (PLANAR, (0.006, -0.007), (False, True, False))], ids=lambda p: getattr(p, 'stem', ''))
 def test_the_joints_of_the_urdf_give_the_poses(path, pulls, soft):
     arm = load_arm(path)
-    statics = statics_of(arm)
+    statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), pulls, soft)
     assert np.abs(state.bending_angles).max() > 0.1
     names = joint_names(statics.chain)
@@ -294,7 +294,7 @@ def test_the_joints_of_the_urdf_give_the_poses(path, pulls, soft):
 
 def test_a_twisted_arm_has_the_poses_of_its_urdf():
     # Also where a bend about one axis goes on about the other: then discs turn about z.
-    chain = chain_of(load_arm(TENDON_ARM))
+    chain = Chain(load_arm(TENDON_ARM))
     turns = np.random.default_rng(1).uniform(-0.2, 0.2, chain.coordinate_count)
     state = chain.state_of(turns, turns, (False,) * 3)
     names = joint_names(chain)
@@ -306,7 +306,7 @@ def test_a_twisted_arm_has_the_poses_of_its_urdf():
 @pytest.mark.parametrize('turn', [(0.0, 0.0, 0.0), (3.1, 0.2, 0.0), (0.0, 0.0, 3.14159),
                                   (0.1, 3.0, 0.5), (-2.0, 2.0, 0.3)])
 def test_orientations_of_every_size_are_quaternions(turn):
-    from soft_continuum.mechanics.spatial.orientations import quaternions
+    from soft_continuum.mechanics.orientations import quaternions
     wanted = Rotation.from_rotvec(turn).as_quat(canonical=True)
     assert quaternions(Rotation.from_rotvec(turn).as_matrix()[None])[0] == pytest.approx(wanted)
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import Disc, RigidChain, Segment
+from soft_continuum.mechanics import Chain, Disc, Segment
 from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.urdf import arm_urdf, joint_names
@@ -35,15 +35,15 @@ def names(model, kind, count):
 @ARMS
 def test_an_independent_parser_finds_the_joints_of_joint_states(arm):
     model = parse(arm_urdf(arm))
-    assert names(model, mujoco.mjtObj.mjOBJ_JOINT, model.njnt) == joint_names(RigidChain(arm))
+    assert names(model, mujoco.mjtObj.mjOBJ_JOINT, model.njnt) == joint_names(Chain(arm))
     assert np.all(model.jnt_axis == [0.0, 1.0, 0.0])
 
 
 @ARMS
 @pytest.mark.parametrize('seed', range(5))
 def test_forward_kinematics_are_those_of_the_chain(arm, seed):
-    chain = RigidChain(arm)
-    angles = np.random.default_rng(seed).uniform(-0.08, 0.08, chain.joints)
+    chain = Chain(arm)
+    angles = np.random.default_rng(seed).uniform(-0.08, 0.08, chain.bodies)
     model = parse(arm_urdf(arm))
     data = mujoco.MjData(model)
     data.qpos[:] = angles
@@ -60,7 +60,7 @@ def test_forward_kinematics_are_those_of_the_chain(arm, seed):
 @ARMS
 def test_the_weight_on_every_joint_is_that_of_the_chain(arm):
     # Gravity alone, straight and on its side: the moments of the masses above each joint.
-    chain = RigidChain(replace(arm, gravity=mounted(np.pi / 2)))
+    chain = Chain(replace(arm, gravity=mounted(np.pi / 2)))
     model = parse(arm_urdf(arm))
     model.opt.gravity[:] = STANDARD_GRAVITY, 0.0, 0.0
     data = mujoco.MjData(model)
@@ -81,11 +81,11 @@ def test_the_frames_of_two_arms_share_one_tree():
     assert set(frames[0]).isdisjoint(frames[1])
     assert all(frame.startswith('left/') for frame in frames[0])
     joint = mujoco.mjtObj.mjOBJ_JOINT
-    assert names(left, joint, left.njnt) == joint_names(RigidChain(PAPER))
+    assert names(left, joint, left.njnt) == joint_names(Chain(PAPER))
 
 
 def test_a_joint_may_bend_no_further_than_its_segment():
     arm = replace(PAPER, segments=tuple(
         replace(s, bending_angle_limit=0.7) for s in PAPER.segments))
     assert parse(arm_urdf(arm)).jnt_range == pytest.approx(
-        np.tile([-0.7, 0.7], (RigidChain(arm).joints, 1)))
+        np.tile([-0.7, 0.7], (Chain(arm).bodies, 1)))

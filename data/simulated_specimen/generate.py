@@ -20,8 +20,7 @@ import numpy as np
 
 from soft_continuum.analysis.measured_shapes import Step
 from soft_continuum.mechanics import SLACK, Statics
-from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array, SECOND_ORDER
 from soft_continuum.mechanics.stiffness import bending_stiffness_from_slope
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description, write_parameters

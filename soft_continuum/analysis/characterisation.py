@@ -16,7 +16,7 @@ import scipy
 
 from soft_continuum.analysis.curves import Curve
 from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.mechanics.stiffness import bending_stiffness_from_slope
 

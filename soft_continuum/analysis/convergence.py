@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.analysis.results import progress
-from soft_continuum.mechanics.arm import Arm, ArmError, SECOND_ORDER
-from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.model import Solver, State, statics_of
+from soft_continuum.mechanics.arm import Arm, ArmError, Array, SECOND_ORDER
+from soft_continuum.mechanics.chain import Equilibrium, SLACK
+from soft_continuum.mechanics.statics import Statics
 
 CONTINUUM_BODIES = 100  # of the second-order chain, which is then within 1e-5 of the rod
 Step = tuple[tuple[bool, ...], Array]
@@ -74,9 +74,9 @@ def converge(arm: Arm, bending_angles: Sequence[float], tolerance: float, most: 
 
 def _steps(arm: Arm, bending_angles: Sequence[float], jamming: bool) -> list[Step]:
     """Return by which tendons the segments are bent, in turn or all at once."""
-    statics: Solver = statics_of(arm)
+    statics: Statics = Statics(arm)
     segments = range(len(arm.segments))
-    state: State = statics.chain.straight()
+    state: Equilibrium = statics.chain.straight()
     steps: list[Step] = []
     wanted = np.column_stack([np.zeros(len(segments)), bending_angles])
     for soft in ([tuple(i == s for i in segments) for s in segments] if jamming
@@ -89,8 +89,8 @@ def _steps(arm: Arm, bending_angles: Sequence[float], jamming: bool) -> list[Ste
 
 def _angles(arm: Arm, steps: Sequence[Step]) -> Array:
     """Return the bending angles after the tendons were pulled by lengths, step by step."""
-    statics: Solver = statics_of(arm)
-    state: State = statics.chain.straight()
+    statics: Statics = Statics(arm)
+    state: Equilibrium = statics.chain.straight()
     for soft, lengths in steps:
         state = statics.solve(
             state, np.where(np.isnan(lengths), SLACK, state.pulls + lengths), soft)

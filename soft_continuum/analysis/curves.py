@@ -20,7 +20,7 @@ from soft_continuum.analysis.delimited import (
     read_table,
     Table,
 )
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 MIN_POINTS = 10  # on the way up, for a slope that means something
 NEW_PAGE = 0.1  # of the range: a block that begins higher goes on with the one before

@@ -9,10 +9,9 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import State
-from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.orientations import matrices
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,7 +29,7 @@ def projection_of(arm: Arm) -> str | None:
     return IN_SPACE if 'y' in arm.axes else None
 
 
-def draw_arm(axes: Any, state: State, soft: Collection[int] | None = None) -> None:
+def draw_arm(axes: Any, state: Equilibrium, soft: Collection[int] | None = None) -> None:
     """
     Draw discs, segments and tendons of a state into axes in mm, along y or of IN_SPACE.
 
@@ -41,7 +40,7 @@ def draw_arm(axes: Any, state: State, soft: Collection[int] | None = None) -> No
     (_draw_3d if axes.name == IN_SPACE else _draw_along_y)(axes, state, soft)
 
 
-def _draw_along_y(axes: 'Axes', state: State, soft: Collection[int]) -> None:
+def _draw_along_y(axes: 'Axes', state: Equilibrium, soft: Collection[int]) -> None:
     chain, points, backbone = state.chain, 1e3 * state.poses, 1e3 * state.backbone
     guides = [1e3 * tendon for tendon in state.tendon_points]
     for s in range(chain.segments):
@@ -62,7 +61,7 @@ def _draw_along_y(axes: 'Axes', state: State, soft: Collection[int]) -> None:
     axes.grid(alpha=0.3)
 
 
-def _draw_3d(axes: Any, state: State, soft: Collection[int]) -> None:
+def _draw_3d(axes: Any, state: Equilibrium, soft: Collection[int]) -> None:
     backbone = np.vstack([np.zeros(3), state.backbone]) * 1e3
     axes.plot(*backbone.T, color='0.55', linewidth=4, label='rigid chain')
     count = state.chain.joints_per_segment
@@ -123,7 +122,7 @@ def finish_panels(path: str | Path, figure: 'Figure', legend_columns: int) -> No
     figure.savefig(path, dpi=DPI)
 
 
-def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[State, Array]]) -> None:
+def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[Equilibrium, Array]]) -> None:
     """
     Write a picture of shapes side by side, with constant curvature beside the rigid chain.
 

@@ -20,10 +20,9 @@ from soft_continuum.analysis.unknowns import (
     Values,
     with_values,
 )
-from soft_continuum.mechanics.arm import SECOND_ORDER
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array, SECOND_ORDER
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import Solver, statics_of
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.parameters.arm import arm_from_parameters
 
 DIFFERENCE = 1e-4  # of the scale of an unknown
@@ -72,7 +71,7 @@ def identify(described: Values, unknowns: Sequence[Unknown], shapes: Sequence[Me
     start = np.array([u.start for u in unknowns])
 
     @lru_cache(len({shape.payload for shape in shapes}))  # those with the same are of one arm
-    def statics_at(payload: float, *values: float) -> Solver:
+    def statics_at(payload: float, *values: float) -> Statics:
         return _statics(with_values(described, unknowns, np.array(values)), payload)
 
     @lru_cache(1)  # derivatives are asked for where it was
@@ -110,23 +109,23 @@ def identify(described: Values, unknowns: Sequence[Unknown], shapes: Sequence[Me
     return _judged(described, tuple(unknowns), values, found.fun, found.jac, scales)
 
 
-def _statics(described: Values, payload: float) -> Solver:
+def _statics(described: Values, payload: float) -> Statics:
     """Return the statics of the arm that parameters describe, with a payload (kg) more."""
     arm = arm_from_parameters(described)
-    return statics_of(replace(arm, payload=arm.payload + payload))
+    return Statics(replace(arm, payload=arm.payload + payload))
 
 
 def _size(change: Array) -> float:
     return float(np.abs(change).max())
 
 
-def _misses(statics: Solver, shape: MeasuredShape) -> Array:
+def _misses(statics: Statics, shape: MeasuredShape) -> Array:
     """Return by how much the coordinates that were measured of a shape are missed, m."""
     misses = shape.misses(_points(statics, shape))
     return misses[np.isfinite(misses)]
 
 
-def _points(statics: Solver, shape: MeasuredShape) -> Array:
+def _points(statics: Statics, shape: MeasuredShape) -> Array:
     return simulate_steps(statics, shape.steps, shape.name)[-1].poses[:, :3]
 
 

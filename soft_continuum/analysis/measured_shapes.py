@@ -26,10 +26,10 @@ from soft_continuum.analysis.delimited import (
     read_table,
     Table,
 )
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium, SLACK
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import Solver, State
+from soft_continuum.mechanics.statics import Statics
 
 BASE_TOLERANCE = 0.005  # m: the base disc cannot be further from where the frame has it
 BENT_LENGTH = 0.75  # of a segment, straight from end to end when it is bent by about 150 degrees
@@ -239,20 +239,20 @@ def _pulls(column: Column) -> list[float]:
     return [SLACK if s else value for s, value in zip(slack, values, strict=True)]
 
 
-def sliding(start: State, step: Step) -> tuple[int, ...]:
+def sliding(start: Equilibrium, step: Step) -> tuple[int, ...]:
     """Return where the tendons slide in a step: 1 to the base, -1 to the tip, 0 slack."""
     return tuple(0 if pull == SLACK else 1 if pull > before else -1
                  for pull, before in zip(step.pulls, start.pulls.tolist(), strict=True))
 
 
-def simulate_steps(statics: Solver, steps: Sequence[Step], name: str = '') -> list[State]:
+def simulate_steps(statics: Statics, steps: Sequence[Step], name: str = '') -> list[Equilibrium]:
     """
     Return the equilibrium after each step, from the straight arm.
 
     Raises StaticsError naming shape and step.
     """
-    state: State = statics.chain.straight()
-    states: list[State] = []
+    state: Equilibrium = statics.chain.straight()
+    states: list[Equilibrium] = []
     for number, step in enumerate(steps, start=1):
         try:
             state = statics.solve(state, step.pulls, step.soft(statics.chain.segments),

@@ -10,7 +10,7 @@ import scipy
 
 from soft_continuum.analysis.figures import IN_SPACE
 from soft_continuum.colours import OBSTACLE
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles import Box, Capsule, Mesh, Obstacle, Sphere
 
 ROUND = 24  # corners of a circle

@@ -10,10 +10,10 @@ import numpy as np
 import scipy
 
 from soft_continuum.analysis.figures import finish_panels, new_panels, rim
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import State, statics_of
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.statics import Statics
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +23,7 @@ LABELS = 1.45  # times the distance of a tendon from the backbone: where its nam
 
 
 def bent(arm: Arm, bending_angles: Sequence[float], directions: Sequence[float],
-         jamming: bool) -> State:
+         jamming: bool) -> Equilibrium:
     """
     Return the arm in a shape, by the statics.
 
@@ -31,12 +31,12 @@ def bent(arm: Arm, bending_angles: Sequence[float], directions: Sequence[float],
     are set one after the other, or all at once.  Raises StaticsError where no tendons hold it.
     """
     from soft_continuum.mechanics.inverse import set_shape
-    state: State = set_shape(statics_of(arm), bending_vectors(arm, bending_angles, directions),
+    state: Equilibrium = set_shape(Statics(arm), bending_vectors(arm, bending_angles, directions),
                              jamming=jamming)
     return state
 
 
-def preview_figure(path: str | Path, states: Sequence[tuple[str, State]]) -> None:
+def preview_figure(path: str | Path, states: Sequence[tuple[str, Equilibrium]]) -> None:
     """Write states by their titles as seen from the side, and the tendons at the base; in mm."""
     figure, panels = new_panels(1, len(states) + 1, 3.6 * (len(states) + 1), 5.0)
     for axes, (title, state) in zip(panels, states, strict=False):
@@ -47,7 +47,7 @@ def preview_figure(path: str | Path, states: Sequence[tuple[str, State]]) -> Non
     finish_panels(path, figure, 3)
 
 
-def _draw(axes: 'Axes', state: State) -> None:
+def _draw(axes: 'Axes', state: Equilibrium) -> None:
     """Draw backbone, discs and tendons as seen along y."""
     axes.plot(*_side(state.backbone), color='0.0', linewidth=2.0, label='backbone')
     for number, guides in enumerate(state.tendon_points):
@@ -65,7 +65,7 @@ def _side(points: Array) -> tuple[Array, Array]:
     return 1e3 * points[:, 0], 1e3 * points[:, 2]
 
 
-def _draw_tendons(axes: 'Axes', state: State) -> None:
+def _draw_tendons(axes: 'Axes', state: Equilibrium) -> None:
     """Draw where the tendons pass the base, as seen from the tip."""
     edge = 1e3 * rim(state.poses[0], state.chain.disc_radii[0], ROUND)
     axes.plot(edge[:, 0], edge[:, 1], color='0.6', linewidth=1.2)

@@ -24,7 +24,7 @@ from soft_continuum.analysis.validation import (
     WITHOUT_GRAVITY,
 )
 from soft_continuum.analysis.workspace import Reach, tips_in_common
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import Value
 

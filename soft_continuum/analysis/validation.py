@@ -16,11 +16,11 @@ import numpy as np
 from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps, Step
 from soft_continuum.analysis.results import progress
 from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.arm import Arm, ArmError
-from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.arm import Arm, ArmError, Array
+from soft_continuum.mechanics.chain import SLACK
+from soft_continuum.mechanics.directions import hinged
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import Solver, statics_of
-from soft_continuum.mechanics.spatial.directions import hinged
+from soft_continuum.mechanics.statics import Statics
 
 CONSTANT_CURVATURE = 'constant curvature'
 WITHOUT_GRAVITY = 'chain, no gravity'
@@ -110,7 +110,7 @@ def _wanted(arm: Arm, step: Step) -> Array | None:
 
 
 def _chain(model: str, shape: MeasuredShape, arm: Arm) -> Prediction:
-    statics: Solver = statics_of(replace(arm, payload=arm.payload + shape.payload))
+    statics: Statics = Statics(replace(arm, payload=arm.payload + shape.payload))
     try:
         states = simulate_steps(statics, shape.steps, shape.name)
     except StaticsError as error:
@@ -122,7 +122,7 @@ def _chain(model: str, shape: MeasuredShape, arm: Arm) -> Prediction:
         _needed(statics, shape))
 
 
-def _needed(statics: Solver, shape: MeasuredShape) -> tuple[tuple[int, float] | None, ...]:
+def _needed(statics: Statics, shape: MeasuredShape) -> tuple[tuple[int, float] | None, ...]:
     """Return tendon and pull for the angle of each step, as far as a tendon holds it there."""
     state, needed = statics.chain.straight(), []
     for step in shape.steps:

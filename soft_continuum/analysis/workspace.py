@@ -15,10 +15,9 @@ import numpy as np
 import scipy
 
 from soft_continuum.analysis.results import progress
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.grid import bends, set_each
-from soft_continuum.mechanics.model import statics_of
+from soft_continuum.mechanics.statics import Statics
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +55,7 @@ def reach(arm: Arm, order: Sequence[int], per_segment: int, directions: int = 1,
     straight; without ``jamming`` all segments are bent at once.  Tendons do not rub here.
     """
     grid = bendings(arm, per_segment, directions)
-    found = set_each(statics_of(arm), grid, order, jamming=jamming,
+    found = set_each(Statics(arm), grid, order, jamming=jamming,
                      progress=progress)
     axes = arm.pose_axes[:3]
     return Reach(tuple(order),

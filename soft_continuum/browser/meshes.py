@@ -4,7 +4,7 @@
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 SIDES = 32  # of a tube
 PIECES = 6  # of an edge of a segment

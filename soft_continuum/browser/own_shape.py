@@ -12,7 +12,7 @@ from soft_continuum.browser.controls import number_of
 from soft_continuum.browser.html import own_shape_html
 from soft_continuum.browser.points import Points, points_of
 from soft_continuum.browser.session import Description
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 
 if TYPE_CHECKING:
     from soft_continuum.client.sequence import Bending
@@ -30,7 +30,7 @@ class OwnShape:
             if event.client is not None:
                 changed()
 
-        self.chain = chain_of(description.arm)
+        self.chain = Chain(description.arm)
         self._limits = description.arm.bending_angle_limits.tolist()
         self._angles, self._directions = [], []
         for number, (limit, directed) in enumerate(zip(

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.model import Chain
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.directions import bending_vectors
 
 Points = tuple[tuple[float, ...], ...]
 """x, y, z of some points, m."""

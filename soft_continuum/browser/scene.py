@@ -39,9 +39,9 @@ from soft_continuum.colours import (
     tension_colour,
     UNKNOWN,
 )
-from soft_continuum.mechanics.chain import Array, orientation
-from soft_continuum.mechanics.model import chain_of, State
-from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.mechanics.orientations import matrices, orientation
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.obstacles import Key
 
@@ -83,7 +83,7 @@ class Scene:
     def __init__(self, server: viser.ViserServer, description: Description) -> None:
         """Draw nothing yet but the ground, and point the camera."""
         self._description = description
-        self._chain = chain_of(description.arm)
+        self._chain = Chain(description.arm)
         self._drawn: tuple[object, ...] = ()
         self._joint_angles: tuple[float, ...] = ()  # the last that were received
         self._tensions = (np.nan,) * len(description.arm.tendon_names)
@@ -210,7 +210,7 @@ class Scene:
         measured = state.estimate is not None and state.estimate.measured
         self._show_predicted(state.predicted_disc_poses or () if measured else ())
 
-    def _move(self, state: State) -> None:
+    def _move(self, state: Equilibrium) -> None:
         points, frames = _along(state)
         self._discs.vertices = self._disc_vertices(state).astype(np.float32)
         for skin, vertices in zip(self._skins, self._skin_vertices(points, frames), strict=True):
@@ -302,7 +302,7 @@ class Scene:
 
     # Shapes of meshes.
 
-    def _disc_vertices(self, state: State) -> Array:
+    def _disc_vertices(self, state: Equilibrium) -> Array:
         """Return the vertices (k, 3) of all discs, m."""
         poses, each = state.poses, len(DISC_RADII) // 2
         frames = np.repeat(matrices(poses[:, 3:]), each, axis=0)
@@ -336,7 +336,7 @@ class Scene:
                 for s, radius in enumerate(self._radii)]
 
 
-def _along(state: State) -> tuple[Array, Array]:
+def _along(state: Equilibrium) -> tuple[Array, Array]:
     """Return upper end and frame of every body, the base disc first, (k, 3) m, (k, 3, 3)."""
     return state.backbone, np.concatenate([np.eye(3)[None], state.rotations])
 

@@ -22,8 +22,8 @@ from soft_continuum.browser.session import Description, Session
 from soft_continuum.client import own_file, Tip
 from soft_continuum.client.state import ArmState, Pose
 from soft_continuum.colours import GHOST
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.orientations import matrices
 
 HANDLE = 110.0  # px
 ROPE = 0.006  # of the length of the arm: the path of the tip

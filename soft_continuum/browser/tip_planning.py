@@ -12,7 +12,7 @@ from soft_continuum.client.plan import Plan, plan_shapes, PlanStep
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 
 WHILE_DRAGGED, AT_REST = 1000, 0  # states that are judged for a plan; 0: as many as Go would
 LATE = 1.0  # s without an answer
@@ -124,7 +124,7 @@ def _planned(goal: Tip, plan: Plan, arm: Arm, quick: bool) -> Planned:
     path = tuple(pose.position for step in plan.steps for pose in step.tip
                  if all(abs(value) < MAX_PLACE for value in pose.position))
     return Planned(goal, plan, plan.message, () if end is None else points_of(
-        chain_of(arm), end.bending_angles, end.bending_directions), path, quick)
+        Chain(arm), end.bending_angles, end.bending_directions), path, quick)
 
 
 def _fits(step: PlanStep, arm: Arm) -> bool:

@@ -22,8 +22,8 @@ from soft_continuum.arguments import (
 )
 from soft_continuum.extras import require
 from soft_continuum.mechanics.arm import Arm, ArmError
+from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import LawError
-from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.obstacles import ObstacleError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description

@@ -16,8 +16,8 @@ from soft_continuum.analysis.results import reserve_outputs, ResultError, text_t
 from soft_continuum.arguments import command_name, Parser, WRONG_USAGE
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
-from soft_continuum.mechanics.model import chain_of, State
-from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.new_arm.answers import Answer, AnswerError, Answers, Given, Question
 from soft_continuum.new_arm.description import (
     ASSUMED,
@@ -92,7 +92,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.yes:
         found = complete(given)
         description = describe(found)
-        chain_of(description.arm)  # or what is wrong with it
+        Chain(description.arm)  # or what is wrong with it
     else:
         print('What Enter takes is marked in the file as assumed. Ctrl-C ends, and nothing is '
               'written.')
@@ -139,7 +139,7 @@ def _agreed(given: dict[str, Given], path: Path) -> tuple[dict[str, Answer], Des
         try:
             found = complete(known, ask_once)
             description = describe(found)
-            chain_of(description.arm)  # or what is wrong with it
+            Chain(description.arm)  # or what is wrong with it
             print(f'\n{_table(found)}\n')
             choice = ask(f'Write {path}? (yes, no, or the name of an answer to change)',
                          _one_of_names('yes', 'no'))
@@ -202,7 +202,7 @@ def _table(found: dict[str, Answer]) -> str:
 def _preview(picture: Path, description: Description) -> None:
     """Draw the arm; say what the shape needs, and where that is more than is allowed."""
     arm = description.arm
-    states: list[tuple[str, State]] = [('straight', chain_of(arm).straight())]
+    states: list[tuple[str, Equilibrium]] = [('straight', Chain(arm).straight())]
     jamming = bool(description.values.get('arm.jamming', True))
     angles = ', '.join(f'{angle:.0f}' for angle in np.degrees(description.shape))
     try:

@@ -11,7 +11,7 @@ import numpy as np
 
 from soft_continuum.analysis.figures import DPI, draw_arm, new_figure, projection_of, SOFT
 from soft_continuum.analysis.obstacle_figures import draw_obstacles
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach import Reach

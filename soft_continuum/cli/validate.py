@@ -16,7 +16,7 @@ from soft_continuum.analysis.validation import predict, Prediction
 from soft_continuum.arguments import given_path
 from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics.arm import Arm, ArmError
-from soft_continuum.mechanics.spatial.directions import hinged
+from soft_continuum.mechanics.directions import hinged
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 

@@ -14,7 +14,7 @@ from soft_continuum.analysis.workspace import bendings, furthest_apart, Reach, r
 from soft_continuum.arguments import FOR_ANALYSIS, Parser, whole_number_in
 from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.mechanics.arm import Arm, ArmError, BEND_TIME
-from soft_continuum.mechanics.spatial.directions import hinged
+from soft_continuum.mechanics.directions import hinged
 from soft_continuum.mechanics.statics import warm_up
 from soft_continuum.parameters.arm import check_actuation
 

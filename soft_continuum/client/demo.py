@@ -28,10 +28,10 @@ from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.extras import require
 from soft_continuum.mechanics import arm as mechanics
 from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import chain_of
-from soft_continuum.mechanics.spatial.directions import bending_vectors
-from soft_continuum.mechanics.spatial.orientations import quaternions
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.twin_process import add_twin_options, twin_process
 from soft_continuum.nodes.up import chosen_nodes, with_asked
@@ -110,7 +110,7 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     description, shapes = arm.description, arm.shapes
     hold = HOLD + SETTLING + MEASURING if camera else HOLD
     reached, measured = _follow(arm, arm.start(*shapes, hold=hold), camera=camera)
-    drawn, chain = {}, chain_of(description)
+    drawn, chain = {}, Chain(description)
     for name, angles in shapes.items():
         towards = arm.shape_directions.get(name, ())
         bending = bending_vectors(description, angles, towards)

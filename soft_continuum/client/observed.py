@@ -26,8 +26,8 @@ from soft_continuum.client.state import (
     SequenceResult,
 )
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
-from soft_continuum.mechanics.spatial.directions import bending_directions
-from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
+from soft_continuum.mechanics.directions import bending_directions
+from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,

@@ -12,7 +12,7 @@ from soft_continuum.analysis.obstacle_figures import draw_obstacles
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import KINEMATICS_STATE, ObservedArm
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.conversions import equilibrium_from_ros
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def plot(observed: ObservedArm, arm: Arm, axes: 'Axes | None',
          obstacles: Sequence[Obstacle] = ()) -> 'Axes':
     """Draw the shape that kinematics has, and obstacles around it, as Arm.plot."""
-    chain, message = chain_of(arm), observed.message(KINEMATICS_STATE)
+    chain, message = Chain(arm), observed.message(KINEMATICS_STATE)
     state = None if message is None else equilibrium_from_ros(message, chain)
     if state is None:
         raise ClientError('kinematics publishes no shape of the arm that it describes; was it '

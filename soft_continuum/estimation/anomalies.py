@@ -29,8 +29,8 @@ from soft_continuum.estimation.hypotheses import (
     Verdict,
 )
 from soft_continuum.estimation.measuring import DiscMeasurement, Point, relative_distance
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.sensing.rigid import mean_pose
 
 MOVED = 1e-5  # m of a motor

@@ -4,7 +4,7 @@
 
 from dataclasses import dataclass
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.orientations import matrices
 from soft_continuum.sensing.rigid import displacement
 
 SHIFT_ERROR, TURN_ERROR = 3e-4, 3e-3  # m, rad: of a disc's pose, of what no unknown can explain

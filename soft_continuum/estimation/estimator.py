@@ -38,8 +38,7 @@ from soft_continuum.estimation.unknowns import (
     limited,
     statics_with,
 )
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 
 HISTORY = 2.0  # s for which pulls are kept: a measurement may be that late

@@ -22,9 +22,10 @@ from soft_continuum.estimation.measuring import (
     relative_distance,
 )
 from soft_continuum.estimation.unknowns import Layout
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import linearised, statics_of
+from soft_continuum.mechanics.sensitivity import Linearisation
+from soft_continuum.mechanics.statics import Statics
 
 LONGER = (-1.5e-3, -2.5e-3, -4e-3, -6.5e-3)
 OFFSETS = (*LONGER, 1.5e-3, 2.5e-3, 4e-3)
@@ -205,7 +206,7 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
 
     def about(statics: Any, there: Any, force: Array) -> Hypothesis:
         """Return that of forces near one with which the arm has another shape."""
-        forces = linearised(statics, there, commands.sliding).forces()
+        forces = Linearisation(statics, there, commands.sliding).forces()
         pushed = FORCE * point.measured(forces.poses[:, :, 3 * disc - 3:3 * disc])
         rows = _rows_at(point, statics, there, reference.layout, commands)
         return Hypothesis(
@@ -218,7 +219,7 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
         force = FORCE * judge(one).sizes
         with suppress(StaticsError):
             for part in LOAD_STEPS:
-                statics: Any = statics_of(arm.with_force(disc, force))
+                statics: Any = Statics(arm.with_force(disc, force))
                 one = about(statics, statics.solve(
                     replace(state, chain=statics.chain), pulls,
                     [not stiff for stiff in state.stiff], vacuum=state.vacuum or None,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from soft_continuum.estimation.discs import MODEL_ERROR
 from soft_continuum.estimation.unknowns import Layout
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import linearised
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.sensing.rigid import displacement
 
 MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measured
@@ -276,7 +276,7 @@ def rates(statics: Any, layout: Layout, state: Any,
     scales = np.ones(layout.model)
     scales[layout.ratio] = [0.0 if s.jam.law is not None else s.jam.ratio
                             for s in statics.chain.arm.segments]
-    found = linearised(statics, state, sliding).all()
+    found = Linearisation(statics, state, sliding).all()
 
     def with_biases(rows: Array) -> Array:
         padded = np.zeros((*rows.shape[:-1], layout.size))

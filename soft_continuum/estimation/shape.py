@@ -18,11 +18,10 @@ from soft_continuum.estimation.estimator import Estimator, HISTORY
 from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
 from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings
 from soft_continuum.estimation.unknowns import MAX_OFFSET
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import statics_of
-from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.orientations import bending_between, matrices
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics
 from soft_continuum.sensing.rigid import IDENTITY
 
 STRAIGHT_PULLS = 1e-5
@@ -58,7 +57,7 @@ class ArmShape:
         straight_tolerance: m by which the tendons may be too short for a stiff arm.
         """
         self.settings = settings
-        self.statics: Any = statics_of(arm)
+        self.statics: Any = Statics(arm)
         self.estimator: Estimator | None = None
         self.unpredicted: Exception | None = None
         """Why the model alone has no shape now."""

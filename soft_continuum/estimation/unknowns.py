@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.estimation.settings import Prior
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, LawError
-from soft_continuum.mechanics.model import statics_of
+from soft_continuum.mechanics.statics import Statics
 
 MIN_RATIO = 2.0  # K of a stiff segment that is estimated
 MAX_RATIO = 1e4
@@ -169,6 +168,6 @@ def statics_with(arm: Arm, layout: Layout, values: Array, state: Any) -> Any:
     law says of it when it is stiff: there is no such arm.
     """
     try:
-        return statics_of(arm_with(arm, layout, values))
+        return Statics(arm_with(arm, layout, values))
     except LawError as error:
         raise StaticsError(str(error), state) from None

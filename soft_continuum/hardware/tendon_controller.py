@@ -18,7 +18,7 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
     TendonReading,
 )
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 JOIN_TOLERANCE = 2e-4
 """m between a set-point and a trajectory that replaces the present one; the driver smooths it."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import isfinite
 
 from soft_continuum.hardware.protocols import TendonReading
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 SPARE = 0.02  # of the limit, for the noise of a load cell
 SMALLEST_PULL = 1e-6  # m: less is no pulling in

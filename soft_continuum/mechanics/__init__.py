@@ -26,28 +26,29 @@ if TYPE_CHECKING:
         Wrench,
     )
     from soft_continuum.mechanics.batch import Batch, solve_batch, solve_path
-    from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, RigidChain, SLACK
+    from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, SLACK
     from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
     from soft_continuum.mechanics.grid import set_on_grid, workspace
     from soft_continuum.mechanics.inverse import BendingFit, pulls_for_bending, set_shape
     from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
+    from soft_continuum.mechanics.self_contact import self_intersections, wound_up
     from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
     from soft_continuum.mechanics.statics import Statics
     from soft_continuum.mechanics.tip import bending_for_tip, TipFit
 
 __all__ = [
     'LEFT', 'PAPER', 'RIGHT', 'SECOND_ORDER', 'SLACK', 'Arm', 'ArmError', 'Batch', 'BendingFit',
-    'Disc', 'Equilibrium', 'Jam', 'LawError', 'Linearisation', 'MomentCurvature',
-    'OverconstrainedError', 'RigidChain', 'Segment', 'Sensitivity', 'Statics', 'StaticsError',
-    'Tendon', 'TipFit', 'Wrench', 'bending_for_tip', 'constant_curvature', 'mounted',
-    'pulls_for_bending', 'set_on_grid', 'set_shape', 'solve_batch', 'solve_path', 'stiffness',
-    'tendon_pair', 'workspace',
+    'Chain', 'Disc', 'Equilibrium', 'Jam', 'LawError', 'Linearisation', 'MomentCurvature',
+    'OverconstrainedError', 'Segment', 'Sensitivity', 'Statics', 'StaticsError', 'Tendon',
+    'TipFit', 'Wrench', 'bending_directions', 'bending_for_tip', 'bending_vectors',
+    'constant_curvature', 'mounted', 'pulls_for_bending', 'self_intersections', 'set_on_grid',
+    'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'tendon_pair', 'workspace', 'wound_up',
 ]
 
 # Cheap ones first: who wants an Arm does not load the solver, who solves does not load SciPy.
 __getattr__ = names_from(__name__, __all__, (
     'arm', 'laws', 'chain', 'errors', 'stiffness', 'statics', 'sensitivity', 'batch',
-    'constant_curvature', 'inverse', 'grid', 'tip'))
+    'constant_curvature', 'directions', 'inverse', 'grid', 'tip', 'self_contact'))
 
 
 def __dir__() -> list[str]:

@@ -32,7 +32,9 @@ def vacuum_parts(vacuum: Sequence[float] | None, segments: int) -> tuple[float, 
 
 
 def sliding_signs(sliding: Sequence[int], tendons: int = 2) -> tuple[int, ...]:
-    """Return the direction in which each tendon slides; raise ValueError for anything else."""
+    """Return the direction in which each tendon slides, () for none; else raise ValueError."""
+    if isinstance(sliding, tuple) and not sliding:
+        return (0,) * tendons
     given = listed(sliding)
     if len(given) != tendons or any(s not in (-1, 0, 1) for s in given):
         raise ValueError(f'sliding must be 1, 0 or -1 for each of the {tendons} tendons; '
@@ -68,13 +70,6 @@ def tensions_of(tensions: ArrayLike, tendons: int, optional: bool = False
     return given
 
 
-def check_start(start: object, kind: type) -> None:
-    """Raise ValueError for a start that is no state of this kind of arm."""
-    if not isinstance(start, kind):
-        raise ValueError(f'the start must be one of {kind.__name__}, such as '
-                         f'statics.chain.straight(); given: {start!r}')
-
-
 def segment_order(order: Sequence[int] | None, segments: int) -> list[int]:
     """Return the segments (0-based) in an order, by default all; raise ValueError for others."""
     turns = list(range(segments)) if order is None else listed(order)
@@ -83,13 +78,6 @@ def segment_order(order: Sequence[int] | None, segments: int) -> list[int]:
         raise ValueError(f'order must name segments, 0 to {segments - 1}, each once at most; '
                          f'given: {order!r}')
     return turns
-
-
-def refuse_friction(friction: float, what: str) -> None:
-    """Raise ValueError when there is friction and ``what`` knows none."""
-    if friction > 0.0:
-        raise ValueError(f'{what} knows no friction, and the tendons have a coefficient of '
-                         f'{friction:g}; leave it out with arm.without_friction()')
 
 
 def whole(value: object) -> bool:

@@ -27,10 +27,10 @@ import warnings
 
 import numpy as np
 
-from soft_continuum.mechanics import _assembly, _newton
 from soft_continuum.mechanics._compile import Function, jit, MARKED
-from soft_continuum.mechanics.spatial import _assembly as _spatial_assembly
-from soft_continuum.mechanics.spatial import _path
+from soft_continuum.mechanics.plane import _assembly, _newton
+from soft_continuum.mechanics.space import _assembly as _spatial_assembly
+from soft_continuum.mechanics.space import _path
 
 # States may be arrays of any strides, for an extension does not check those that it is given;
 # what the solver lays out for itself is contiguous, which is faster.

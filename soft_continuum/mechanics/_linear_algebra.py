@@ -10,6 +10,7 @@ from soft_continuum.mechanics._compile import borrowing, compiled, inlined
 
 ZERO = 1e-12  # of the largest entry: a smaller eigenvalue is a zero
 PIVOT_TOLERANCE = 1e-12  # of the largest entry of a column: a smaller pivot is a zero
+NO_TENSION = 1e-7  # N: rounding of a tension of zero
 
 
 @compiled

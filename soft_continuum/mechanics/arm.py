@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from soft_continuum.mechanics._checks import finite, whole
 from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
 
+Array = NDArray[np.float64]
+
 STANDARD_GRAVITY = 9.80665  # m/s^2
 
 LENGTH_RANGE = (1e-3, 10.0)  # m; outside it the unit is wrong
@@ -344,7 +346,7 @@ class Arm:
         return tuple(name.removesuffix('_tendon') for name in names) if self.planar else names
 
     @property
-    def bending_angle_limits(self) -> NDArray[np.float64]:
+    def bending_angle_limits(self) -> Array:
         """How far each segment may bend, (segments,), rad."""
         return np.array([segment.bending_angle_limit for segment in self.segments])
 
@@ -374,7 +376,7 @@ class Arm:
                     found.append([*which])
         return found
 
-    def places(self, tendon: int, parts: Sequence[float]) -> NDArray[np.float64]:
+    def places(self, tendon: int, parts: Sequence[float]) -> Array:
         """
         Return x and y of a tendon (0-based) at parts 0 to 1 along each segment.
 
@@ -392,7 +394,7 @@ class Arm:
         return found
 
     @cached_property
-    def guide_places(self) -> NDArray[np.float64]:
+    def guide_places(self) -> Array:
         """Places of all guides, those of spacers included, (tendons, segments, spacers + 2, 2)."""
         parts = np.linspace(0.0, 1.0, self.spacers + 2)
         found = np.array([
@@ -402,25 +404,25 @@ class Arm:
         return found
 
     @property
-    def guide_radii(self) -> NDArray[np.float64]:
+    def guide_radii(self) -> Array:
         """Largest distance of a guide from the backbone in each segment, (segments,), m."""
         radii = np.linalg.norm(np.nan_to_num(self.guide_places[:, :, [0, -1]]), axis=-1)
-        found: NDArray[np.float64] = radii.max(axis=(0, 2), initial=0.0)
+        found: Array = radii.max(axis=(0, 2), initial=0.0)
         return found
 
     @property
-    def ropes(self) -> NDArray[np.float64]:
+    def ropes(self) -> Array:
         """Length of each tendon of the straight arm from its motor to its end, (tendons,), m."""
         lengths = np.array([segment.length for segment in self.segments])
         spans = np.hypot(np.linalg.norm(np.diff(self.guide_places, axis=2), axis=-1),
                          lengths[:, None] / (self.spacers + 1))
         through = np.cumsum([disc.height for disc in self.discs])[list(self.tendon_ends)]
-        found: NDArray[np.float64] = np.nansum(spans, axis=(1, 2)) + through + [
+        found: Array = np.nansum(spans, axis=(1, 2)) + through + [
             tendon.free_length for tendon in self.tendons]
         return found
 
     @property
-    def compliance(self) -> NDArray[np.float64]:
+    def compliance(self) -> Array:
         """By how much each tendon stretches where nothing rubs, (tendons,), m/N."""
         return self.ropes / [tendon.axial_stiffness for tendon in self.tendons]
 

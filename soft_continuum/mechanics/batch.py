@@ -2,43 +2,44 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many equilibria in one call: independent ones on all cores, or one after the other on a path."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import partial
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+import os
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soft_continuum.mechanics import _kernel, _newton
-from soft_continuum.mechanics._active_set import NO_TENSION
-from soft_continuum.mechanics._batches import common_count, in_parts, Masks, rows_of, Solutions
 from soft_continuum.mechanics._checks import (
-    check_start,
     listed,
-    real_array,
-    refuse_friction,
+    pulls_of,
     sliding_signs,
+    tensions_of,
 )
-from soft_continuum.mechanics._problem import Point, Problem, TURN_LIMIT_BOTH_TAUT
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.statics import Statics, StaticsError
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import check_start, Equilibrium
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import Statics
 
-Kind = TypeVar('Kind')
+SMALLEST_PART = 50  # problems that a thread takes at a time
+
+Masks = Sequence[bool] | Sequence[Sequence[bool]] | NDArray[np.bool_]
 Parts = Sequence[float] | Sequence[Sequence[float]] | Array
+Slides = Sequence[int] | Sequence[Sequence[int]]
 
 
 @dataclass(frozen=True, eq=False)
-class Batch(Solutions):
+class Batch(Sequence[Any]):
     """
     Equilibria of m problems, as arrays and, by index, one by one.
 
-    joint_angles: (m, joints) rad.  tensions, pulls, slack: (m, 2) N and m, as in Equilibrium.
+    configurations: (m, ...), tensions, pulls, slack: (m, tendons) N and m, as in Equilibrium.
     found: (m,) whether there is one; the other rows are nan, and their index raises LookupError.
     jumped: (m,).  residual: (m,) N m.
     """
 
-    joint_angles: Array
+    configurations: Array
     tensions: Array
     pulls: Array
     slack: Array
@@ -48,174 +49,187 @@ class Batch(Solutions):
     _models: Sequence[Statics] = field(repr=False)
     _state: Callable[[int], Equilibrium] = field(repr=False)
 
+    def __len__(self) -> int:
+        """Return the number of problems."""
+        return len(self.found)
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return one state, or a list of them for a slice; raises LookupError where none is."""
+        rows = range(len(self))[index]
+        if isinstance(rows, range):
+            return [self[i] for i in rows]
+        if not self.found[rows]:
+            raise LookupError(f'no equilibrium was found for problem {rows}')
+        return self._state(rows)
+
     @property
-    def bending_angles(self) -> Array:
-        """Bending angle of each segment, (m, segments), rad."""
-        chain = self._models[0].chain
-        each: Array = self.joint_angles.reshape(len(self), chain.segments, -1).sum(axis=2)
-        return each
+    def bending(self) -> Array:
+        """How far each segment bends about x and y of the disc below it, (m, segments, 2), rad."""
+        return self._models[0].chain.bending(self.configurations)
 
     @property
     def tips(self) -> Array:
-        """Tips (x, z, tangent angle), (m, 3), m and rad, as Equilibrium.tip."""
-        theta = np.cumsum(self.joint_angles, axis=1)
-        lengths = np.array([m.chain.body_lengths for m in self._models])
-        base = np.array([m.chain.arm.discs[0].height for m in self._models])
-        return np.column_stack([(lengths * np.sin(theta)).sum(axis=1),
-                                base + (lengths * np.cos(theta)).sum(axis=1), theta[:, -1]])
+        """The centre of the top of the last disc, (m, 3), m."""
+        chains = [model.chain for model in self._models]
+        axes = chains[0].axes(self.configurations)
+        lengths = np.broadcast_to(
+            np.array([chain.body_lengths for chain in chains]), axes.shape[:2])
+        tips: Array = np.einsum('mb,mbi->mi', lengths, axes)
+        tips[:, 2] += [chain.arm.discs[0].height for chain in chains]
+        return tips
+
+
+@dataclass(frozen=True)
+class Problems:
+    """
+    What is to be solved; each is one for all problems, or one for each of ``count``.
+
+    pulls, tensions: m and N, as in Statics.solve, the latter with nan.  ways: sliding.
+    """
+
+    models: Sequence[Any]
+    starts: Sequence[Equilibrium]
+    masks: Sequence[Sequence[bool]]
+    pulls: Array
+    tensions: Array
+    vacuum: Sequence[Sequence[float] | None]
+    ways: Sequence[tuple[int, ...]]
+    count: int
+
+    @property
+    def rub(self) -> NDArray[np.bool_]:
+        """Whether tendons slide with friction, (count,)."""
+        friction = max(t.friction for model in self.models for t in model.chain.arm.tendons)
+        return np.broadcast_to(np.any(self.ways, axis=1) & (friction > 0.0), self.count)
+
+    def solve(self, i: int) -> Equilibrium:
+        """Return the equilibrium of one of them; raises what Statics.solve raises."""
+        tensions = self.tensions[i % len(self.tensions)]
+        found: Equilibrium = self.models[i % len(self.models)].solve(
+            self.starts[i % len(self.starts)], self.pulls[i % len(self.pulls)],
+            self.masks[i % len(self.masks)],
+            tensions=None if np.isnan(tensions).all() else tensions,
+            vacuum=self.vacuum[i % len(self.vacuum)], sliding=self.ways[i % len(self.ways)])
+        return found
 
 
 def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence[Equilibrium],
-                pulls: ArrayLike, soft: Masks, *, vacuum: Parts | None = None,
-                sliding: Sequence[int] | Sequence[Sequence[int]] | None = None) -> Batch:
+                pulls: ArrayLike, soft: Masks, *, tensions: ArrayLike | None = None,
+                vacuum: Parts | None = None, sliding: Slides | None = None) -> Batch:
     """
     Solve many independent problems on all cores.
 
-    Each of these is one for all problems or one for each: arms, with the same number of segments
-    and bodies; start, the state that a problem is followed from; pulls, (2,) or (m, 2), m; soft,
-    a mask or m of them; vacuum; sliding, for tendons with friction.  All are as in Statics.solve.
+    Each of these is one for all problems or one for each: arms, with the same number of segments,
+    bodies and tendons; start, the state that a problem is followed from; pulls, (tendons,) or
+    (m, tendons), m; soft, a mask or m of them; tensions, as pulls; vacuum; sliding, for tendons
+    with friction.  All are as in Statics.solve.
 
-    What a full step does not reach is continued in small steps one by one, as Statics.solve does;
-    so are all problems with friction, without a soft segment, or with arms whose moment-curvature
-    tables differ.
+    Solved one by one is what needs it: problems with friction, without a soft segment, in the
+    plane what a full step does not reach, in space those whose joints yield.
 
-    Raises ValueError when sizes do not fit together, or tendons have friction and ``sliding`` is
-    not given.
+    Raises ValueError when sizes do not fit together, or tendons have friction and ``sliding``
+    is not given.
     """
     models = [arms] if isinstance(arms, Statics) else listed(arms)
     starts = [start] if isinstance(start, Equilibrium) else listed(start)
-    for one in starts or [start]:
-        check_start(one, Equilibrium)
     if not (models and all(isinstance(m, Statics) for m in models)):
         raise ValueError(f'arms must be a Statics, or one for each problem; given: {arms!r}')
-    wanted, masks = _pairs(pulls), rows_of(soft)
-    parts = [None] if vacuum is None else rows_of(vacuum)
-    slides = [sliding_signs(pair) for pair in ([(0, 0)] if sliding is None else rows_of(sliding))]
-    friction = max(m.chain.tendon.friction for m in models)
-    if sliding is None:
-        refuse_friction(friction, 'a batch without sliding')
-    sizes = {'arms': len(models), 'starts': len(starts), 'pairs of pulls': len(wanted),
-             'soft masks': len(masks), 'rows of vacuum': len(parts),
-             'pairs of sliding': len(slides)}
-    count = common_count(sizes)
-    if len({(m.chain.segments, m.chain.joints) for m in models}) != 1:
-        raise ValueError('the arms of a batch need the same number of segments and bodies')
-
-    kinds = count if max(len(models), len(starts), len(masks), len(parts)) > 1 else 1
-    problems = [models[i % len(models)].problem(
-        starts[i % len(starts)], masks[i % len(masks)], np.zeros(2), parts[i % len(parts)])
-        for i in range(kinds)]
-    wanted = np.broadcast_to(wanted, (count, 2))
-    straight = np.array([m.chain.straight_length for m in models])[:, None]
-    target = straight - wanted
-    theta = np.broadcast_to(np.cumsum([s.joint_angles for s in starts], axis=1),
-                            (count, models[0].chain.joints)).copy()
-    tension = np.broadcast_to(np.nan_to_num([s.tensions for s in starts]), (count, 2)).copy()
-    lengths, residual = np.full((count, 2), np.nan), np.full(count, np.nan)
-    found = np.zeros(count, dtype=bool)
-
-    tables = problems[0].system.tables
-    alike = np.array([p.groups > 0 and np.array_equal(p.system.tables, tables) for p in problems])
-    rubs = np.any(slides, axis=1) & (friction > 0.0)
-    rows = np.flatnonzero(np.broadcast_to(alike, count) & ~np.broadcast_to(rubs, count))
-    if rows.size:
-        theta[rows], tension[rows], lengths[rows], residual[rows], found[rows] = _full_steps(
-            _chosen(models, rows), _chosen(problems, rows), theta[rows], tension[rows],
-            target[rows])
-
-    def state(i: int) -> Equilibrium:
-        if i in alone:
-            return alone[i]
-        problem = problems[i % kinds]
-        return models[i % len(models)].continuation.result(
-            Point(theta[i], tension[i], lengths[i], residual=residual[i]),
-            problem._replace(drive=problem.drive._replace(target=target[i])))
-
+    for one in starts or [start]:
+        check_start(one)
+    tendons = len(models[0].compliance)
+    if len({(type(m), m.chain.segments, m.chain.bodies, len(m.compliance)) for m in models}) != 1:
+        raise ValueError('the arms of a batch need the same number of segments, bodies and '
+                         'tendons')
+    friction = max(t.friction for model in models for t in model.chain.arm.tendons)
+    if sliding is None and friction > 0.0:
+        raise ValueError('a batch without sliding knows no friction, and the tendons have a '
+                         f'coefficient of {friction:g}; leave it out with '
+                         'arm.without_friction()')
+    masks, parts = rows_of(soft), [None] if vacuum is None else rows_of(vacuum)
+    ways = [sliding_signs(each, tendons) for each in rows_of(() if sliding is None else sliding)]
+    wanted = np.array([pulls_of(row, tendons) for row in rows_of(pulls)])
+    given = np.array([np.full(tendons, np.nan) if row is None else
+                      tensions_of(row, tendons, optional=True) for row in rows_of(tensions)])
+    problems = Problems(models, starts, masks, wanted, given, parts, ways, common_count(
+        {'arms': len(models), 'starts': len(starts), 'rows of pulls': len(wanted),
+         'soft masks': len(masks), 'rows of tensions': len(given), 'rows of vacuum': len(parts),
+         'rows of sliding': len(ways)}))
+    batch = models[0].solve_together(problems)
     alone: dict[int, Equilibrium] = {}
-    batch = Batch(
-        np.diff(theta, axis=1, prepend=0.0), tension, straight - lengths,
-        np.where(tension > 0.0, 0.0, np.maximum(target - lengths, 0.0)), found,
-        np.zeros(count, dtype=bool), residual, models, state)
-    for i in np.flatnonzero(~found).tolist():
+    for i in np.flatnonzero(~batch.found).tolist():
         try:
-            alone[i] = models[i % len(models)].solve(
-                starts[i % len(starts)], wanted[i], masks[i % len(masks)],
-                vacuum=parts[i % len(parts)], sliding=slides[i % len(slides)])
-            _write(batch, i, alone[i])
+            alone[i] = problems.solve(i)
         except StaticsError:
-            for array in (batch.joint_angles, tension, batch.pulls, batch.slack, residual):
+            for array in (batch.configurations, batch.tensions, batch.pulls, batch.slack,
+                          batch.residual):
                 array[i] = np.nan
-    return batch
+        else:
+            _write(batch, i, alone[i])
+    together = batch._state
+    return replace(batch, _state=lambda i: alone[i] if i in alone else together(i))
 
 
 def solve_path(statics: Statics, start: Equilibrium, pulls: ArrayLike, soft: Masks, *,
-               vacuum: Parts | None = None,
-               sliding: Sequence[int] | Sequence[Sequence[int]] = (0, 0)) -> Batch:
+               tensions: ArrayLike | None = None, vacuum: Parts | None = None,
+               sliding: Slides = ()) -> Batch:
     """
     Return the equilibria along a path of pulls, each followed from the one before it.
 
-    pulls: (m, 2) m.  soft: one mask, or m of them; vacuum and sliding likewise.  Otherwise as
-    Statics.solve.  Raises StaticsError, which names the row, where the path ends before its end;
-    ValueError when sizes do not fit together.
+    pulls: (m, tendons) m.  soft: one mask, or m of them; tensions, vacuum and sliding likewise.
+    Otherwise as Statics.solve.  Raises StaticsError, which names the row, where the path ends
+    before its end; ValueError when sizes do not fit together.
     """
-    wanted, masks, slides = _pairs(pulls), rows_of(soft), rows_of(sliding)
-    parts = [None] if vacuum is None else rows_of(vacuum)
-    if any(len(rows) not in (1, len(wanted)) for rows in (masks, parts, slides)):
-        raise ValueError(
-            f'{len(wanted)} pairs of pulls need one soft mask, row of vacuum and pair of sliding, '
-            f'or as many; given: {len(masks)}, {len(parts)} and {len(slides)}')
+    rows: dict[str, list[Any]] = {
+        'rows of pulls': rows_of(pulls), 'soft masks': rows_of(soft),
+            'rows of tensions': rows_of(tensions),
+            'rows of vacuum': [None] if vacuum is None else rows_of(vacuum),
+            'rows of sliding': rows_of(sliding)}
+    wanted, masks, given, parts, ways = rows.values()
+    if any(len(each) not in (1, len(wanted)) for each in rows.values()):
+        raise ValueError('a path needs one of each for all rows of pulls, or as many; given: '
+                         + ', '.join(f'{len(each)} {name}' for name, each in rows.items()))
     states: list[Equilibrium] = []
-    for i, pair in enumerate(wanted):
+    for i, row in enumerate(wanted):
         try:
-            start = statics.solve(start, pair, masks[i % len(masks)],
-                                  vacuum=parts[i % len(parts)], sliding=slides[i % len(slides)])
+            start = statics.solve(
+                start, row, masks[i % len(masks)], tensions=given[i % len(given)],
+                vacuum=parts[i % len(parts)], sliding=ways[i % len(ways)])
         except StaticsError as error:
             raise type(error)(f'row {i} of {len(wanted)}: {error}', error.state) from None
         states.append(start)
-    return Batch(
-        np.array([s.joint_angles for s in states]), np.array([s.tensions for s in states]),
-        np.array([s.pulls for s in states]), np.array([s.slack for s in states]),
-        np.ones(len(states), dtype=bool), np.array([s.jumped for s in states]),
-        np.array([s.residual for s in states]), [statics], states.__getitem__)
-
-
-def _pairs(pulls: ArrayLike) -> Array:
-    wanted = np.atleast_2d(real_array(pulls, 'pulls must be numbers in m'))
-    if wanted.ndim != 2 or wanted.shape[1] != 2 or not np.all(wanted < np.inf):
-        raise ValueError('pulls must have shape (m, 2): right and left in m, without nan or inf')
-    return wanted
-
-
-def _chosen(values: Sequence[Kind], rows: NDArray[np.intp]) -> Sequence[Kind]:
-    """Return what belongs to the rows, of one value for all or one for each."""
-    return values if len(values) == 1 else [values[i] for i in rows]
+    shapes, tensions, pulls, slack, jumped, residual = (
+        np.array([getattr(state, name) for state in states]) for name in (
+            'configuration', 'tensions', 'pulls', 'slack', 'jumped', 'residual'))
+    return Batch(shapes, tensions, pulls, slack, np.ones(len(states), dtype=bool), jumped,
+                 residual, [statics], states.__getitem__)
 
 
 def _write(batch: Batch, i: int, state: Equilibrium) -> None:
     """Write an equilibrium into its row."""
-    batch.joint_angles[i], batch.tensions[i] = state.joint_angles, state.tensions
+    batch.configurations[i], batch.tensions[i] = state.configuration, state.tensions
     batch.pulls[i], batch.slack[i] = state.pulls, state.slack
     batch.residual[i], batch.found[i], batch.jumped[i] = state.residual, True, state.jumped
 
 
-def _full_steps(models: Sequence[Statics], problems: Sequence[Problem], theta: Array,
-                tension: Array, target: Array
-                ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    """Return where full steps end: angles, tensions, lengths, residual, whether to be accepted."""
-    count, systems = len(theta), [p.system for p in problems]
-    lengths, residual, turned = np.empty((count, 2)), np.empty(count), np.empty(count)
-    status = np.empty(count, dtype=np.int64)
-    arguments = (
-        (theta, tension, lengths),
-        (np.array([s.bodies for s in systems]), np.array([s.joints for s in systems]),
-         systems[0].tables, np.array([s.guides for s in systems]), systems[0].ratios,
-         np.array([s.group for s in systems])),
-        np.array([p.groups for p in problems]),
-        (problems[0].drive.mode, target, np.array([m.compliance for m in models]),
-         problems[0].drive.segment),
-        np.array([p.tolerance for p in problems]), status, residual, turned)
-    in_parts(partial(_kernel.functions().newton_batch, *arguments), count)
-    limit = np.where((tension > NO_TENSION).all(axis=1), TURN_LIMIT_BOTH_TAUT,
-                     [p.turn_limit for p in problems])
-    return (theta, tension, lengths, residual,
-            (status == _newton.CONVERGED) & (turned <= limit))
+def rows_of(given: Any) -> list[Any]:
+    """Return the rows of a list of lists, or one list as the only row."""
+    rows = listed(given)
+    return rows if rows and isinstance(rows[0], Sequence | np.ndarray) else [given]
+
+
+def common_count(sizes: Mapping[str, int]) -> int:
+    """Return how many problems there are; sizes: by what they are of, 1 counts for all."""
+    count = max(sizes.values())
+    if any(size not in (1, count) for size in sizes.values()):
+        raise ValueError(' and '.join(f'{n} {name}' for name, n in sizes.items() if n != 1)
+                         + ' do not go together')
+    return count
+
+
+def in_parts(solve_part: Callable[[int, int], object], count: int) -> None:
+    """Call a compiled function for parts of ``count`` problems (first, last), on all cores."""
+    workers = len(os.sched_getaffinity(0))
+    parts = min(4 * workers, 1 + count // SMALLEST_PART)
+    bounds = np.linspace(0, count, parts + 1).astype(int).tolist()
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(solve_part, bounds[:-1], bounds[1:]))

@@ -1,27 +1,28 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The arm as a chain of rigid bodies and torsion springs, and the geometry of its states.
+The arm as a chain of rigid bodies and springs, and the states of it.
 
 A soft segment is n bodies of length l/n between n + 1 equal springs (paper, III-B); discs are
-rigid.  A state is the vector of all joint angles, (n + 1) per segment, base first.
+rigid.  A planar arm is one whose joints are hinges: its chain knows angles in place of rotations,
+and so does the solver.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any, Self, TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics._checks import real_array
-from soft_continuum.mechanics.arm import Arm, ArmError, PAPER
+from soft_continuum.mechanics.arm import Arm, Array, PAPER
+from soft_continuum.mechanics.directions import bending_directions
+from soft_continuum.mechanics.orientations import bending_between, quaternions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Array = NDArray[np.float64]
 
 RIGHT, LEFT = 0, 1
 
@@ -32,120 +33,131 @@ SLACK = -np.inf
 @dataclass(frozen=True, eq=False, init=False)
 class Equilibrium:
     """
-    A state of the arm in which all moments balance.
+    A state of the arm in which all forces and moments balance.
 
-    joint_angles: (joints,) rad.  tensions: (2,) N of the right and left tendon at the base; nan
-    where no soft segment is there to determine it.  pulls: (2,) m, by how much the path of each
-    tendon is shorter than in the straight arm.  slack: (2,) m by which each tendon is longer than
-    its path.  residual: largest unbalanced moment, N m.  jumped: the equilibrium followed from the
-    start ceased to exist on the way and the arm went over to the next stable one.  stiff: which
-    segments were stiff.  held_angles: (joints,) rad, the shape that the jam of each stiff segment
-    holds.  vacuum: of each segment, 0 to 1; empty for full.  chain: the arm.
+    configuration: the shape as the chain has it, joint angles (joints,), rad, in the plane and
+    orientations of all bodies in base_link, (bodies, 3, 3), in space.  tensions: (tendons,) N at
+    the base; nan where no soft segment is there to determine it.  pulls: (tendons,) m, by how much
+    the path of each is shorter than in the straight arm.  slack: (tendons,) m by which each tendon
+    is longer than its path.  residual: largest unbalanced moment, N m.  stiff: which segments
+    were.  held: joint angles that jams, and friction of the joints, hold, as joint_angles.
+    jumped: the equilibrium followed from the start ceased to exist on the way and the arm went
+    over to the next stable one.  vacuum: of each segment, 0 to 1; empty for full.  chain: the arm.
     """
 
-    joint_angles: Array
+    configuration: Array
     tensions: Array
     pulls: Array
     slack: Array
     residual: float
     iterations: int
     stiff: tuple[bool, ...]
-    held_angles: Array
+    held: Array
     jumped: bool = False
     vacuum: tuple[float, ...] = ()
-    chain: 'RigidChain' = field(kw_only=True, repr=False)
+    chain: 'Chain' = field(kw_only=True, repr=False)
 
-    def __init__(self, joint_angles: Array, tensions: Array, pulls: Array, slack: Array,
-                 residual: float, iterations: int, stiff: tuple[bool, ...], held_angles: Array,
-                 jumped: bool = False, vacuum: tuple[float, ...] = (), *, chain: 'RigidChain'
-                 ) -> None:
+    def __init__(self, configuration: Array, tensions: Array, pulls: Array, slack: Array,
+                 residual: float, iterations: int, stiff: tuple[bool, ...], held: Array,
+                 jumped: bool = False, vacuum: tuple[float, ...] = (), *, chain: 'Chain') -> None:
         """Take all values at once: one by one, as dataclass does, takes as long as a solve."""
         vars(self).update(
-            joint_angles=joint_angles, tensions=tensions, pulls=pulls, slack=slack,
-            residual=residual, iterations=iterations, stiff=stiff, held_angles=held_angles,
-            jumped=jumped, vacuum=vacuum, chain=chain)
+            configuration=configuration, tensions=tensions, pulls=pulls, slack=slack,
+            residual=residual, iterations=iterations, stiff=stiff, held=held, jumped=jumped,
+            vacuum=vacuum, chain=chain)
 
     @property
-    def bending_angles(self) -> Array:
-        """Bending angle of each segment, (segments,), rad."""
-        return self.chain.bending_angles(self.joint_angles)
-
-    @property
-    def bending(self) -> Array:
-        """How far each segment bends about x, which is 0, and y, (segments, 2), rad."""
-        return np.column_stack([np.zeros(self.chain.segments), self.bending_angles])
-
-    @property
-    def bending_directions(self) -> Array:
-        """Those of spatial arms; none, since a planar one bends in one plane only."""
-        return np.zeros(0)
-
-    @property
-    def points(self) -> Array:
-        """Bottom and top centre of every disc as RigidChain.points: (2 * discs, 3), m and rad."""
-        return self.chain.points(self.joint_angles)
-
-    @property
-    def poses(self) -> Array:
-        """The calculation points in space: x, y, z (m), quaternion x, y, z, w, (2 * discs, 7)."""
-        return full_poses(self.points)
-
-    @property
-    def backbone(self) -> Array:
-        """Upper end of every body, the base disc first, in space, (joints + 1, 3), m."""
-        return _in_space(self.chain.backbone(self.joint_angles)[:, :2])
+    def joint_angles(self) -> Array:
+        """Angles of all joints, (joints,) in the plane, rotation vectors (bodies, 3), rad."""
+        return self.chain.joint_angles(self.configuration)
 
     @property
     def rotations(self) -> Array:
-        """Orientation of every body in base_link, (joints, 3, 3)."""
-        angles = np.cumsum(self.joint_angles)
-        turned = np.zeros((len(angles), 3, 3))
-        turned[:, 0, 0] = turned[:, 2, 2] = np.cos(angles)
-        turned[:, 0, 2], turned[:, 2, 0] = np.sin(angles), -np.sin(angles)
-        turned[:, 1, 1] = 1.0
-        return turned
+        """Orientation of every body in base_link, (bodies, 3, 3)."""
+        return self.chain.rotations(self.configuration)
 
     @property
-    def tendon_points(self) -> list[Array]:
-        """Guides of each tendon in space, base first, (2 * discs, 3), m."""
-        return [_in_space(guides) for guides in self.chain.guide_points(self.joint_angles)]
+    def orientations(self) -> Array:
+        """Orientation of every disc, base first, (discs, 3, 3)."""
+        return self.chain.disc_rotations(self.configuration)
 
     @property
-    def coordinates(self) -> Array:
-        """Numbers that tell the shape: the joint angles, (joints,), rad."""
-        return self.joint_angles
+    def bending(self) -> Array:
+        """
+        How far each segment bends about x and y of the disc below it, (segments, 2), rad.
+
+        Its length is the bending angle: that between the axes of the discs.
+        """
+        return self.chain.bending(self.configuration)
 
     @property
-    def held_coordinates(self) -> Array:
-        """The same of what the jams of stiff segments hold, (joints,), rad."""
-        return self.held_angles
+    def bending_angles(self) -> Array:
+        """Bending angle of each segment, (segments,), rad; in space never negative."""
+        return self.chain.sizes(self.bending)
+
+    @property
+    def bending_directions(self) -> Array:
+        """In space the direction of each segment, (segments,), rad; in the plane empty."""
+        return self.chain.directions(self.bending)
 
     @property
     def jam_deflection(self) -> Array:
         """By how much each segment is bent from what its jam holds, (segments, 2), rad."""
-        away = self.chain.bending_angles(self.joint_angles - self.held_angles)
-        return np.column_stack([np.zeros(self.chain.segments), away])
+        return self.chain.summed(self.joint_angles - self.held)
 
-    def with_held(self, chain: 'RigidChain', change: Array) -> 'Equilibrium':
+    @property
+    def points(self) -> Array:
+        """Bottom and top centre of every disc, (2 * discs, 3): x, y, z, or x, z, angle (rad)."""
+        return self.chain.points(self.configuration)
+
+    @property
+    def tip(self) -> Array:
+        """The last of the points: the top of the last disc."""
+        tip: Array = self.points[-1]
+        return tip
+
+    @property
+    def poses(self) -> Array:
+        """Bottom and top of every disc: x, y, z (m), quaternion x, y, z, w, (2 * discs, 7)."""
+        return self.chain.poses(self.configuration)
+
+    @property
+    def backbone(self) -> Array:
+        """Upper end of every body, the base disc first, (bodies + 1, 3), m."""
+        return self.chain.ends(self.configuration)
+
+    @property
+    def tendon_points(self) -> list[Array]:
+        """Guides of each tendon, base first, (guides, 3), m."""
+        return self.chain.tendon_points(self.configuration)
+
+    @property
+    def taut(self) -> tuple[bool, ...]:
+        """Whether each tendon carries tension."""
+        return tuple((self.tensions > 0.0).tolist())
+
+    @property
+    def coordinates(self) -> Array:
+        """Numbers that tell the shape, as KinematicsState has them: of joint_angles, rad."""
+        return self.joint_angles.ravel()
+
+    @property
+    def held_coordinates(self) -> Array:
+        """The same of what the jams of stiff segments hold, rad."""
+        return self.held.ravel()
+
+    @property
+    def joint_positions(self) -> Array:
+        """Angles of the joints of the URDF, in the order of its joint_names, rad."""
+        return self.chain.joint_positions(self.configuration)
+
+    def with_held(self, chain: 'Chain', change: Array) -> 'Equilibrium':
         """
         Return the state on another chain of the arm, its jams holding another bending.
 
         change: as ``bending``, by which they hold more, spread evenly over the joints.
         """
-        per = chain.joints_per_segment
-        return replace(self, held_angles=self.held_angles + np.repeat(change[:, 1] / per, per),
-                       chain=chain)
-
-    @property
-    def joint_positions(self) -> Array:
-        """Angles of the joints of the URDF, in the order of its joint_names, rad."""
-        return self.joint_angles
-
-    @property
-    def tip(self) -> Array:
-        """The tip: (x, z, tangent angle) of the top of the last disc, (3,), m and rad."""
-        tip: Array = self.points[-1]
-        return tip
+        return replace(self, held=self.held + chain.spread(change), chain=chain)
 
     def plot(self, axes: 'Axes | None' = None) -> 'Axes':
         """
@@ -162,98 +174,128 @@ class Equilibrium:
         axes.set_ylabel('z in mm')
         return axes
 
-    @property
-    def taut(self) -> tuple[bool, bool]:
-        """Whether the right and the left tendon carry tension."""
-        return bool(self.tensions[RIGHT] > 0.0), bool(self.tensions[LEFT] > 0.0)
 
-
-class RigidChain:
+class Chain:
     """
-    The rigid multibody model of an arm: its joints, loads and tendon guides as arrays.
+    The rigid multibody model of an arm; ``Chain(arm)`` is one of hinges for a planar arm.
 
-    Joint angles have shape (joints,), joints = segments * (bodies_per_segment + 1).
+    joint_axes: about which the URDF turns each joint, one after another.  forces: (bodies, 3) N,
+    that act at the upper end of each body, with the weight of all above.  straight_paths:
+    (tendons,) m, lengths of the tendons' paths through the segments of the straight arm.
     """
 
-    joint_axes = ('y',)
-    """About which the URDF turns each joint, one after another."""
+    joint_axes: tuple[str, ...]
+    straight_paths: Array
+
+    def __new__(cls, arm: Arm | None = None) -> Self:
+        """Make one of the kind of the arm; what is unpickled has its kind."""
+        kind: type[Any] = cls
+        if cls is Chain and arm is not None:
+            from soft_continuum.mechanics.plane.chain import PlaneChain
+            from soft_continuum.mechanics.space.chain import SpaceChain
+            kind = PlaneChain if arm.planar else SpaceChain
+        made: Self = super().__new__(kind)
+        return made
 
     def __init__(self, arm: Arm) -> None:
-        """Discretise ``arm``; raises ArmError for one that is not planar."""
-        if not arm.planar:
-            raise ArmError('this arm is a spatial one, for SpatialStatics and SpatialChain: a '
-                           'planar one has a right and a left tendon that are alike, at 0 and '
-                           'pi, and segments that bend about y only')
-        self.arm = arm
-        self.tendon = arm.tendons[RIGHT]
-        """What both are made of."""
-        n = arm.bodies_per_segment
-        self.segments = len(arm.segments)
-        self.joints_per_segment = n + 1
-        self.joints = self.segments * (n + 1)
-        lengths, masses, joint_lengths, stiffness = [], [], [], []
+        """Discretise ``arm``."""
+        self.arm, n = arm, arm.bodies_per_segment
+        self.segments, self.joints_per_segment = len(arm.segments), n + 1
+        self.bodies = self.segments * (n + 1)
+        self.last_body = np.arange(1, self.segments + 1) * (n + 1) - 1
+        """Of each segment: the disc above it."""
+        lengths, masses, joint_lengths = [], [], []
         for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
             lengths += [segment.length / n] * n + [disc.height]
             masses += [segment.mass / n] * n + [disc.mass]
-            parts = joint_lengths_of(segment.length, n, arm.discretisation)
-            joint_lengths += parts
-            stiffness += [segment.stiffness_y / part for part in parts]
-        self.body_lengths = np.array(lengths)
-        self.body_masses = np.array(masses)
+            joint_lengths += joint_lengths_of(segment.length, n, arm.discretisation)
+        self.body_lengths, self.body_masses = np.array(lengths), np.array(masses)
         self.joint_lengths = np.array(joint_lengths)
-        self.joint_stiffness = np.array(stiffness)
-        self.guides = np.array([[self.tendon.offset_at(s, part) for part in (0.0, 1.0)]
-                                for s in range(self.segments)])
-        self.straight_length = np.hypot([s.length for s in arm.segments],
-                                        np.diff(self.guides)[:, 0]).sum()
-        self.last_joint = np.arange(1, self.segments + 1) * (n + 1) - 1
+        above = np.cumsum(self.body_masses[::-1])[::-1] - self.body_masses + arm.payload
+        self.forces = (0.5 * self.body_masses + above)[:, None] * np.array(arm.gravity)
+        for wrench in arm.wrenches:
+            if wrench.disc > 0:  # the base does not move
+                body = self.last_body[wrench.disc - 1]
+                self.forces[:body] += wrench.force
+                self.forces[body] += 0.5 * np.array(wrench.force)
 
-    @property
-    def coordinate_count(self) -> int:
-        """How many coordinates a state has."""
-        return self.joints
+    # What depends on the kind; configuration: as that of an Equilibrium.
+
+    def configuration(self, joint_angles: Array, /) -> Array:
+        """Return the configuration of joint angles, which are checked already."""
+        raise NotImplementedError
+
+    def joint_angles(self, configuration: Array, /) -> Array:
+        """Return what Equilibrium.joint_angles says."""
+        raise NotImplementedError
+
+    def angles_at(self, joint_positions: Array, /) -> Array:
+        """Return the joint angles of those of the joints of the URDF, rad."""
+        raise NotImplementedError
+
+    def joint_positions(self, configuration: Array, /) -> Array:
+        """Return what Equilibrium.joint_positions says."""
+        raise NotImplementedError
+
+    def rotations(self, configuration: Array) -> Array:
+        """Return what Equilibrium.rotations says."""
+        raise NotImplementedError
+
+    def spread(self, bending: Array) -> Array:
+        """Return joint angles that bend segments, (segments, 2) rad, evenly over their joints."""
+        raise NotImplementedError
+
+    def summed(self, joint_angles: Array, /) -> Array:
+        """Return the sum of joint angles over each segment about x and y, (segments, 2), rad."""
+        raise NotImplementedError
+
+    def points(self, configuration: Array) -> Array:
+        """Return what Equilibrium.points says."""
+        raise NotImplementedError
+
+    def axes(self, configuration: Array) -> Array:
+        """Return the directions of all bodies, (..., bodies, 3)."""
+        raise NotImplementedError
+
+    def tendon_points(self, configuration: Array) -> list[Array]:
+        """Return where the guides of each tendon are, base first, (guides, 3), m."""
+        raise NotImplementedError
+
+    def paths(self, configuration: Array) -> Array:
+        """Return the length of the path of each tendon through the segments, (tendons,), m."""
+        raise NotImplementedError
 
     @property
     def disc_radii(self) -> Array:
         """Radius of every disc as views draw it, (discs,), m."""
-        return np.array([self.guides[max(0, k - 1):k + 1].max()
-                         for k in range(self.segments + 1)])
+        raise NotImplementedError
 
-    @property
-    def load_coefficients(self) -> Array:
-        """
-        Energy of all dead loads as sum(wx sin(theta) + wz cos(theta)): (joints, 2), N m.
-
-        A body carries its own weight at its middle and all weights above at its end.
-        """
-        above = np.cumsum(self.body_masses[::-1])[::-1] - self.body_masses + self.arm.payload
-        lever = self.body_lengths * (0.5 * self.body_masses + above)
-        coefficients: Array = -lever[:, None] * self.arm.gravity[::2]
-        for wrench in self.arm.wrenches:
-            if wrench.disc > 0:  # the base does not move
-                body = self.last_joint[wrench.disc - 1]
-                arms = self.body_lengths[:body + 1].copy()
-                arms[-1] *= 0.5
-                coefficients[:body + 1] -= arms[:, None] * wrench.force[::2]
-        return coefficients
+    # States.
 
     def straight(self) -> Equilibrium:
-        """Return the straight arm with both tendons just taut, nothing pulled."""
+        """Return the straight arm with all tendons just taut, nothing pulled."""
         return self._straight
 
     @cached_property
     def _straight(self) -> Equilibrium:
-        return self.state(np.zeros(self.joints))
+        return self.state(np.zeros(self.joint_shape))
+
+    @property
+    def joint_shape(self) -> tuple[int, ...]:
+        """Shape of the joint angles."""
+        return (self.bodies,) if len(self.joint_axes) == 1 else (self.bodies, 3)
 
     def state(self, joint_angles: ArrayLike) -> Equilibrium:
-        """Return joint angles (joints,) rad as a held state: tendons along it, no tension."""
-        wanted = (f'joint angles must be {self.joints} finite numbers (rad), '
-                  f'{self.joints_per_segment} for each segment')
+        """Return joint angles (rad) as a held state: tendons along it, no tension."""
+        count, *three = self.joint_shape
+        wanted = (f'joint angles must be {count} {"rotation vectors" if three else "numbers"} '
+                  f'(finite, rad), {self.joints_per_segment} for each segment')
         angles = real_array(joint_angles, wanted)
-        if angles.shape != (self.joints,) or not np.all(np.isfinite(angles)):
+        if angles.shape != self.joint_shape or not np.all(np.isfinite(angles)):
             raise ValueError(wanted)
-        return Equilibrium(angles, np.zeros(2), self.straight_length - self.tendon_lengths(angles),
-                           np.zeros(2), 0.0, 0, (True,) * self.segments, angles, chain=self)
+        there, nothing = self.configuration(angles), np.zeros(len(self.straight_paths))
+        return Equilibrium(there, nothing, self.straight_paths - self.paths(there), nothing,
+                           0.0, 0, (True,) * self.segments, angles, chain=self)
 
     def state_of(self, coordinates: Array, held: Array, stiff: Sequence[bool],
                  vacuum: Sequence[float] = ()) -> Equilibrium:
@@ -262,93 +304,72 @@ class RigidChain:
 
         vacuum: as in Equilibrium.
         """
-        return replace(self.state(coordinates), held_angles=held, stiff=tuple(stiff),
+        return replace(self.state(coordinates.reshape(self.joint_shape)),
+                       held=held.reshape(self.joint_shape), stiff=tuple(stiff),
                        vacuum=tuple(vacuum))
 
-    def at(self, joint_positions: Array) -> Equilibrium:
-        """Return the held state of joint_positions (joints,), rad, as joint_states have it."""
-        return self.state(joint_positions)
+    @property
+    def coordinate_count(self) -> int:
+        """How many coordinates a state has."""
+        return int(np.prod(self.joint_shape))
+
+    def at(self, joint_positions: ArrayLike) -> Equilibrium:
+        """Return the held state of angles of the joints of the URDF, rad, as joint_states."""
+        return self.state(self.angles_at(np.asarray(joint_positions)))
 
     def uniform(self, bending: ArrayLike) -> Equilibrium:
         """
         Return the held state whose segments bend evenly over their joints.
 
-        bending: angles (segments,), rad, or as Equilibrium.bending.
+        bending: as Equilibrium.bending; in the plane also angles (segments,), rad.
         """
-        angles = real_array(bending, 'bending angles must be numbers (rad)')
-        if angles.ndim == 2:
-            if angles.shape[1] != 2 or angles[:, 0].any():
-                raise ValueError('a planar arm bends about y only; needed: (segments, 2) rad, of '
-                                 'which the first column is 0')
-            angles = angles[:, 1]
-        return self.state(np.repeat(angles / self.joints_per_segment, self.joints_per_segment))
+        return self.state(self.spread(real_array(bending, 'bending must be numbers (rad)')))
 
-    def bending_angles(self, joint_angles: Array) -> Array:
-        """Return the bending angle of each segment, shape (segments,), rad."""
-        each: Array = joint_angles.reshape(self.segments, self.joints_per_segment).sum(axis=1)
-        return each
+    # Their geometry, of any kind.
 
-    def points(self, joint_angles: Array) -> Array:
-        """
-        Return (x, z, tangent angle) at the calculation points, shape (2 * discs, 3), m and rad.
+    def bending(self, configuration: Array, /) -> Array:
+        """Return the bending of configurations, (..., segments, 2), rad."""
+        return bending_between(self.disc_rotations(configuration))
 
-        The points are the bottom and top centre of every disc, base first (paper, III-C).
-        """
-        ends = self.backbone(joint_angles)
-        points = np.zeros((2 * self.segments + 2, 3))
-        points[1] = ends[0]
-        points[3::2] = ends[self.last_joint + 1]
-        points[2::2, :2] = ends[self.last_joint, :2]
-        points[2::2, 2] = points[3::2, 2]
-        return points
+    def disc_rotations(self, configuration: Array) -> Array:
+        """Return the orientation of every disc, base first, (..., discs, 3, 3)."""
+        turned = self.rotations(configuration)
+        discs = np.empty((*turned.shape[:-3], self.segments + 1, 3, 3))
+        discs[..., 0, :, :], discs[..., 1:, :, :] = np.eye(3), turned[..., self.last_body, :, :]
+        return discs
 
-    def backbone(self, joint_angles: Array) -> Array:
-        """
-        Return (x, z, angle) of the upper end of every body, shape (joints + 1, 3), m and rad.
+    def sizes(self, bending: Array) -> Array:
+        """Return the bending angles (segments,) of bending (segments, 2), rad."""
+        sizes: Array = np.linalg.norm(bending, axis=1)
+        return sizes
 
-        The first row is the top of the base disc.
-        """
-        theta = np.cumsum(joint_angles)
-        ends = np.empty((self.joints + 1, 3))
-        ends[0] = 0.0, self.arm.discs[0].height, 0.0
-        ends[1:, 0] = np.cumsum(self.body_lengths * np.sin(theta))
-        ends[1:, 1] = ends[0, 1] + np.cumsum(self.body_lengths * np.cos(theta))
-        ends[1:, 2] = theta
+    def directions(self, bending: Array) -> Array:
+        """Return the directions (segments,) of bending (segments, 2), rad."""
+        return bending_directions(bending)
+
+    def poses(self, configuration: Array) -> Array:
+        """Return what Equilibrium.poses says."""
+        turned = quaternions(self.disc_rotations(configuration))
+        return np.column_stack([self.points(configuration), np.repeat(turned, 2, 0)])
+
+    def ends(self, configuration: Array) -> Array:
+        """Return the upper end of every body, the base disc first, (bodies + 1, 3), m."""
+        ends = np.zeros((self.bodies + 1, 3))
+        np.cumsum(self.body_lengths[:, None] * self.axes(configuration), axis=0, out=ends[1:])
+        ends[:, 2] += self.arm.discs[0].height
         return ends
 
-    def guide_points(self, joint_angles: Array) -> Array:
-        """
-        Return the tendons' guides, shape (2, 2 * discs, 2): right and left, base first; x, z in m.
+    def along_discs(self, ends: Array) -> Array:
+        """Return the points at the bottom and top of every disc of ends (bodies + 1, ...)."""
+        points = np.zeros((2 * self.segments + 2, *ends.shape[1:]))
+        points[1], points[2::2], points[3::2] = (
+            ends[0], ends[self.last_body], ends[self.last_body + 1])
+        return points
 
-        Inside the base and the tip disc the tendon runs parallel to the axis.
-        """
-        points = self.points(joint_angles)
-        offsets = self.guides.ravel()
-        offsets = np.concatenate([offsets[:1], offsets, offsets[-1:]])
-        across = np.stack([np.cos(points[:, 2]), -np.sin(points[:, 2])], axis=1)
-        sides = np.array([1.0, -1.0])[:, None, None]
-        guides: Array = points[:, :2] + sides * offsets[:, None] * across
-        return guides
-
-    def tendon_lengths(self, joint_angles: Array) -> Array:
-        """Return the length of the right and left tendon through the segments, (2,), m."""
-        guides = self.guide_points(joint_angles)
-        spans = guides[:, 2::2][:, :self.segments] - guides[:, 1::2][:, :self.segments]
-        lengths: Array = np.sqrt((spans**2).sum(axis=2)).sum(axis=1)
-        return lengths
-
-    def energy(self, joint_angles: Array) -> float:
-        """Return the elastic and potential energy, J, of all segments soft (zero: straight up)."""
-        theta = np.cumsum(joint_angles)
-        wx, wz = self.load_coefficients.T
-        elastic = 0.5 * self.joint_stiffness * joint_angles**2
-        for s, segment in enumerate(self.arm.segments):
-            if segment.soft_law is not None:
-                for i in range(s * self.joints_per_segment, (s + 1) * self.joints_per_segment):
-                    length = self.joint_lengths[i]
-                    elastic[i] = length * segment.soft_law.work(joint_angles[i] / length)
-        return float(elastic.sum()
-                     + wx @ np.sin(theta) + wz @ (np.cos(theta) - 1.0))
+    def rigid(self, stiff: Sequence[bool]) -> NDArray[np.bool_]:
+        """Return which joints are locked, (bodies,)."""
+        return np.repeat([is_stiff and s.jam.rigid for s, is_stiff in zip(
+            self.arm.segments, stiff, strict=True)], self.joints_per_segment)
 
 
 def joint_lengths_of(length: float, bodies: int, discretisation: str) -> list[float]:
@@ -358,25 +379,8 @@ def joint_lengths_of(length: float, bodies: int, discretisation: str) -> list[fl
     return [length / (2 * bodies), *[length / bodies] * (bodies - 1), length / (2 * bodies)]
 
 
-def orientation(angle: float) -> tuple[float, float, float, float]:
-    """Return the quaternion (x, y, z, w) of a rotation by ``angle`` rad about +y."""
-    half = angle / 2.0
-    return 0.0, float(np.sin(half)), 0.0, float(np.cos(half))
-
-
-def full_poses(planar: Array) -> Array:
-    """
-    Return poses (k, 7) of planar rows (k, 3).
-
-    planar: x, z (m) and angle about +y (rad).  A pose is position x, y, z (m) and quaternion x, y,
-    z, w; z of its frame is the tangent of the backbone.
-    """
-    poses = np.zeros((len(planar), 7))
-    poses[:, 0], poses[:, 2] = planar[:, 0], planar[:, 1]
-    poses[:, 4], poses[:, 6] = np.sin(planar[:, 2] / 2.0), np.cos(planar[:, 2] / 2.0)
-    return poses
-
-
-def _in_space(points: Array) -> Array:
-    """Return points x, z (k, 2) as x, y, z (k, 3)."""
-    return np.insert(points, 1, 0.0, axis=1)
+def check_start(start: object) -> None:
+    """Raise ValueError for a start that is no state of an arm."""
+    if not isinstance(start, Equilibrium):
+        raise ValueError('the start must be one of Equilibrium, such as '
+                         f'statics.chain.straight(); given: {start!r}')

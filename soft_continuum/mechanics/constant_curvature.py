@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics._checks import real_array, soft_flags
-from soft_continuum.mechanics.arm import Arm, ArmError
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, ArmError, Array
 
+SMALL = 1e-3  # rad, for derivatives
 DETERMINED = 1e-3  # least over largest singular value of pulls by bendings
 
 
@@ -246,3 +246,20 @@ def _checked(arm: Arm, bending_of: ArrayLike) -> Array:
         raise ArmError(f'bending must be two finite numbers (rad), about x and y, for each of the '
                        f'{len(arm.segments)} segments; given: {bending_of!r}')
     return bent
+
+
+def fully_actuated(arm: Arm) -> bool:
+    """
+    Return whether tendons alone bend each segment by itself to where it can bend, all being soft.
+
+    That is, their lengths tell all bendings from each other.  Two tendons along three segments do
+    not; without jamming such an arm bends as a whole.
+    """
+    axes = np.argwhere(arm.bending_axes)
+    rates = np.zeros((len(axes), len(arm.tendon_names)))
+    for rate, (segment, axis) in zip(rates, axes, strict=True):
+        bending = np.zeros((len(arm.segments), 2))
+        bending[segment, axis] = SMALL
+        rate[:] = (pulls(arm, bending) - pulls(arm, -bending)) / (2.0 * SMALL)
+    rank = np.linalg.matrix_rank(rates, tol=DETERMINED * np.abs(rates).max(initial=0.0))
+    return bool(rank == len(axes))

@@ -8,10 +8,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from soft_continuum.mechanics._checks import segment_order, whole
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
+from soft_continuum.mechanics.statics import Statics
 
 Bent: TypeAlias = tuple[Any, Array]
 """A state, and the bending (segments, 2), rad, that was set."""
@@ -34,7 +34,7 @@ def bends(arm: Arm, segment: int, count: int, directions: int) -> Array:
 
 
 def set_each(
-        statics: Any, grid: Sequence[Array], order: Sequence[int] | None = None, *,
+        statics: Statics, grid: Sequence[Array], order: Sequence[int] | None = None, *,
         jamming: bool = True,
         progress: Callable[[Sequence[Bent], str], Iterable[Bent]] = lambda states, _: states
         ) -> list[Bent]:
@@ -61,7 +61,7 @@ def set_each(
 
 
 def set_on_grid(
-        statics: Any, angles: int = 2, directions: int = 6,
+        statics: Statics, angles: int = 2, directions: int = 6,
         order: Sequence[int] | None = None, *, jamming: bool = True,
         progress: Callable[[Sequence[Bent], str], Iterable[Bent]] = lambda states, _: states
         ) -> list[Bent]:
@@ -85,7 +85,7 @@ def set_on_grid(
                     jamming=jamming, progress=progress)
 
 
-def workspace(statics: Any, angles: int = 2, directions: int = 6
+def workspace(statics: Statics, angles: int = 2, directions: int = 6
               ) -> tuple[Array, Array]:
     """
     Return tips that the arm reaches when it is set base first, and their bending.

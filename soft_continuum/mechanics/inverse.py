@@ -18,21 +18,19 @@ from numpy.typing import ArrayLike
 import scipy
 
 from soft_continuum.mechanics._checks import (
-    check_start,
     finite,
     real_array,
     segment_order,
     soft_flags,
 )
-from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import check_start, Equilibrium, SLACK
+from soft_continuum.mechanics.directions import ONE_PLANE
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.directions import ONE_PLANE
-from soft_continuum.mechanics.spatial.sensitivity import SpatialLinearisation
-from soft_continuum.mechanics.spatial.statics import Booleans, SpatialStatics
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
+from soft_continuum.mechanics.sensitivity import Linearisation
+from soft_continuum.mechanics.statics import Booleans, SLACK_ALLOWANCE, Statics
 
-SAME_BENDING, HELD = SpatialStatics.precision
+SAME_BENDING, HELD = Statics.precision
 STEP = 0.3  # rad of bending at first
 ENOUGH = 0.01  # of a change: tensions that miss it by less bring it about
 LEAST_STEP = 1e-3  # of the way of Newton's method
@@ -53,18 +51,18 @@ class BendingFit:
     error: (segments, 2) rad, reached minus wanted; nan where nothing was wanted.
     """
 
-    state: SpatialEquilibrium
+    state: Equilibrium
     pulls: Array
     error: Array
 
 
-def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bending: ArrayLike,
+def pulls_for_bending(statics: Statics, start: Equilibrium, bending: ArrayLike,
                       soft: Sequence[bool], *, pretension: float = 0.0) -> BendingFit:
     """
     Return the pulls at which soft segments have given bending, with the least tensions.
 
-    statics: SpatialStatics, of any arm; of a planar one Statics.bend does the same for a segment.
-    bending: (segments, 2) rad about x and y, as SpatialEquilibrium.bending; nan for what may be
+    statics: Statics, of any arm; of a planar one Statics.bend does the same for a segment.
+    bending: (segments, 2) rad about x and y, as Equilibrium.bending; nan for what may be
     anything.  pretension: N that every tendon carries at least; with 0 a tendon may be slack.
     Where several tensions do, the sum of their squares is least.  Followed from ``start``, with
     its vacuum.  Tendons do not rub here.
@@ -72,7 +70,7 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
     Raises StaticsError that names what cannot be held: a segment that no tendon passes, a
     direction to which none bends it, more bendings than tendons; ValueError for other sizes.
     """
-    check_start(start, SpatialEquilibrium)
+    check_start(start)
     wanted, chosen = _wanted(statics, bending, soft)
     if not (finite(pretension) and pretension >= 0.0):
         raise ValueError(f'the pretension must be a number of 0 N and more; given: {pretension!r}')
@@ -85,13 +83,13 @@ def pulls_for_bending(statics: SpatialStatics, start: SpatialEquilibrium, bendin
     return BendingFit(state, search.pulls(state), error)
 
 
-def set_shape(statics: Any, bending: ArrayLike, start: Any = None,
+def set_shape(statics: Statics, bending: ArrayLike, start: Equilibrium | None = None,
               order: Sequence[int] | None = None, *, pretension: float = 0.0, jamming: bool = True
               ) -> Any:
     """
     Return the arm with its segments set one after the other, base first unless ``order`` says so.
 
-    statics: Statics or SpatialStatics.  bending: (segments, 2) rad, of which only those of the
+    statics: of any arm.  bending: (segments, 2) rad, of which only those of the
     segments in ``order`` count; of hinges about y also angles (segments,).  A segment that already
     has its bending is left alone.  Where stiff segments give way, each is bent so far that it has
     its bending in the end.  pretension: as of pulls_for_bending.  Without jamming all segments are
@@ -110,7 +108,7 @@ def set_shape(statics: Any, bending: ArrayLike, start: Any = None,
     _refuse_across(free[turns], wanted[turns])
     straight = statics.chain.straight()
     begin = straight if start is None else start
-    check_start(begin, type(straight))
+    check_start(begin)
     goal, left, (same, held) = wanted.copy(), np.inf, statics.precision
     if not jamming:
         if np.abs(begin.bending - wanted).max() <= same:
@@ -136,7 +134,7 @@ def set_shape(statics: Any, bending: ArrayLike, start: Any = None,
         f'{MAX_PASSES} passes; take smaller angles or stiffer jams', state)
 
 
-def _wanted(statics: SpatialStatics, bending: ArrayLike, soft: Sequence[bool]
+def _wanted(statics: Statics, bending: ArrayLike, soft: Sequence[bool]
             ) -> tuple[Array, Booleans]:
     """Return the bending wanted, and what of it counts: (segments, 2) each."""
     arm, segments = statics.chain.arm, statics.chain.segments
@@ -161,7 +159,7 @@ def _refuse_across(free: Booleans, wanted: Array) -> None:
                          'infinite')
 
 
-def _refuse_unreachable(statics: SpatialStatics, start: SpatialEquilibrium, chosen: Booleans
+def _refuse_unreachable(statics: Statics, start: Equilibrium, chosen: Booleans
                         ) -> None:
     """Refuse what no tension whatsoever can choose."""
     tendons = statics.chain.arm.tendons
@@ -178,12 +176,12 @@ def _refuse_unreachable(statics: SpatialStatics, start: SpatialEquilibrium, chos
 class _Search:
     """Newton's method for bendings (segments, 2) rad, of which some are chosen."""
 
-    def __init__(self, statics: SpatialStatics, wanted: Array, chosen: Booleans,
+    def __init__(self, statics: Statics, wanted: Array, chosen: Booleans,
                  soft: tuple[bool, ...], pretension: float) -> None:
         self.statics, self.wanted, self.chosen, self.soft = statics, wanted, chosen, soft
         self.pretension, self.jumps = pretension, MAX_JUMPS
 
-    def run(self, start: SpatialEquilibrium) -> SpatialEquilibrium:
+    def run(self, start: Equilibrium) -> Equilibrium:
         """Return where the bendings are those wanted, or as near as the tendons bring them."""
         # Tendons that all are just taut hold each other: a little slack shows which carry.
         state = self.statics.solve(
@@ -210,16 +208,16 @@ class _Search:
                 break
         return state
 
-    def pulls(self, state: SpatialEquilibrium) -> Array:
+    def pulls(self, state: Equilibrium) -> Array:
         """Return the pulls at the motors, (tendons,), m, SLACK where nothing is carried."""
         return np.where(state.tensions > NO_TENSION, self.statics.commanded_pulls(state), SLACK)
 
-    def by_tensions(self, state: SpatialEquilibrium) -> tuple[Array, Array]:
+    def by_tensions(self, state: Equilibrium) -> tuple[Array, Array]:
         """Return how bendings chosen (k, tendons) and paths (tendons, tendons) change by them."""
-        found = SpatialLinearisation(self.statics, state, tensions=state.tensions).tensions()
+        found = Linearisation(self.statics, state, tensions=state.tensions).tensions()
         return found.bending[self.chosen], found.paths
 
-    def step(self, state: SpatialEquilibrium, change: Array) -> tuple[Array, Array, bool]:
+    def step(self, state: Equilibrium, change: Array) -> tuple[Array, Array, bool]:
         """
         Return least tensions (tendons,) N for a change (k,) rad, and pulls at the motors, m.
 
@@ -241,8 +239,8 @@ class _Search:
         pulls = self.statics.commanded_pulls(state) - paths @ more + self.statics.compliance * more
         return (tensions, pulls, bool(missed <= ENOUGH * np.abs(change).max()))
 
-    def solve(self, state: SpatialEquilibrium, tensions: Array, pulls: Array
-              ) -> SpatialEquilibrium:
+    def solve(self, state: Equilibrium, tensions: Array, pulls: Array
+              ) -> Equilibrium:
         """Solve by the lengths of the tendons that carry: by tensions less is stable."""
         carries = tensions > self.pretension + NO_TENSION
         there = self.statics.solve(state, pulls, self.soft, vacuum=state.vacuum or None,
@@ -255,7 +253,7 @@ class _Search:
             self.jumps -= 1
         return there
 
-    def why_not(self, state: SpatialEquilibrium) -> str:
+    def why_not(self, state: Equilibrium) -> str:
         """Return what cannot be held, at the state where the search ended."""
         arm = self.statics.chain.arm
         missed = np.where(self.chosen, state.bending - self.wanted, 0.0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics._checks import is_number
 
@@ -136,3 +136,31 @@ class Jam:
     def rigid(self) -> bool:
         """Whether a stiff segment is locked (paper, III-A)."""
         return self.ratio == inf and self.law is None
+
+
+def refuse_parts(jams: Sequence[Jam], stiff: Sequence[bool], vacuum: Sequence[float]) -> None:
+    """
+    Raise ValueError where a rigid jam of a stiff segment has some vacuum, but not all.
+
+    vacuum: 0 to 1 per segment, empty for full.
+    """
+    for s, part in enumerate(vacuum):
+        if stiff[s] and jams[s].rigid and part < 1.0:
+            raise ValueError(
+                f'vacuum of segment {s + 1} is {part:g}; its jam is rigid and knows 0 (soft) '
+                'and 1 (stiff) only; give the jam a ratio K or a law')
+
+
+def outweigh(springs: NDArray[np.float64], loads: NDArray[np.float64]) -> bool:
+    """
+    Return whether springs outweigh loads in every shape, so that the energy is convex.
+
+    springs: (links,) N m/rad, below each link.  loads: (links,) N m, the most that what turns with
+    a link does.  So it is when all pivots of the Hessian are positive.
+    """
+    pivot = np.inf
+    for below, above, load in zip(springs, np.append(springs, 0.0)[1:], loads, strict=True):
+        pivot = below + above - load - below * below / pivot
+        if pivot <= 0.0:
+            return False
+    return True

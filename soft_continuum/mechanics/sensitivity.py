@@ -1,32 +1,22 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How an equilibrium changes with pulls and stiffness, by differentiating it implicitly.
+How an equilibrium changes with pulls, loads and stiffness, by differentiating it implicitly.
 
-At an equilibrium F(angles, tensions; p) = 0, so d(angles, tensions)/dp = -K^-1 dF/dp with K the
+At an equilibrium F(shape, tensions; p) = 0, so d(shape, tensions)/dp = -K^-1 dF/dp with K the
 matrix of the last Newton step.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
-import scipy
+from numpy.typing import ArrayLike
 
-from soft_continuum.mechanics import _kernel
-from soft_continuum.mechanics._assembly import law
-from soft_continuum.mechanics._checks import sliding_signs
-from soft_continuum.mechanics.chain import Array, Equilibrium
-from soft_continuum.mechanics.joints import (
-    friction_gradients,
-    HELD,
-    JAM,
-    JAM_TABLE,
-    LENGTH,
-    SOFT,
-    SOFT_TABLE,
-    YIELD,
-)
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.orientations import bending_rates
 from soft_continuum.mechanics.statics import Statics
 
 
@@ -35,244 +25,118 @@ class Sensitivity:
     """
     Derivatives of an equilibrium with respect to k parameters.
 
-    joint_angles: (joints, k) rad per unit.  tensions: (2, k) N per unit.  paths: (2, k) m per
-    unit, of the lengths of the tendons' paths.  tip: (3, k), of x, z (m) and tangent angle (rad)
-    of the top of the tip disc.  state: of which they are.
+    turned: (bodies, 3, k), of every body, as rotation vectors in base_link, rad per unit.
+    tensions: (tendons, k) N per unit.  paths: (tendons, k) m per unit, of the lengths of the
+    tendons' paths.  state: of which they are.
     """
 
-    joint_angles: Array
+    turned: Array
     tensions: Array
     paths: Array
-    tip: Array
     state: Equilibrium
 
     @property
-    def poses(self) -> Array:
-        """Of the discs' bottoms, (discs, 6, k): shifts along x, y, z, m; turns about them, rad."""
-        chain, turned = self.state.chain, np.cumsum(self.joint_angles, axis=0)
-        theta = np.cumsum(self.state.joint_angles)
-        below = chain.body_lengths * (np.arange(chain.joints) < chain.last_joint[:, None])
-        found = np.zeros((chain.segments + 1, 6, turned.shape[1]))
-        found[1:, 0] = (below * np.cos(theta)) @ turned
-        found[1:, 2] = (below * -np.sin(theta)) @ turned
-        found[1:, 4] = turned[chain.last_joint]
+    def points(self) -> Array:
+        """Of bottom and top centre of every disc, (2 * discs, 3, k), m per unit."""
+        chain = self.state.chain
+        along = chain.body_lengths[:, None] * chain.axes(self.state.configuration)
+        ends = np.zeros((chain.bodies + 1, *self.turned.shape[1:]))
+        np.cumsum(np.cross(self.turned, along[:, :, None], axis=1), axis=0, out=ends[1:])
+        return chain.along_discs(ends)
+
+    @property
+    def orientations(self) -> Array:
+        """Of every disc, as rotation vectors in base_link, (discs, 3, k), rad per unit."""
+        found: Array = np.concatenate([np.zeros((1, *self.turned.shape[1:])),
+                                       self.turned[self.state.chain.last_body]])
         return found
 
     @property
     def bending(self) -> Array:
-        """Of each segment about x, which is 0, and y, (segments, 2, k), rad per unit."""
-        segments, k = self.state.chain.segments, self.joint_angles.shape[1]
-        found = np.zeros((segments, 2, k))
-        found[:, 1] = self.joint_angles.reshape(segments, -1, k).sum(axis=1)
+        """Of each segment about x and y, (segments, 2, k), rad per unit."""
+        return bending_rates(self.state.orientations, self.orientations)
+
+    @property
+    def poses(self) -> Array:
+        """Of the discs' bottoms, (discs, 6, k): shifts along x, y, z, m; turns about them, rad."""
+        return np.concatenate([self.points[::2], self.orientations], axis=1)
+
+    @property
+    def tip(self) -> Array:
+        """Of the top of the last disc: x, y, z (m), then its rotation vector (rad), (6, k)."""
+        found: Array = np.concatenate([self.points[-1], self.orientations[-1]])
         return found
 
 
 class Linearisation:
     """
-    The linearised statics at one equilibrium, for the stiff segments it was found with.
+    The linearised statics at one equilibrium, for the stiff segments that it was found with.
 
-    A slack tendon stays slack and a taut one taut: at the point where that changes, the
-    derivatives are one-sided.  So they are where a jam yields.
+    A slack tendon stays slack and a taut one taut: where that changes, the derivatives are
+    one-sided.  So they are where a jam yields.
     """
 
-    def __init__(self, statics: Statics, state: Equilibrium,
-                 sliding: Sequence[int] = (0, 0), *, loading: bool = True) -> None:
+    def __new__(cls, statics: Statics, *_: object, **__: object) -> Self:
+        """Make one of the kind of the statics."""
+        kind: type[Any] = cls
+        if cls is Linearisation:
+            from soft_continuum.mechanics.plane.sensitivity import PlaneLinearisation
+            from soft_continuum.mechanics.space.sensitivity import SpaceLinearisation
+            kind = SpaceLinearisation if len(statics.chain.joint_axes) > 1 else PlaneLinearisation
+        made: Self = super().__new__(kind)
+        return made
+
+    def __init__(self, statics: Statics, state: Equilibrium, sliding: Sequence[int] = (), *,
+                 tensions: ArrayLike | None = None, loading: bool = True) -> None:
         """
-        Assemble the matrix; ``sliding`` as in Statics.solve.
+        Assemble the matrix, and factor it.
 
-        loading: whether joints whose jam bears just its yield moment go on to yield, or all turn
-        back and are elastic.
+        sliding: as in Statics.solve; in space tendons do not rub here.  tensions: as there: a
+        number for each tendon whose tension is given and not its length, else nan (default: all
+        lengths).  loading: whether joints whose jam bears just its yield moment go on to yield,
+        or all turn back and are elastic.  Raises ValueError for a state of another arm, tensions
+        of the wrong size, and segments with friction.
         """
-        self._chain = chain = statics.chain
-        sliding = sliding_signs(sliding)
-        self._state = state
-        problem = statics.problem(
-            state, [not s for s in state.stiff], np.zeros(2), state.vacuum or None)
-        friction = chain.tendon.friction > 0.0 and any(sliding)
-        if friction:
-            problem = problem.with_friction(chain, state.joint_angles, sliding)
-        self._groups = groups = problem.groups
-        self._system, compliance = problem.system, problem.drive.compliance
-        joints = self._system.joints
-        # Rounding must not decide which joints yield: they go a little beyond, or back.
-        at_yield = np.abs(self._find_jams()[0]) >= (1.0 - 1e-9) * joints[:, YIELD]
-        offset = state.joint_angles - joints[:, HELD]
-        joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * offset[at_yield]
-        self._jams = self._find_jams()
-        self.theta = np.cumsum(state.joint_angles)
-        self.tensions = np.nan_to_num(state.tensions)
-        self.hessian, self._force, self._reach = _kernel.functions().dense_system(
-            self.theta, self.tensions, tuple(self._system), groups)
-        self._stretch_rates = np.zeros((groups, 2))
-        if friction:
-            self._add_friction(sliding)
-        self._taut = [t for t in (0, 1) if self.tensions[t] > 0.0
-                      and (compliance[t] > 0.0 or self._reach[:, t].any())]
-        size = groups + len(self._taut)
-        self._matrix = np.zeros((size, size))
-        self._matrix[:groups, :groups] = self.hessian
-        for row, t in enumerate(self._taut, start=groups):
-            self._matrix[:groups, row] = self._force[:, t]
-            self._matrix[row, :groups] = self._reach[:, t] - self._stretch_rates[:, t]
-            self._matrix[row, row] = -compliance[t]
-        self._factors = scipy.linalg.lu_factor(self._matrix, check_finite=False)
-
-    def _add_friction(self, sliding: Sequence[int]) -> None:
-        """Add what a turn changes of the tension that arrives at each span, and of the stretch."""
-        chain, group, free = self._chain, self._system.group, self._system.group >= 0
-        ratios, stretches = friction_gradients(chain, self._state.joint_angles, sliding)
-        gather = np.eye(self._groups)[group[free]]  # from bodies to rigid groups
-        alone = np.zeros_like(self._system.ratios)
-        for t in (0, 1):
-            self._stretch_rates[:, t] = self.tensions[t] * (stretches[t, free] @ gather)
-            for s in range(chain.segments):
-                alone[:] = 0.0
-                alone[t, s] = 1.0
-                _, force, _ = _kernel.functions().dense_system(
-                    self.theta, self.tensions, tuple(self._system._replace(ratios=alone)),
-                    self._groups)
-                self.hessian += self.tensions[t] * np.outer(
-                    force[:, t], ratios[t, s, free] @ gather)
-
-    def pulls(self) -> Sensitivity:
-        """Return the derivatives with respect to the pulls (right, left), per m."""
-        return self._solve(self._by_pulls())
-
-    def bending_stiffness(self) -> Sensitivity:
-        """Return the derivatives with respect to E I of every segment's soft law, per N m^2."""
-        if np.any(self._system.joints[:, SOFT_TABLE] >= 0):
-            raise ValueError('a segment with a moment-curvature table has no single E I')
-        return self._solve(self._by_bending_stiffness())
-
-    def stiffness_ratio(self) -> Sensitivity:
-        """Return the derivatives with respect to the ratio K of every stiff segment."""
-        return self._solve(self._by_stiffness_ratio())
-
-    def held_shape(self) -> Sensitivity:
-        """
-        Return the derivatives with respect to the shape that the jam of every segment holds.
-
-        Per rad of its bending angle, spread evenly over its joints.  A segment that is soft, or
-        rigid, has none.
-        """
-        return self._solve(self._by_held_shape())
-
-    def payload(self) -> Sensitivity:
-        """Return the derivatives with respect to a mass at the tip, per kg."""
-        return self._solve(self._by_payload())
+        raise NotImplementedError
 
     def all(self) -> Sensitivity:
         """
-        Return all of them at once, which costs little more than one.
+        Return all of them that an estimate needs, which costs little more than one.
 
-        In turn: by the bending about x, which changes nothing, and y that each segment holds, by a
-        factor of E I and by K of each segment, the pulls, the payload.  By the factors they are 0
-        where bending_stiffness raises ValueError.
+        In turn: by the held shape, a factor of the stiffness and K of each segment, the pulls, the
+        payload.
         """
-        segments = self._chain.arm.segments
-        stiffness = self._by_bending_stiffness() * [s.stiffness_y for s in segments]
-        if np.any(self._system.joints[:, SOFT_TABLE] >= 0):
-            stiffness[:] = 0.0
-        held = np.zeros((len(stiffness), 2 * len(segments)))
-        held[:, 1::2] = self._by_held_shape()
-        return self._solve(np.hstack([
-            held, stiffness, self._by_stiffness_ratio(), self._by_pulls(), self._by_payload()]))
+        raise NotImplementedError
 
-    def _by_pulls(self) -> Array:
-        right_side = np.zeros((len(self._matrix), 2))
-        for row, t in enumerate(self._taut, start=self._groups):
-            right_side[row, t] = -1.0
-        return right_side
+    def pulls(self) -> Sensitivity:
+        """Return the derivatives by the pull of each tendon, per m; 0 where tension is given."""
+        raise NotImplementedError
 
-    def _by_bending_stiffness(self) -> Array:
-        joints = self._system.joints
-        offset = self._state.joint_angles - joints[:, HELD]
-        # Joint stiffness is proportional to E I, and a jam's, K - 1 times it, as well.
-        jam = np.clip(joints[:, JAM] * offset, -joints[:, YIELD], joints[:, YIELD])
-        # A jam's table is a whole stiff segment's less the soft one's.
-        table = joints[:, JAM_TABLE] >= 0
-        jam[table] = -(joints[:, JAM] * self._chain.joint_stiffness * offset)[table]
-        jam[np.abs(self._jams[0]) >= joints[:, YIELD]] = 0.0
-        moments = joints[:, SOFT] * self._state.joint_angles + jam
-        return self._by_segment(
-            moments, [s.stiffness_y for s in self._chain.arm.segments])
+    def tensions(self) -> Sensitivity:
+        """Return the derivatives by the tension of each tendon, per N; 0 where length is given."""
+        raise NotImplementedError
 
-    def _by_stiffness_ratio(self) -> Array:
-        moments = self._jams[0]
-        elastic = np.abs(moments) < self._system.joints[:, YIELD]
-        return self._by_segment(np.where(elastic, moments, 0.0),
-                                [s.jam.ratio - 1.0 for s in self._chain.arm.segments])
+    def stiffness_ratio(self) -> Sensitivity:
+        """Return the derivatives by the ratio K of every stiff segment; 0 if soft or rigid."""
+        raise NotImplementedError
 
-    def _by_held_shape(self) -> Array:
-        moments, slopes = self._jams
-        slopes = np.where(np.abs(moments) < self._system.joints[:, YIELD], slopes, 0.0)
-        return self._by_segment(
-            -slopes / self._chain.joints_per_segment, np.ones(self._chain.segments))
+    def held_shape(self) -> Sensitivity:
+        """
+        Return the derivatives by the shape that the jam of every segment holds.
 
-    def _by_payload(self) -> Array:
-        chain, free = self._chain, self._system.group >= 0
-        along_x, _, along_z = chain.arm.gravity
-        turning = chain.body_lengths * (
-            along_z * np.sin(self.theta) - along_x * np.cos(self.theta))
-        right_side = np.zeros((len(self._matrix), 1))
-        np.subtract.at(right_side[:, 0], self._system.group[free], turning[free])
-        return right_side
+        Per rad of its bending about x, then y, of each segment in turn, spread evenly over its
+        joints; 0 for one that is soft, or rigid.
+        """
+        raise NotImplementedError
+
+    def payload(self) -> Sensitivity:
+        """Return the derivatives by a mass at the tip, per kg."""
+        raise NotImplementedError
 
     def forces(self) -> Sensitivity:
         """
-        Return the derivatives with respect to forces on the discs, per N.
+        Return the derivatives by forces on the discs, per N.
 
-        In turn x, y, which moves nothing, and z (base_link) at the centre of every disc but the
-        base, as a Wrench.
+        In turn x, y and z (base_link) at the centre of every disc but the base, as a Wrench.
         """
-        chain, free = self._chain, self._system.group >= 0
-        bodies = np.arange(chain.joints)
-        right_side = np.zeros((len(self._matrix), 3 * chain.segments))
-        for disc in range(chain.segments):
-            last = chain.last_joint[disc]
-            part = (bodies < last) + 0.5 * (bodies == last)
-            for axis, lever in ((0, np.cos(self.theta)), (2, -np.sin(self.theta))):
-                np.add.at(right_side[:, 3 * disc + axis], self._system.group[free],
-                          (part * chain.body_lengths * lever)[free])
-        return self._solve(right_side)
-
-    def _find_jams(self) -> tuple[Array, Array]:
-        """Return moments (N m) and tangents (N m/rad) of the jams without a limit, (joints,)."""
-        joints = self._system.joints
-        offset = self._state.joint_angles - joints[:, HELD]
-        if np.all(joints[:, JAM_TABLE] < 0):
-            return joints[:, JAM] * offset, joints[:, JAM]
-        found = np.array([law(angle, row[JAM], row[JAM_TABLE], row[LENGTH], self._system.tables)
-                          for angle, row in zip(offset, joints, strict=True)])
-        return found[:, 0], found[:, 1]
-
-    def _by_segment(self, moments: Array, parameters: Sequence[float] | Array) -> Array:
-        """Return minus the change of the moment balance per parameter of each segment."""
-        chain, group = self._chain, self._system.group
-        size, segments = len(self._matrix), chain.segments
-        segment = np.arange(len(moments)) // chain.joints_per_segment
-        change = moments / np.asarray(parameters)[segment]
-        below = np.concatenate([[-1], group[:-1]])
-        turns = group != below
-        right_side: Array = np.zeros(size * segments)
-        right_side -= np.bincount(
-            (group * segments + segment)[turns], change[turns], len(right_side))
-        turns &= below >= 0
-        right_side += np.bincount(
-            (below * segments + segment)[turns], change[turns], len(right_side))
-        return right_side.reshape(size, segments)
-
-    def _solve(self, right_side: Array) -> Sensitivity:
-        chain, group = self._chain, self._system.group
-        solution = scipy.linalg.lu_solve(self._factors, right_side, check_finite=False)
-        moved = np.zeros((chain.joints, right_side.shape[1]))
-        free = group >= 0
-        moved[free] = solution[group[free]]
-        tensions = np.zeros((2, right_side.shape[1]))
-        tensions[self._taut] = solution[self._groups:]
-        paths = self._reach.T @ solution[:self._groups]
-        tip = np.stack([(chain.body_lengths * np.cos(self.theta)) @ moved,
-                        (-chain.body_lengths * np.sin(self.theta)) @ moved, moved[-1]])
-        angles = moved.copy()
-        angles[1:] -= moved[:-1]
-        return Sensitivity(angles, tensions, paths, tip, self._state)
+        raise NotImplementedError

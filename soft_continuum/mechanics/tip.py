@@ -20,11 +20,13 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics._checks import check_start, real_array
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics._checks import real_array
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import check_start, Equilibrium
+from soft_continuum.mechanics.directions import within_limits
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import SAME_BENDING, set_shape
-from soft_continuum.mechanics.spatial.directions import within_limits
+from soft_continuum.mechanics.statics import Statics
 
 METRES_PER_RADIAN = 0.1  # what an orientation that is wanted as well counts
 REACHED = 1e-6  # m: a tip this close is where it was wanted
@@ -66,7 +68,7 @@ class TipFit:
         return self.distance <= REACHED
 
 
-def bending_for_tip(statics: Any, position: ArrayLike,
+def bending_for_tip(statics: Statics, position: ArrayLike,
                     orientation: ArrayLike | None = None,
                     start: Any = None) -> TipFit:
     """
@@ -91,7 +93,7 @@ def bending_for_tip(statics: Any, position: ArrayLike,
                          f'{orientation!r}')
     straight = statics.chain.straight()
     begin = straight if start is None else start
-    check_start(begin, type(straight))
+    check_start(begin)
     best: TipFit | None = None
     far: list[tuple[float, _Fit]] = []
     for count in range(statics.chain.segments + 1):
@@ -128,7 +130,7 @@ def _error(fit: TipFit) -> float:
 class _Fit:
     """Bending of some segments for one tip."""
 
-    def __init__(self, statics: Any, begin: Any,
+    def __init__(self, statics: Statics, begin: Equilibrium,
                  segments: Sequence[int], goal: Array, turn: Array | None) -> None:
         arm = statics.chain.arm
         self.statics, self.begin, self.segments = statics, begin, tuple(segments)

@@ -13,8 +13,7 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.ros.conversions import trajectory_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import COMMAND

@@ -10,7 +10,7 @@ from typing import Any
 from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.age import Age
@@ -41,7 +41,7 @@ class ArmObserver(ReportedArm):
                  on_tendon_state: Callable[[TendonActuationState], None]) -> None:
         """Subscribe; call ``on_tendon_state`` with every state of tendon_actuation."""
         self._faults: dict[str, tuple[str, Age]] = {}  # by node: its fault, and for how long
-        super().__init__(node, chain_of(arm), parameters)
+        super().__init__(node, Chain(arm), parameters)
         self.tendons = TendonActuationState()
         self.pulls = (0.0,) * len(arm.tendon_names)
         self._names, self._unmeasured = arm.tendon_names, ''

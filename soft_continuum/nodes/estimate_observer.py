@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.model import State
+from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum_interfaces.msg import KinematicsState
 
@@ -15,7 +15,7 @@ from soft_continuum_interfaces.msg import KinematicsState
 class Estimate:
     """A shape of the arm, when it had it, and when it was measured last, s (steady) or None."""
 
-    shape: State
+    shape: Equilibrium
     time: float
     measured_time: float | None
 

@@ -23,7 +23,7 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.entries import guarded
 from soft_continuum.nodes.motion_requests import MAX_POINTS
 from soft_continuum.nodes.tendon_report import Report

@@ -6,8 +6,8 @@ from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import chain_of
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sequencing.planner import Shape
@@ -31,7 +31,7 @@ class Ghost:
 
     def _publish(self) -> None:
         shape = self._shape
-        target = None if shape is None else chain_of(self._arm).uniform(
+        target = None if shape is None else Chain(self._arm).uniform(
             bending_vectors(self._arm, shape.bending_angles, shape.bending_directions))
         self._publisher.publish(target_markers(
             target, self._frame, self._node.get_clock().now().to_msg()))

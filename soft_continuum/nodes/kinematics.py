@@ -24,9 +24,9 @@ from soft_continuum.estimation.shape import (
     UnknownShapeError,
 )
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import State
-from soft_continuum.mechanics.statics import StaticsError
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.jam_vacuum import JamVacuum
@@ -359,7 +359,7 @@ class Kinematics(Node):
             self._marked = now
             self._markers.publish(self._make_markers(state, stamp))
 
-    def _make_markers(self, state: State, stamp: Any) -> MarkerArray:
+    def _make_markers(self, state: Equilibrium, stamp: Any) -> MarkerArray:
         frame, shape = self.parameters['frame_id'], self._shape
         found = shape_markers(state.chain, state, self._stiff.confirmed,
                               self.parameters['tension_limit'], frame, stamp)

@@ -22,15 +22,15 @@ from soft_continuum.colours import (
     tension_colour,
     WRONG,
 )
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import Chain, State
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Chain, Equilibrium
 
 LIFETIME = Duration(nanosec=500_000_000)
 """Of what is not always there: it goes when it is not published any more."""
 TEXT_HEIGHT, TEXT_WIDTH = 0.012, 60  # m, characters
 
 
-def shape_markers(chain: Chain, state: State, stiff: Sequence[bool | None],
+def shape_markers(chain: Chain, state: Equilibrium, stiff: Sequence[bool | None],
                   tension_limit: float, frame: str, stamp: Time) -> MarkerArray:
     """
     Return a line strip for every segment and tendon and a cylinder for every disc.
@@ -62,7 +62,7 @@ def shape_markers(chain: Chain, state: State, stiff: Sequence[bool | None],
     return MarkerArray(markers=markers)
 
 
-def target_markers(target: State | None, frame: str, stamp: Time) -> MarkerArray:
+def target_markers(target: Equilibrium | None, frame: str, stamp: Time) -> MarkerArray:
     """Return the ghost of the shape that is being set; without any, its removal."""
     if target is None:
         marker = _marker('target', 0, Marker.LINE_STRIP, GHOST, frame, stamp)
@@ -72,7 +72,7 @@ def target_markers(target: State | None, frame: str, stamp: Time) -> MarkerArray
     return MarkerArray(markers=[marker])
 
 
-def prediction_marker(predicted: State, frame: str, stamp: Time) -> Marker:
+def prediction_marker(predicted: Equilibrium, frame: str, stamp: Time) -> Marker:
     """Return the ghost of the shape that the model alone has."""
     marker = _ghost('prediction', predicted, PREDICTED, frame, stamp)
     marker.lifetime = LIFETIME
@@ -89,7 +89,7 @@ def alarm_marker(alarms: Sequence[str], height: float, frame: str, stamp: Time) 
     return marker
 
 
-def _ghost(namespace: str, state: State, colour: Colour, frame: str, stamp: Time) -> Marker:
+def _ghost(namespace: str, state: Equilibrium, colour: Colour, frame: str, stamp: Time) -> Marker:
     marker = _marker(namespace, 0, Marker.LINE_STRIP, colour, frame, stamp)
     marker.color.a = GHOST_OPACITY
     marker.scale.x = 0.3 * state.chain.arm.segments[0].outer_diameter

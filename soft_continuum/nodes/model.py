@@ -9,8 +9,7 @@ from typing import Any
 
 from soft_continuum.mechanics._kernel import must_build
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import statics_of
-from soft_continuum.mechanics.statics import warm_up
+from soft_continuum.mechanics.statics import Statics, warm_up
 from soft_continuum.nodes.threads import on_ros_thread
 
 
@@ -32,7 +31,7 @@ def load_model(node: Any, arm: Arm, loaded: Callable[[], None] | None = None,
     def load() -> None:
         try:
             warm_up()
-            for module in statics_of(arm).late_imports:  # else the first motion waits for them
+            for module in Statics(arm).late_imports:  # else the first motion waits for them
                 import_module(module)
         except Exception as error:  # of numba, a compiler, a disk
             on_ros_thread(node, node.status.alarm, 'model', 'the model cannot be loaded: '

@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 
 from soft_continuum.hardware.tendon_controller import Reason
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum_interfaces.msg import MotionRequest
 
 MAX_POINTS = 1000

@@ -10,8 +10,8 @@ from math import inf
 from typing import Any, TypeVar
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import chain_of, State
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.reach import reach_from_parameters
@@ -154,8 +154,8 @@ def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
     if shape.tips:
         return tip_aim(shape, arm)
     bending = bending_vectors(arm, shape.bending_angles, shape.bending_directions)
-    chain = chain_of(arm)
-    state: State
+    chain = Chain(arm)
+    state: Equilibrium
     try:
         state = Planner(arm, settings).plan(
             chain.straight(), (0.0,) * len(arm.tendon_names), [shape])[0].state

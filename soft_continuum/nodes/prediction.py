@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import Solver, State, statics_of
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics
 
 PREDICTION_STEP = 0.002  # m of pull between two predicted states
 MAX_STATES = 2000
@@ -36,7 +36,7 @@ class TensionPrediction:
 
     def __init__(self, arm: Arm) -> None:
         """Prepare the model of ``arm``, which is compiled when it is first used."""
-        self._statics: Solver = statics_of(arm)
+        self._statics: Statics = Statics(arm)
         self._tendons = arm.tendon_names
         self.opposing = arm.opposing_tendons
         """Numbers of the tendons that oppose each other, in groups."""
@@ -58,7 +58,7 @@ class TensionPrediction:
                 f'predicted states; allowed: {MAX_STATES}; send it in parts')
         return steps
 
-    def check(self, pulls: Array, shape: State, soft: Sequence[bool],
+    def check(self, pulls: Array, shape: Equilibrium, soft: Sequence[bool],
               limits: TensionLimits, revoked: Callable[[], bool]) -> None:
         """
         Refuse pulls (k, tendons) in m that need too much tension, or for which there is no shape.
@@ -69,7 +69,7 @@ class TensionPrediction:
         """
         state, vacuum = shape, shape.vacuum or None
         if self._statics.chain.arm is not shape.chain.arm:
-            self._statics = statics_of(shape.chain.arm)
+            self._statics = Statics(shape.chain.arm)
         try:
             for before, after, steps in zip(
                     pulls[:-1], pulls[1:], self.steps(pulls), strict=True):

@@ -11,7 +11,7 @@ import numpy as np
 from sensor_msgs.msg import FluidPressure
 
 from soft_continuum.hardware.tendon_controller import Reason
-from soft_continuum.mechanics.model import Chain
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.age import Age

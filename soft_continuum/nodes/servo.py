@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import statics_of
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
 from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
 from soft_continuum.nodes.estimate_observer import Estimate, EstimateObserver
@@ -224,7 +224,7 @@ class Servo(Node):
             **{name: parameters[f'servo.{name}'] for name in (
                 'horizon', 'integral_time', 'response_time', 'extrapolation', 'friction_band',
                 'target_timeout', 'measurement_timeout')})
-        make = partial(AngleServo, statics_of(model.chain.arm), settings, shape, self._segment,
+        make = partial(AngleServo, Statics(model.chain.arm), settings, shape, self._segment,
                        self._jamming)
         self._stiffness, self._stops = observed.stiffness, observed.tendons.stops
         self._preparing = this = object()

@@ -24,9 +24,8 @@ from soft_continuum.client.errors import (
 )
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
-from soft_continuum.mechanics.arm import Arm, PLANAR_AXES
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import fully_actuated
+from soft_continuum.mechanics.arm import Arm, Array, PLANAR_AXES
+from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.graph import running_nodes

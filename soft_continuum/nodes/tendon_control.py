@@ -12,7 +12,7 @@ from soft_continuum.hardware.tendon_controller import (
     TendonController,
 )
 from soft_continuum.hardware.tension_guard import TensionGuard
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.question import Question
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED

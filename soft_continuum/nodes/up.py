@@ -21,7 +21,7 @@ from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import fully_actuated
+from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import (
     argument_error,

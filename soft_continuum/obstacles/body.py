@@ -19,9 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import chain_of, State
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Chain, Equilibrium
 
 TENDON_RADIUS = 0.0005
 """Of every tendon, m: no description has it; the ropes of such arms are thinner."""
@@ -52,7 +51,7 @@ class Body:
 
     def __init__(self, arm: Arm) -> None:
         """Take radii and lengths from a description."""
-        chain = chain_of(arm)
+        chain = Chain(arm)
         self._last = np.arange(1, chain.segments + 1) * chain.joints_per_segment - 1
         self._first = self._last - chain.joints_per_segment + 1
         half = np.array([segment.outer_diameter / 2 for segment in arm.segments])
@@ -74,7 +73,7 @@ class Body:
         return Cylinders(np.array([[0.0, 0.0, height / 2]]), np.array([[0.0, 0.0, 1.0]]),
                          np.array([half]), np.array([radius]))
 
-    def parts(self, state: State) -> Cylinders:
+    def parts(self, state: Equilibrium) -> Cylinders:
         """Return the room that a state of the arm takes."""
         ends, axes = state.backbone, state.rotations[:, :, 2]
         below, above = self._mitres(axes)
@@ -110,7 +109,7 @@ def _spans_that_come_out(arm: Arm, radii: Array, guides: Sequence[Array]
     """
     Return tendon and lower guide of the spans that can leave segments of radii (m).
 
-    guides: as State.tendon_points; those beyond the ones of segments are at both ends.
+    guides: as Equilibrium.tendon_points; those beyond the ones of segments are at both ends.
     """
     offsets, each = arm.guide_radii, arm.spacers + 1  # spans of a tendon in a segment
     found = []

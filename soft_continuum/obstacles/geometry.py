@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.extras import needed
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles.mesh import Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, Shape
 from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from soft_continuum.mechanics._checks import real_array
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.orientations import matrices
 from soft_continuum.obstacles.mesh import Mesh
 from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
 from soft_continuum.text import MAX_NAME, printable

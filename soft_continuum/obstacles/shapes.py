@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from soft_continuum.mechanics._checks import finite
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.text import MAX_NAME, printable
 
 SIZE_RANGE = (1e-4, 100.0)  # m; outside it the unit is wrong

@@ -8,9 +8,8 @@ from math import inf
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import State
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.obstacles.body import Body, Cylinders, MIN_HALF_LENGTH
 from soft_continuum.obstacles.geometry import distance, placed
 from soft_continuum.obstacles.mesh import Mesh
@@ -70,7 +69,7 @@ class Surroundings:
         self._placed = [placed(obstacle) for obstacle in self.obstacles]
         self._refuse_on_base()
 
-    def clearance(self, state: State) -> Clearance:
+    def clearance(self, state: Equilibrium) -> Clearance:
         """
         Return how far a state of the arm is from the nearest obstacle.
 
@@ -94,7 +93,7 @@ class Surroundings:
                 least, nearest = found, obstacle
         return Clearance(least, self.obstacles[nearest].name)
 
-    def clearances(self, states: Sequence[State]) -> list[Clearance]:
+    def clearances(self, states: Sequence[Equilibrium]) -> list[Clearance]:
         """Return the same of many states."""
         return [self.clearance(state) for state in states]
 

@@ -22,8 +22,8 @@ from soft_continuum.mechanics.arm import (
     Tendon,
     tendon_pair,
 )
+from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
-from soft_continuum.mechanics.model import fully_actuated
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters.parameter import Parameter, ParameterError, spread
 

@@ -7,7 +7,7 @@ from math import degrees, pi, radians
 from typing import Any
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.spatial.directions import direction_problem
+from soft_continuum.mechanics.directions import direction_problem
 from soft_continuum.parameters.parameter import (
     degrees_hint,
     name_hint,

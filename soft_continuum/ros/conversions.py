@@ -14,8 +14,8 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from soft_continuum.hardware.protocols import Accuracy
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import Chain, State
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.ros.text import plain
 from soft_continuum.sensing.rigid import in_plane, planar_pose
@@ -196,7 +196,7 @@ def stiffness_from_ros(state: JammingValvesState, before: Stiffness) -> Stiffnes
         tuple(state.vacuums) if state.connected else before.told)
 
 
-def equilibrium_to_ros(state: State) -> KinematicsState:
+def equilibrium_to_ros(state: Equilibrium) -> KinematicsState:
     """Return a state of the model as a message without stamp."""
     return KinematicsState(
         joint_angles=state.coordinates.tolist(), held_angles=state.held_coordinates.tolist(),

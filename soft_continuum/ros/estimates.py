@@ -12,10 +12,9 @@ import numpy as np
 from soft_continuum.estimation.discs import angle_deviations, lever
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
-from soft_continuum.mechanics.arm import Arm, ArmError
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, ArmError, Array
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import LawError
-from soft_continuum.mechanics.model import chain_of
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
@@ -117,7 +116,7 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
 
     Without any, or with those of another arm or of none that could be, it is the arm as described.
     """
-    described = Model(chain_of(arm), *np.zeros((2, len(arm.tendons))))
+    described = Model(Chain(arm), *np.zeros((2, len(arm.tendons))))
     found = {one.name: one for one in parameters}
     names = parameter_names(arm)
     if set(names) - set(found) not in (set(), {n for n in names if n.startswith(RATIO)}) or (
@@ -135,5 +134,5 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
         estimated = arm_with(arm, layout, values)
     except (ArmError, LawError):  # such as a spring stiffer than what is measured of its jam
         return described
-    return Model(chain_of(estimated), values[layout.offset],
+    return Model(Chain(estimated), values[layout.offset],
                  np.array([found[f'offset_{name}'].deviation for name in arm.tendon_names]))

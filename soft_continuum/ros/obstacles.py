@@ -19,7 +19,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.colours import OBSTACLE, OBSTACLE_OPACITY
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles.files import load_mesh, MAX_OBSTACLES
 from soft_continuum.obstacles.mesh import joined, Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, Shape, UPRIGHT

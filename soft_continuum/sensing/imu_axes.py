@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.parameter import ParameterError
 
 AXES = {sign + name: float(f'{sign}1') * np.eye(3)[i]

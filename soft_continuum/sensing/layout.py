@@ -11,7 +11,7 @@ from typing import Any, Self, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.sensing.lens import Lens

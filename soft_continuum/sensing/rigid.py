@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.mechanics.arm import PLANAR_AXES
-from soft_continuum.mechanics.chain import Array, full_poses
+from soft_continuum.mechanics.arm import Array, PLANAR_AXES
+from soft_continuum.mechanics.orientations import full_poses
 
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 UNKNOWN = 1e6

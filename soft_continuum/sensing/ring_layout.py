@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
@@ -94,7 +94,7 @@ class RingLayout(Layout):
             raise ParameterError(f'parameter tags.fixed_poses has {len(fixed)} tags; allowed: '
                                  f'{FAMILY_SIZE - FIRST_FIXED} at most')
         found = cls(fixed=fixed, faces=faces, ring_deviation=values['tags.ring_deviation'],
-                    disc_radii=tuple(chain_of(arm).disc_radii.tolist()), **of_arm(arm, values))
+                    disc_radii=tuple(Chain(arm).disc_radii.tolist()), **of_arm(arm, values))
         widest = max(found.disc_radii)
         if found.radius < widest:
             raise ParameterError(

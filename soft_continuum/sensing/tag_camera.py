@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.sensing.layout import carry_a_plane, directions, MIN_FIXED, TagLayout
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, Picture

@@ -9,8 +9,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.sensing.rigid import angle_between, compose, IDENTITY, inverse, mean_pose
 from soft_continuum.sensing.tilt import SensorError, turn_between
 

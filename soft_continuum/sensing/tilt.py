@@ -14,7 +14,7 @@ from math import atan2, exp, hypot, isnan, nan, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.rigid import moved_by
 
 MIN_STEP = 0.0009

@@ -10,8 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.rigid import compose, IDENTITY, inverse, moved_by, rotate
 from soft_continuum.sensing.tare import straight_heights

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.directions import within_limits
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import State
-from soft_continuum.mechanics.spatial.directions import within_limits
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.sequencing.planner import (
     Move,
@@ -45,9 +45,9 @@ class Aim:
     """
     What a sequence is to end in.
 
-    bending: (segments, 2) rad, as State.bending.  tip: (3,) m.  on_tip: whether the tip is to be
-    right, and the bending only chooses among the shapes that bring it there; otherwise the bending
-    is.
+    bending: (segments, 2) rad, as Equilibrium.bending.  tip: (3,) m.  on_tip: whether the tip is
+    to be right, and the bending only chooses among the shapes that bring it there; otherwise the
+    bending is.
     """
 
     bending: Array
@@ -58,21 +58,21 @@ class Aim:
         """Return an error, m of the tip or rad, as people read it."""
         return f'{error * 1e3:.1f} mm' if self.on_tip else f'{np.degrees(error):.1f} degrees'
 
-    def error(self, state: State) -> float:
+    def error(self, state: Equilibrium) -> float:
         """Return how far a state is off: m of the tip, or rad of the worst segment."""
         if self.on_tip:
             return self.tip_error(state)
         return float(np.linalg.norm(state.bending - self.bending, axis=1).max())
 
-    def at(self, state: State) -> 'Aim':
+    def at(self, state: Equilibrium) -> 'Aim':
         """Return the aim that a state meets, of the same kind."""
         return replace(self, bending=state.bending, tip=state.backbone[-1])
 
-    def tip_error(self, state: State) -> float:
+    def tip_error(self, state: Equilibrium) -> float:
         """Return how far the tip of a state is off, m."""
         return float(np.linalg.norm(state.backbone[-1] - self.tip))
 
-    def residuals(self, state: State) -> Array:
+    def residuals(self, state: Equilibrium) -> Array:
         """Return what is to be small."""
         away = (state.bending - self.bending).ravel()
         if not self.on_tip:
@@ -246,7 +246,7 @@ def _released(planner: Planner, state: Any, pulls: Sequence[float], segment: int
     return float(np.linalg.norm(there.backbone[-1] - state.backbone[-1]))
 
 
-def _lever(state: State, segments: Sequence[int], aim: Aim) -> float:
+def _lever(state: Equilibrium, segments: Sequence[int], aim: Aim) -> float:
     """Return by how much the error grows with the angles of segments that are locked."""
     if not aim.on_tip:
         return 1.0

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.progress import Code
 
 

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import scipy
 
-from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium, SLACK
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import State
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 
 WAYS = np.round(np.exp(2j * pi * np.arange(16) / 16), 15)
@@ -48,7 +48,7 @@ class BendingLimits:
     antagonist_slack: float = 0.0005
     offsets: tuple[float, ...] = (0.0,)
 
-    def check(self, found: State, pulls: Array) -> None:
+    def check(self, found: Equilibrium, pulls: Array) -> None:
         """Raise StaticsError if a state exceeds one of them with its pulls (tendons,), m."""
         low, high = self.pull_limits
         if found.jumped:

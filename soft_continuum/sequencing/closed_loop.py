@@ -19,7 +19,7 @@ from math import inf, isnan, nan
 
 import numpy as np
 
-from soft_continuum.mechanics.model import State
+from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.arm_port import ArmPort
@@ -47,7 +47,7 @@ class Loop:
     aim: 'Callable[[Shape], Future[Aim]]'
     step: 'Callable[[Sequence[int], Aim], Future[Step]]'
     again: 'Callable[[Sequence[int], Aim, float], Future[tuple[int, ...]]]'
-    state: Callable[[], State | None]
+    state: Callable[[], Equilibrium | None]
 
 
 class _LostError(Exception):

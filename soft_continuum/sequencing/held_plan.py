@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.sequencing.reach.goal import Clear, NoObstacles, ReachSettings
 from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.held_plan import Held, held, made_up_for
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
 from soft_continuum.sequencing.reach.arcs import Miss

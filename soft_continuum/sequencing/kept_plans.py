@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.planner import Shape, ShapePlan
 from soft_continuum.sequencing.reach import Reach
 

@@ -5,7 +5,7 @@
 from math import sqrt
 from typing import TypeVar
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 Time = TypeVar('Time', float, Array)
 

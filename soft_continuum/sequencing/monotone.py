@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 
 def monotone_cubic(x: Array, y: Array) -> Callable[[Array], Array]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles.surroundings import Clearance, Surroundings
 from soft_continuum.sequencing.planner import ShapePlan
 from soft_continuum.sequencing.reach.passage import between, body_radius

@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import State
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
 
@@ -231,7 +231,7 @@ class AngleServo:
 
     # Measurements.
 
-    def observe(self, state: State, time: float, measured_time: float | None,
+    def observe(self, state: Equilibrium, time: float, measured_time: float | None,
                 now: float) -> None:
         """
         Take in an estimate of the arm.
@@ -262,7 +262,7 @@ class AngleServo:
         """Whether the arm was measured, and not too long ago."""
         return now - self._correction.seen <= self.settings.measurement_timeout
 
-    def _bending(self, state: State) -> complex:
+    def _bending(self, state: Equilibrium) -> complex:
         """Return how the segment bends."""
         return self.map.along(bending_of(state.bending, self.segment))
 

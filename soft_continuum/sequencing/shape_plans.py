@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles.surroundings import Surroundings
 from soft_continuum.sequencing.held_plan import held, plan_held

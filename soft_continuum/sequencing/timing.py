@@ -6,7 +6,7 @@ from math import ceil, sqrt
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.monotone import monotone_cubic
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.model import statics_of
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.sequencing.planner import Planner, PlanSettings
@@ -37,7 +37,7 @@ def query(design: Design, number: int, seed: int) -> dict[str, Any]:
     draw = np.random.default_rng([seed, design.number, number, 1])
     arm = design.arm
     values: Mapping[str, Any] = design.values
-    around, statics = Surroundings(arm, design.obstacles), statics_of(arm)
+    around, statics = Surroundings(arm, design.obstacles), Statics(arm)
     settings = replace(reach_from_parameters(values), time_limit=inf, seed=number)
     jamming = bool(values['arm.jamming'])
     nan = float('nan')

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.directions import hinged
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
-from soft_continuum.mechanics.model import statics_of
-from soft_continuum.mechanics.spatial.directions import hinged
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.study.design import Design
 
@@ -35,7 +34,7 @@ def shapes(design: Design, first: int, count: int, seed: int) -> list[dict[str, 
     direction of the tip (unit vector); tension, the largest (N); pull, the largest (m); nan where
     there is none.
     """
-    arm, statics = design.arm, statics_of(design.arm)
+    arm, statics = design.arm, Statics(design.arm)
     draw = np.random.default_rng([seed, design.number, first, 0])
     jamming = bool(design.values['arm.jamming'])
     around = Surroundings(arm, design.obstacles)

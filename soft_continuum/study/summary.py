@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.study.design import described, Design
 from soft_continuum.study.queries import FOUND, NONE
 from soft_continuum.study.sampling import FALLS, HELD

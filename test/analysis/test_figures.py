@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from soft_continuum.analysis.figures import draw_arm, shapes_figure
-from soft_continuum.mechanics import RigidChain
-from soft_continuum.mechanics.spatial import SpatialChain
+from soft_continuum.mechanics import Chain
+from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
-CHAIN = RigidChain(load_arm(DESCRIPTION))
+CHAIN = Chain(load_arm(DESCRIPTION))
 SHAPES = {name: (CHAIN.uniform(angles), CHAIN.uniform(angles).bending)
           for name, angles in PAPER_SHAPES.items()}
 
@@ -76,7 +76,7 @@ def test_a_straight_arm_stands_from_the_origin_to_its_length():
 
 
 def test_a_picture_of_shapes_in_space_is_a_readable_png(tmp_path):
-    chain = SpatialChain(CHAIN.arm)
+    chain = SpaceChain(CHAIN.arm)
     bending = [[0.0, 0.4], [0.3, 0.3], [-0.5, 0.1]]
     path = tmp_path / 'in_space.png'
     shapes_figure(path, {'bow': (chain.uniform(bending), np.array(bending))})

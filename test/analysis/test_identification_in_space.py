@@ -16,7 +16,7 @@ from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError,
 from soft_continuum.cli import validate
 from soft_continuum.cli.identify import main as identify_main
 from soft_continuum.mechanics import SLACK
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.new_arm.description import complete, describe
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description, write_parameters
@@ -81,7 +81,7 @@ def test_what_is_not_measured_of_this_arm_is_named(tmp_path, changes, words):
 
 def measured(values, noise):
     """Return shapes of an arm, each released at the end, measured with noise (m)."""
-    rng, statics = np.random.default_rng(4), SpatialStatics(arm_from_parameters(values))
+    rng, statics = np.random.default_rng(4), SpaceStatics(arm_from_parameters(values))
     shapes = []
     for k, pulls in enumerate([(0.012, SLACK, SLACK), (SLACK, 0.012, SLACK),
                                (SLACK, 0.008, 0.008)]):

@@ -14,8 +14,8 @@ from soft_continuum.analysis.workspace import furthest_apart, Reach, reach
 from soft_continuum.cli import workspace
 from soft_continuum.mechanics import set_shape
 from soft_continuum.mechanics.arm import Tendon
-from soft_continuum.mechanics.model import statics_of
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.new_arm.description import complete, describe
 from soft_continuum.parameters.files import parameters_text
 from support import specimen_data as data
@@ -38,7 +38,7 @@ def test_every_tip_is_that_of_its_bending_in_its_order(arm, order, angles, jammi
     found = reach(arm, order, angles, 3, jamming)
     assert found.tips.shape == (count, len(arm.axes)) and found.asked == count
     for k in (1, 7, count - 1):
-        state = set_shape(statics_of(arm), found.bending[k], order=order, jamming=jamming)
+        state = set_shape(Statics(arm), found.bending[k], order=order, jamming=jamming)
         assert state.poses[-1, :3][arm.pose_axes[:3]] == pytest.approx(found.tips[k], abs=1e-6)
 
 
@@ -81,7 +81,7 @@ def test_an_arm_in_space_fills_a_volume_and_one_in_a_plane_does_not(sets):
 
 def test_a_segment_is_set_towards_a_tendon_whose_angle_is_rounded():
     # As descriptions have it: then the next tendon would carry less than nothing.
-    statics = SpatialStatics(replace(ARM, tendons=tuple(
+    statics = SpaceStatics(replace(ARM, tendons=tuple(
         Tendon(f't{i}', 2.094395 * i, 0.01, 2) for i in range(3))))
     towards = 1.2 * np.array([-np.sin(2 * np.pi / 3), np.cos(2 * np.pi / 3)])
     state = set_shape(statics, [towards, towards])

@@ -13,7 +13,7 @@ from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import Arm, Jam, Statics, Wrench
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.user_files import description_file

@@ -19,7 +19,7 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
 from soft_continuum.mechanics.arm import Wrench
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import displacement
 from soft_continuum.user_files import description_file
@@ -60,11 +60,11 @@ def test_derivatives_are_those_of_solves():
     values = first_values(ARM, layout, PRIOR)
     values[layout.ratio], values[layout.payload] = np.log(10.0), 0.05
     pulls, now_soft = toward(0.5, 0.7), (True, False, False)
-    bent = SpatialStatics(arm_with(ARM, layout, values)).chain.uniform(
+    bent = SpaceStatics(arm_with(ARM, layout, values)).chain.uniform(
         [[0.0, 0.0], [0.1, 0.2], [-0.1, 0.1]])
 
     def at(change):
-        statics = SpatialStatics(arm_with(ARM, layout, values + change))
+        statics = SpaceStatics(arm_with(ARM, layout, values + change))
         start = bent.with_held(statics.chain, change[layout.held].reshape(-1, 2))
         return predicted(statics, layout, statics.solve(
             start, pulls + change[layout.offset], now_soft))
@@ -126,7 +126,7 @@ def test_an_arm_turned_about_its_axis_has_the_turned_estimate(learned):
 def test_a_planar_arm_has_the_planar_estimate():
     arm = in_space(PLANAR)
     plane = Session(TrueArm((1.2, 0.9, 0.8), 20.0, (3e-4, -5e-4)), own=0.0)
-    space = Estimator(arm, SpatialStatics(arm).chain.straight(), PRIOR, Drift())
+    space = Estimator(arm, SpaceStatics(arm).chain.straight(), PRIOR, Drift())
     for now_soft, pulls in ((STIFF, (0.0, 0.0)), (only(2), (0.003, -0.006)),
                             (only(2), (0.006, -0.012)), (STIFF, (0.006, -0.012)),
                             (only(1), (0.008, -0.014))):
@@ -258,7 +258,7 @@ def discs_of(state, which=(1, 2, 3)):
 
 def test_a_bent_arm_is_found_by_its_discs():
     shape, bending = ArmShape(ARM, 1e-3), np.array([[0.3, 0.2], [-0.2, 0.25], [0.1, -0.4]])
-    state = SpatialStatics(ARM).chain.uniform(bending)
+    state = SpaceStatics(ARM).chain.uniform(bending)
     with pytest.raises(UnknownShapeError):
         shape.follow(Commands(100.0, np.full(3, -0.03), (True,) * 3))
     assert shape.measure(100.0, discs_of(state, (1, 2))) is None
@@ -274,7 +274,7 @@ def test_where_up_is_corrects_an_arm_that_leans_but_not_its_heading(about_y):
     """The vertical of a tilted base is along no axis; a turn about it changes nothing."""
     base = Rotation.from_euler('y', about_y)
     up = base.apply([0.0, 0.0, 1.0])
-    poses = SpatialStatics(ARM).chain.uniform([[0.3, 0.2], [-0.2, 0.25], [0.1, -0.4]]).poses[::2]
+    poses = SpaceStatics(ARM).chain.uniform([[0.3, 0.2], [-0.2, 0.25], [0.1, -0.4]]).poses[::2]
     covariance = UNSEEN * np.eye(6)
     covariance[3:, 3:] = 1e-4 * np.eye(3) + UNSEEN * np.outer(up, up)
     one = DiscMeasurement(3, poses[3], covariance)
@@ -395,7 +395,7 @@ def test_a_camera_that_is_knocked_in_space_is_named():
 def test_a_load_in_space_is_named():
     def push(truth):
         arm = replace(truth.statics.chain.arm, wrenches=(Wrench(3, (0.2, -0.9, 0.0)),))
-        truth.statics = SpatialStatics(arm)
+        truth.statics = SpaceStatics(arm)
         truth.state = replace(truth.state, chain=truth.statics.chain)
         return np.zeros(3)
 

@@ -4,7 +4,7 @@
 
 from dataclasses import replace
 
-from soft_continuum.mechanics.model import fully_actuated
+from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 from support.flat_arm import of_segments

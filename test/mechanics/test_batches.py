@@ -24,12 +24,12 @@ def assert_as_one_by_one(batch, models, start, asked, soft):
             state = models[i % len(models)].solve(start, pulls, soft)
         except StaticsError:
             assert not batch.found[i]
-            for rows in (batch.joint_angles, batch.tensions, batch.pulls, batch.residual):
+            for rows in (batch.configurations, batch.tensions, batch.pulls, batch.residual):
                 assert np.all(np.isnan(rows[i]))
             assert not batch.jumped[i]
             continue
         assert batch.found[i]
-        assert batch.joint_angles[i] == pytest.approx(state.joint_angles, abs=1e-12)
+        assert batch.configurations[i] == pytest.approx(state.joint_angles, abs=1e-12)
         assert batch.tensions[i] == pytest.approx(state.tensions, abs=1e-12, rel=1e-12)
         assert batch.pulls[i] == pytest.approx(state.pulls, abs=1e-12)
         assert batch.jumped[i] == state.jumped
@@ -49,7 +49,7 @@ def test_one_arm_under_many_pulls(arm, data):
     asked = np.array([right, left]).T
     asked[::2] = asked[::2, ::-1]
     batch = solve_batch(statics, start, asked, soft)
-    assert batch.joint_angles.shape == (6, statics.chain.joints)
+    assert batch.configurations.shape == (6, statics.chain.bodies)
     assert_as_one_by_one(batch, [statics], start, asked, soft)
 
 
@@ -81,7 +81,7 @@ def test_rows_that_a_full_step_does_not_reach_are_followed_in_small_ones(gravity
     start, soft = statics.chain.straight(), (True,) * 3
     asked = np.array([(p, SLACK) for p in np.linspace(-0.01, 0.09, 11)])
     batch = solve_batch(statics, start, asked, soft)
-    turned = np.abs(batch.joint_angles.reshape(11, 3, -1).sum(axis=2)).max(axis=1)
+    turned = np.abs(batch.configurations.reshape(11, 3, -1).sum(axis=2)).max(axis=1)
     assert np.any(turned[batch.found] > 0.9)  # more than a full step is trusted with
     assert_as_one_by_one(batch, [statics], start, asked, soft)
 
@@ -109,7 +109,7 @@ def test_a_single_problem_is_a_batch_of_one():
     statics = Statics(paper_like(2))
     start = statics.chain.straight()
     batch = solve_batch(statics, start, (0.01, SLACK), (True, True))
-    assert batch.joint_angles.shape == (1, statics.chain.joints)
+    assert batch.configurations.shape == (1, statics.chain.bodies)
     assert_as_one_by_one(batch, [statics], start, [(0.01, SLACK)], (True, True))
 
 
@@ -119,7 +119,7 @@ def test_the_order_of_the_problems_does_not_matter():
     asked = np.array([(p, SLACK) for p in np.linspace(0.0, 0.03, 40)])
     forth = solve_batch(statics, start, asked, soft)
     back = solve_batch(statics, start, asked[::-1], soft)
-    assert np.array_equal(forth.joint_angles, back.joint_angles[::-1])
+    assert np.array_equal(forth.configurations, back.configurations[::-1])
     assert np.array_equal(forth.tensions, back.tensions[::-1])
 
 
@@ -151,7 +151,7 @@ def test_soft_and_very_stiff_arms_do_not_share_their_tolerances():
     start, asked = models[0].chain.straight(), np.array([(1e-4, SLACK), (0.01, SLACK)])
     batch = solve_batch(models, start, asked, (True,))
     alone = models[1].solve(start, asked[1], (True,))
-    assert batch.joint_angles[1] == pytest.approx(alone.joint_angles, abs=1e-12)
+    assert batch.configurations[1] == pytest.approx(alone.joint_angles, abs=1e-12)
 
 
 @pytest.mark.parametrize('asked', [
@@ -167,7 +167,7 @@ def test_arms_and_pulls_that_do_not_go_together_are_refused():
     one, short, coarse = (Statics(a) for a in (
         paper_like(2), paper_like(1), paper_like(2, bodies=3)))
     start = one.chain.straight()
-    with pytest.raises(ValueError, match='3 arms and 2 pairs'):
+    with pytest.raises(ValueError, match='3 arms and 2 rows of pulls'):
         solve_batch([one] * 3, start, [(0.01, SLACK)] * 2, (True, True))
     for other in (short, coarse):
         with pytest.raises(ValueError, match='same number'):
@@ -207,10 +207,10 @@ def test_every_problem_with_a_start_and_a_mask_of_its_own():
     assert batch.found.all()
     for i, state in enumerate(batch):
         alone = statics.solve(starts[i], asked[i], masks[i])
-        for name in ('joint_angles', 'tensions', 'pulls', 'slack', 'held_angles', 'stiff'):
+        for name in ('joint_angles', 'tensions', 'pulls', 'slack', 'held', 'stiff'):
             assert getattr(state, name) == pytest.approx(getattr(alone, name), abs=1e-12)
-        assert batch.bending_angles[i] == pytest.approx(alone.bending_angles, abs=1e-12)
-        assert batch.tips[i] == pytest.approx(alone.tip, abs=1e-12)
+        assert batch.bending[i, :, 1] == pytest.approx(alone.bending_angles, abs=1e-12)
+        assert batch.tips[i] == pytest.approx(alone.poses[-1, :3], abs=1e-12)
         assert batch.slack[i] == pytest.approx(alone.slack, abs=1e-12)
 
 
@@ -221,7 +221,7 @@ def test_a_batch_goes_on_from_the_states_of_another():
     second = solve_batch(statics, first, (0.025, SLACK), [(True, False), (False, True)])
     held = [first[0].bending_angles[1], first[1].bending_angles[0]]
     assert [second[0].bending_angles[1], second[1].bending_angles[0]] == pytest.approx(held)
-    assert not np.allclose(second.bending_angles, first.bending_angles, atol=0.01)
+    assert not np.allclose(second.bending, first.bending, atol=0.01)
 
 
 def test_tendons_with_friction_slide_in_each_problem_their_own_way():
@@ -243,7 +243,7 @@ def test_a_row_without_an_equilibrium_has_no_state():
     batch = solve_batch(statics, statics.chain.straight(), [(0.01, SLACK), (0.5, SLACK)],
                         (True, True))
     assert len(batch) == 2
-    assert batch[-2].joint_angles == pytest.approx(batch.joint_angles[0])
+    assert batch[-2].joint_angles == pytest.approx(batch.configurations[0])
     assert np.isnan(batch.slack[1]).all()
     assert np.isnan(batch.tips[1]).all()
     for index in (1, -1, slice(None)):
@@ -262,13 +262,13 @@ def test_a_path_of_pulls_is_followed_from_row_to_row():
     for i, (pulls, soft) in enumerate(zip(asked, masks, strict=True)):
         state = statics.solve(state, pulls, soft)
         assert path[i].joint_angles is path[i].joint_angles
-        assert path.joint_angles[i] == pytest.approx(state.joint_angles, abs=0.0)
+        assert path.configurations[i] == pytest.approx(state.joint_angles, abs=0.0)
         assert path[i].stiff == state.stiff
-    assert path.tips[-1] == pytest.approx(state.tip, abs=1e-12)
+    assert path.tips[-1] == pytest.approx(state.poses[-1, :3], abs=1e-12)
     with pytest.raises(StaticsError, match='row 1 of 2') as caught:
         solve_path(statics, statics.chain.straight(), [(0.01, SLACK), (0.5, SLACK)], (True, True))
-    assert caught.value.state.joint_angles.shape == (statics.chain.joints,)
-    with pytest.raises(ValueError, match='4 pairs of pulls'):
+    assert caught.value.state.joint_angles.shape == (statics.chain.bodies,)
+    with pytest.raises(ValueError, match='4 rows of pulls'):
         solve_path(statics, statics.chain.straight(), asked, masks[:2])
 
 
@@ -290,7 +290,7 @@ def test_vacuum_of_each_problem():
         alone = statics.solve(bent, asked, soft, vacuum=part)
         assert state.joint_angles == pytest.approx(alone.joint_angles, abs=1e-12)
         assert state.vacuum == part
-    assert batch.bending_angles[0, 0] > 1.2 * batch.bending_angles[1, 0]
+    assert batch.bending[0, 0, 1] > 1.2 * batch.bending[1, 0, 1]
 
 
 @pytest.mark.parametrize('changes', [

@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import ArmError, constant_curvature, Disc, RigidChain, Segment
+from soft_continuum.mechanics import (
+    ArmError,
+    constant_curvature,
+    Disc,
+    Segment,
+)
+from soft_continuum.mechanics.plane.chain import PlaneChain
 from support import paper_arm as paper
 from support.flat_arm import about_y, arcs_of, flat_arm, guides_of
 from support.random_arms import arms, between, MODERATE
@@ -88,7 +94,7 @@ def test_a_limit_of_a_full_turn_leaves_small_pulls_allowed():
 @given(arms(segments=(2, 4), bodies=(400, 400)), st.data())
 def test_the_chain_with_many_even_joints_lies_on_the_arcs(arm, data):
     angles = [data.draw(between(-1.2, 1.2)) for _ in arm.segments]
-    chain = RigidChain(arm)
+    chain = PlaneChain(arm)
     state = chain.uniform(angles)
     arcs, _ = constant_curvature.poses(arm, about_y(angles))
     assert state.poses[:, :3] == pytest.approx(arcs, abs=2e-4)

@@ -50,7 +50,7 @@ def rod_and_chain(arm, angles, pulls, soft):
 def distance(arm, angles, pulls, soft):
     """Largest distance of a calculation point of the chain from the rod's, of the arm's length."""
     rod, state, statics = rod_and_chain(arm, angles, pulls, soft)
-    apart = (statics.chain.points(state.joint_angles) - rod.points)[:, :2]
+    apart = (state.points - rod.points)[:, :2]
     return np.linalg.norm(apart, axis=1).max() / arm.length
 
 
@@ -139,9 +139,8 @@ def test_the_extrapolated_chain_is_the_rod(arm, angles, pulls, soft):
     states = []
     for bodies in (64, 128, 256):
         rod, state, statics = rod_and_chain(arm.with_bodies(bodies), angles, pulls, soft)
-        chain = statics.chain
         states.append(np.concatenate([
-            chain.bending_angles(state.joint_angles) - rod.bending_angles,
+            state.bending_angles - rod.bending_angles,
             state.tensions - rod.tensions]))
     coarse, middle, fine = states
     assert (coarse - 6 * middle + 8 * fine) / 3 == pytest.approx(0.0, abs=2e-5)
@@ -238,7 +237,7 @@ def test_stiff_segments_keep_their_polyline():
 
 def test_backbone_and_calculation_points_agree():
     rod, _, statics = rod_and_chain(paper_arm(), (0.6, 0.2, -0.4), (0.03, SLACK), SECOND)
-    assert rod.points.shape == statics.chain.points(np.zeros(statics.chain.joints)).shape
+    assert rod.points.shape == statics.chain.points(np.zeros(statics.chain.bodies)).shape
     rows = [0, 12, 13, 13 + elastica.SAMPLES - 1, 13 + elastica.SAMPLES, -2, -1]
     assert rod.backbone[rows, :2] == pytest.approx(rod.points[1:, :2], abs=1e-14)
     assert np.diff(rod.points[2::2, 2], prepend=0.0) == pytest.approx(rod.bending_angles)
@@ -250,7 +249,7 @@ def test_backbone_and_calculation_points_agree():
 def test_an_arm_without_a_soft_segment_is_the_chain():
     rod, state, statics = rod_and_chain(
         paper_arm(), (0.6, 0.2, -0.4), BOTH_SLACK, (False, False, False))
-    assert np.array_equal(rod.points, statics.chain.points(state.joint_angles))
+    assert np.array_equal(rod.points, state.points)
     assert np.array_equal(rod.pulls, state.pulls)
     assert rod.residual == 0.0
 

@@ -11,8 +11,8 @@ import pytest
 
 from soft_continuum.mechanics import _kernel, Statics
 from soft_continuum.mechanics.arm import Wrench
-from soft_continuum.mechanics.joints import tension_ratios
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from soft_continuum.mechanics.plane.joints import tension_ratios
 from support.energy_reference import Reference
 from support.general_arms import arms, between, FEW, masks, paper_like
 
@@ -31,7 +31,7 @@ def points(draw):
         segments=tuple(replace(s, soft_law=SOFT_TABLE if draw(st.booleans()) else None)
                        for s in arm.segments))
     statics = Statics(arm)
-    joints = statics.chain.joints
+    joints = statics.chain.bodies
     held = 0.2 * np.array([draw(between(-1.0, 1.0)) for _ in range(joints)])
     start = statics.chain.state(held)
     problem = statics.problem(start, draw(masks(arm)), np.zeros(2))
@@ -118,12 +118,12 @@ def test_with_friction_each_span_pulls_with_its_share_of_the_tension(case, slidi
 def test_the_chains_own_energy_is_that_of_springs_weights_and_forces(arm, data):
     arm = replace(arm, payload=0.1, wrenches=(Wrench(len(arm.segments), (0.5, 0.0, -1.0)),))
     chain, reference = Statics(arm).chain, Reference(arm)
-    angles = np.array([data.draw(between(-0.5, 0.5)) for _ in range(chain.joints)])
-    straight = np.zeros(chain.joints)
+    angles = np.array([data.draw(between(-0.5, 0.5)) for _ in range(chain.bodies)])
+    straight = np.zeros(chain.bodies)
     rise = reference.energy(angles) - reference.energy(straight)
     assert chain.energy(angles) - chain.energy(straight) == pytest.approx(rise, abs=1e-12)
     assert chain.energy(straight) == pytest.approx(0.0, abs=1e-15)
-    assert chain.straight_length - chain.tendon_lengths(angles) == pytest.approx(
+    assert chain.straight_paths - chain.paths(angles) == pytest.approx(
         reference.pulls(angles), abs=1e-13)
 
 

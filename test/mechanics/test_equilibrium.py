@@ -67,7 +67,7 @@ def test_lengths_are_those_of_the_independent_arm(case):
 def test_the_energy_is_that_of_the_independent_arm(case):
     statics, _, _, _, state = case
     arm = IndependentArm(statics.chain.arm)
-    straight = np.zeros(statics.chain.joints)
+    straight = np.zeros(statics.chain.bodies)
     rise = arm.values(state.joint_angles)[0] - arm.values(straight)[0]
     ours = statics.chain.energy(state.joint_angles) - statics.chain.energy(straight)
     assert ours == pytest.approx(rise, abs=1e-12)
@@ -151,8 +151,8 @@ def moments_above(chain, state):
             forces += [pull, -pull]
             body_of += [k * (n + 1) - 1, (k + 1) * (n + 1) - 1]
     points, forces, body_of = np.array(points), np.array(forces), np.array(body_of)
-    moments = np.empty(chain.joints)
-    for joint in range(chain.joints):
+    moments = np.empty(chain.bodies)
+    for joint in range(chain.bodies):
         above = body_of >= joint
         arms_ = points[above] - ends[joint, :2]
         moments[joint] = (arms_[:, 1] * forces[above, 0] - arms_[:, 0] * forces[above, 1]).sum()
@@ -277,7 +277,7 @@ def test_a_horizontal_cantilever_sags_as_beam_theory_says():
     g, length, stiffness = 9.80665, 0.5, 50.0
     force, moment, load = 0.1 * g, 0.1 * g * 0.005, 0.2 * g / length
     sag = (force * length**3 / 3 + moment * length**2 / 2 + load * length**4 / 8) / stiffness
-    end = statics.chain.points(state.joint_angles)[2]
+    end = state.points[2]
     assert end[0] == pytest.approx(sag, rel=0.02)  # x of a base turned by 90 degrees points down
 
 

@@ -20,11 +20,11 @@ from support.general_arms import arms, between, FEW, paper_like
 
 
 def angles(statics, state):
-    return statics.chain.bending_angles(state.joint_angles)
+    return state.bending_angles
 
 
 def tip_of(statics, state):
-    return statics.chain.points(state.joint_angles)[-1]
+    return state.points[-1]
 
 
 def for_tip(statics, x, z, tangent=None, start=None):

@@ -120,7 +120,7 @@ def test_a_jam_that_yields_stands_straight_but_not_bent():
     assert not jumped[1]
     fell = jumped.index(True)
     assert angles[fell] - angles[fell - 1] > 0.3
-    reference = Reference(arm, state.stiff, state.held_angles)
+    reference = Reference(arm, state.stiff, state.held)
     assert reference.unbalanced(state.joint_angles, state.tensions) < 1e-9
 
 
@@ -130,7 +130,7 @@ def test_whatever_a_heavy_arm_does_it_comes_to_rest_in_a_minimum(arm, data):
     statics = Statics(arm)
     soft = data.draw(masks(arm))
     state = statics.solve(statics.chain.straight(), BOTH_SLACK, soft)
-    reference = Reference(arm, state.stiff, state.held_angles)
+    reference = Reference(arm, state.stiff, state.held)
     assert reference.unbalanced(state.joint_angles, (0.0, 0.0)) < 1e-9
     assert reference.stable(state.joint_angles, (0.0, 0.0))
 
@@ -323,10 +323,10 @@ def test_tendons_are_called_too_short_only_where_they_are():
     straight, soft = statics.chain.straight(), (True, False, False)
     bent = statics.solve(straight, (0.02, SLACK), soft)
     failure = statics.continuation._failure
-    target = statics.chain.straight_length - np.array([0.02, -np.inf])
+    target = statics.chain.straight_paths - np.array([0.02, -np.inf])
     at_bent = statics.continuation.point_of(bent)._replace(tension=np.array([5.0, 0.0]))
     problem = statics.problem(straight, soft, target)
     assert type(failure(at_bent, problem, target)) is StaticsError
-    beyond = statics.chain.straight_length - np.array([0.075, -np.inf])
+    beyond = statics.chain.straight_paths - np.array([0.075, -np.inf])
     problem = statics.problem(straight, soft, beyond)
     assert type(failure(at_bent, problem, beyond)) is OverconstrainedError

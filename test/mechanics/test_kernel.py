@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import _compile, _kernel, RIGHT, SLACK, solve_batch, Statics
+from soft_continuum.mechanics.batch import solve_batch as spatial_batch
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.spatial import solve_batch as spatial_batch
-from soft_continuum.mechanics.spatial import SpatialLinearisation, SpatialStatics
+from soft_continuum.mechanics.space.sensitivity import SpaceLinearisation
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from support import paper_arm as paper
 from support.flat_arm import made_of
 
@@ -241,10 +242,10 @@ def test_the_extension_is_given_arrays_of_the_types_that_it_is_built_for(monkeyp
     hanging = Statics(paper.build(bodies_per_segment=2, mounting_angle=np.pi))
     solve_batch(hanging, hanging.chain.straight(), [[0, 0], [0.001, -1]], [1, 0, 0])
     solve_batch(hanging, hanging.chain.straight(), [0, 0.001], [1, 0, 0])
-    solid = SpatialStatics(paper.build(bodies_per_segment=2, mounting_angle=np.pi))
+    solid = SpaceStatics(paper.build(bodies_per_segment=2, mounting_angle=np.pi))
     bent = solid.solve(solid.chain.straight(), [0, -1], [1, 1, 0], tensions=[np.nan, 0])
     bent = solid.solve(bent, bent.pulls - 0.001, (False, True, False))
-    SpatialLinearisation(solid, bent).stiffness_factors()
+    SpaceLinearisation(solid, bent).stiffness_factors()
     spatial_batch(solid, bent, [[0, -1], [0.001, SLACK]], (False, True, False))
     assert len(states) == 6 and called == set(_kernel.SIGNATURES)
     assert not wrong

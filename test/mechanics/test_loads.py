@@ -152,7 +152,7 @@ def test_a_horizontal_arm_sags_down_and_its_tendon_above_holds_it(side):
     # Mounted at +90 degrees, base x points down: the tendon above is the left one.
     statics = Statics(paper_like(2, gravity=9.80665, mounting_angle=side * HORIZONTAL))
     sagging = statics.solve(statics.chain.straight(), BOTH_SLACK, (True, True))
-    assert np.all(side * statics.chain.bending_angles(sagging.joint_angles) > 0.02)
+    assert np.all(side * sagging.bending_angles > 0.02)
     level = statics.bend(statics.chain.straight(), 0, 0.0)
     above = 1 if side > 0.0 else 0
     assert level.tensions[above] > 0.1
@@ -182,7 +182,7 @@ def test_the_rod_bears_the_loads_that_the_chain_bears(change):
     statics = Statics(arm)
     state = statics.solve(statics.chain.straight(), BOTH_SLACK, (True, True))
     rod = Elastica(arm).solve(statics.chain.straight(), BOTH_SLACK, (True, True))
-    assert statics.chain.bending_angles(state.joint_angles) == pytest.approx(
+    assert state.bending_angles == pytest.approx(
         rod.bending_angles, abs=1e-4)
 
 

@@ -118,7 +118,7 @@ def settle(statics, start, asked, soft, steps=40000):
     """Let MuJoCo move from ``start`` until it rests."""
     arm = statics.chain.arm
     straight = mujoco.MjModel.from_xml_string(
-        model_xml(arm, np.zeros(statics.chain.joints), [True] * len(arm.segments), (np.inf,) * 2))
+        model_xml(arm, np.zeros(statics.chain.bodies), [True] * len(arm.segments), (np.inf,) * 2))
     data = mujoco.MjData(straight)
     mujoco.mj_forward(straight, data)
     rest = data.ten_length.copy()
@@ -153,7 +153,7 @@ def check(statics, start, asked, soft):
         if theirs.tensions[tendon] > 0.0:  # the limit is soft, but not that soft
             assert abs(reached[tendon] - asked[tendon]) < 1e-3
     ours = statics.solve(start, reached, soft)
-    points = statics.chain.points(ours.joint_angles)[:, :2]
+    points = ours.points[:, :2]
     other = statics.chain.points(theirs.joint_angles)[:, :2]
     assert np.linalg.norm(points - other, axis=1).max() < TOLERANCE
     assert ours.tensions == pytest.approx(theirs.tensions, abs=1e-3)
@@ -252,4 +252,4 @@ def test_stiff_segments_that_give_way_a_little(ratio, soft):
     statics = Statics(arm)
     start = statics.chain.uniform((0.4, -0.2, 0.3))
     state = check(statics, start, (0.004, -0.012), soft)
-    assert abs(statics.chain.bending_angles(state.joint_angles)[0] - 0.4) > 0.002
+    assert abs(state.bending_angles[0] - 0.4) > 0.002

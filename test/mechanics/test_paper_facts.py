@@ -50,7 +50,7 @@ def bending_at_pulls_of_12(weightless, c_form, bodies):
     steps = paper.pulls_of_each_step(weightless, c_form, paper.FORMS['C'])
     model = Statics(weightless.chain.arm.with_bodies(bodies))
     last = paper.apply_pulls(model, steps, paper.FORMS['C'])[-1]
-    return model.chain.bending_angles(last.joint_angles)
+    return last.bending_angles
 
 
 def test_convergence_below_a_thousandth_is_first_reached_with_twelve_bodies(weightless, c_form):
@@ -88,7 +88,7 @@ def test_tensions_that_hold_each_segment_at_36_degrees(c_form):
 
 
 def test_tip_of_the_c_form(weightless, c_form):
-    tip = weightless.chain.points(c_form[-1].joint_angles)[-1]
+    tip = c_form[-1].points[-1]
     assert np.round(tip[:2] * 1e3, 3) == pytest.approx([220.706, 160.374])
     assert tip[2] == pytest.approx(3 * paper.ANGLE, abs=1e-12)
 
@@ -101,7 +101,7 @@ def test_constant_curvature_and_chain_agree_within_2_percent_without_gravity(wei
     last = paper.set_form(weightless, signs)[-1]
     angles = [s * paper.ANGLE for s in signs]
     arcs = constant_curvature.poses(weightless.chain.arm, about_y(angles))[0][:, [0, 2]]
-    chain = weightless.chain.points(last.joint_angles)
+    chain = last.points
     apart = np.linalg.norm((arcs - chain[:, :2])[1:], axis=1)
     assert np.all(apart < 0.02 * np.linalg.norm(chain[1:, :2], axis=1))
     assert chain[::2, 2] == pytest.approx(np.cumsum([0.0, *angles]), abs=1e-12)

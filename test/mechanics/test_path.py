@@ -117,7 +117,7 @@ def test_two_tendons_that_are_just_taut_do_not_keep_a_heavy_arm_from_buckling_in
     # Twice the masses: the bow that leaves both lengths as they are has negative curvature.
     statics = Statics(paper.build(2.0))
     arm = IndependentArm(statics.chain.arm)
-    straight = np.zeros(statics.chain.joints)
+    straight = np.zeros(statics.chain.bodies)
     along_both = np.linalg.svd(arm.gradients(straight)[1:2])[2][1:].T
     hessian = along_both.T @ arm.hessians(straight)[0] @ along_both
     assert np.linalg.eigvalsh(hessian)[0] < -0.1
@@ -132,7 +132,7 @@ def test_an_arm_that_leans_falls_to_the_side_to_which_it_leans(statics, soft, ti
     leaning = statics.chain.uniform([0.0, 0.0, radians(tip)])
     state = statics.solve(leaning, (SLACK, SLACK), soft)
     # Only weight acts: in the start state its moment about every joint is of the tip's sign.
-    assert np.all(np.sign(statics.chain.bending_angles(state.joint_angles)[:2]) == np.sign(tip))
+    assert np.all(np.sign(state.bending_angles[:2]) == np.sign(tip))
 
 
 @pytest.mark.parametrize(('mass_factor', 'soft'), [(0.85, (True, True, False)), (0.75, ALL)])
@@ -159,7 +159,7 @@ def test_whatever_falls_comes_to_rest_in_a_strict_minimum(arm, data):
     reference = IndependentArm(arm)
     assert reference.unbalanced(state.joint_angles, state.tensions, soft) < 1e-9
     assert reference.lowest_curvature(state.joint_angles, state.tensions, soft) > 0.0
-    assert np.abs(statics.chain.bending_angles(state.joint_angles)).max() < 1.1 * pi
+    assert np.abs(state.bending_angles).max() < 1.1 * pi
 
 
 # Driven by the bending angle
@@ -171,7 +171,7 @@ def test_bend_reaches_its_angle_and_solve_agrees(arm, data, angle, before):
     segment = data.draw(st.integers(0, len(arm.segments) - 1))
     start = statics.chain.uniform([before] * len(arm.segments))
     state = statics.bend(start, segment, angle)
-    assert statics.chain.bending_angles(state.joint_angles)[segment] == pytest.approx(
+    assert state.bending_angles[segment] == pytest.approx(
         angle, abs=1e-10)
     assert np.all(state.tensions >= 0.0)
     asked = np.where(state.tensions > 0.0, state.pulls, SLACK)
@@ -190,13 +190,13 @@ def test_bend_tries_the_other_tendon_when_one_cannot(paper_arm, mounting, soft, 
     statics = Statics(replace(paper_arm, gravity=mounted(radians(mounting))))
     # The left tendon does it, as pulling it step by step shows.
     state = statics.solve(statics.chain.straight(), (SLACK, SLACK), soft)
-    passed, angles = False, [statics.chain.bending_angles(state.joint_angles)[0]]
+    passed, angles = False, [state.bending_angles[0]]
     for pull in state.pulls[LEFT] + np.linspace(0.0, 0.09, 181):
         try:
             state = statics.solve(state, (SLACK, pull), soft)
         except StaticsError:
             break
-        angles.append(statics.chain.bending_angles(state.joint_angles)[0])
+        angles.append(state.bending_angles[0])
         low, high = sorted(angles[-2:])
         passed = passed or (low <= radians(angle) <= high and high - low < 0.2)
     assert passed
@@ -210,6 +210,6 @@ def test_bend_to_where_the_segment_rests_takes_no_tension(paper_arm):
         for soft in (paper.only(0), paper.only(2)):
             rest = statics.solve(statics.chain.straight(), (SLACK, SLACK), soft)
             segment = soft.index(True)
-            angle = statics.chain.bending_angles(rest.joint_angles)[segment]
+            angle = rest.bending_angles[segment]
             bent = statics.bend(rest, segment, angle)
             assert bent.tensions == pytest.approx([0.0, 0.0], abs=1e-7)

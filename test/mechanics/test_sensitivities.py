@@ -16,7 +16,7 @@ from soft_continuum.mechanics.sensitivity import Linearisation
 from support.energy_reference import Reference
 from support.flat_arm import made_of
 from support.general_arms import arms, FEW, masks, paper_like, pulls
-from support.sensitivity_rows import column, numbers
+from support.sensitivity_rows import column, hinges, numbers
 
 SOFT_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.08, 0.15))
 STIFF_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.28, 0.65))
@@ -127,7 +127,7 @@ def test_rigid_and_soft_segments_have_no_ratio_to_depend_on():
         statics = Statics(paper_like(2, jam))
         state = statics.solve(statics.chain.straight(), (0.01, SLACK), soft)
         found = Linearisation(statics, state).stiffness_ratio()
-        assert np.all(found.joint_angles == 0.0)
+        assert np.all(found.turned == 0.0)
         assert np.all(found.tensions == 0.0)
 
 
@@ -173,12 +173,11 @@ def test_all_of_them_at_once_are_those_one_by_one(case):
     each = [at.held_shape(), at.bending_stiffness(), at.stiffness_ratio(), at.pulls(),
             at.payload()]
     segments = statics.chain.arm.segments
-    for part in ('joint_angles', 'tensions', 'paths', 'tip'):
+    for part in ('turned', 'tensions', 'paths', 'tip'):
         held, stiffness, *others = (getattr(one, part) for one in each)
-        about = np.stack([0.0 * held, held], axis=2).reshape(len(held), -1)  # x, y
         factors = stiffness * [segment.stiffness_y for segment in segments]
         assert getattr(at.all(), part) == pytest.approx(
-            np.hstack([about, factors, *others]), rel=1e-9, abs=1e-12)
+            np.concatenate([held, factors, *others], axis=-1), rel=1e-9, abs=1e-12)
 
 
 def test_a_segment_with_a_table_has_no_bending_stiffness_to_derive_by():
@@ -206,7 +205,7 @@ def test_a_rigid_arm_does_not_move(tensions):
     state = statics.solve_tensions(statics.chain.uniform([0.3, -0.2]), tensions, (False, False))
     found = Linearisation(statics, state)
     for sensitivity in (found.pulls(), found.bending_stiffness(), found.stiffness_ratio()):
-        assert np.all(sensitivity.joint_angles == 0.0)
+        assert np.all(sensitivity.turned == 0.0)
         assert np.all(sensitivity.tip == 0.0)
 
 
@@ -215,8 +214,8 @@ def test_a_rigid_arm_does_not_move(tensions):
 def test_the_work_of_a_pull_is_its_tension(case):
     # Castigliano: dE/dpull = T, so the Jacobian turns the springs' and loads' moments into it.
     statics, _, _, _, state = case
-    arm = Reference(statics.chain.arm, state.stiff, state.held_angles)
-    slope = arm.gradient(state.joint_angles) @ Linearisation(statics, state).pulls().joint_angles
+    arm = Reference(statics.chain.arm, state.stiff, state.held)
+    slope = arm.gradient(state.joint_angles) @ hinges(Linearisation(statics, state).pulls())
     assert slope == pytest.approx(state.tensions, rel=1e-7, abs=1e-7)
 
 

@@ -23,7 +23,7 @@ from soft_continuum.mechanics import (
 )
 from soft_continuum.mechanics.arm import Arm, Disc, mounted, Segment, Tendon, Wrench
 from soft_continuum.mechanics.chain import SLACK
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from support import paper_arm as paper
 from support.spatial_arms import in_space, mirrored, near_its_limit, turned
@@ -43,7 +43,7 @@ def arm(turn=0.0, jam=None, torsion=0.03, **changes):
 
 
 def solved(an_arm, pulls=PULLS, soft=(True, True, True), start=None, **more):
-    statics = SpatialStatics(an_arm)
+    statics = SpaceStatics(an_arm)
     return statics.solve(start or statics.chain.straight(), pulls, soft, **more)
 
 
@@ -71,7 +71,7 @@ def test_a_planar_arm_is_where_the_planar_statics_have_it(soft, pulls, jam, heig
 
 def test_segments_set_one_after_the_other_are_as_in_the_plane():
     flat = paper.build(bodies_per_segment=6)
-    planar, solid = Statics(flat), SpatialStatics(flat)
+    planar, solid = Statics(flat), SpaceStatics(flat)
     one, other = planar.chain.straight(), solid.chain.straight()
     for segment, pulls in ((0, (0.005, -0.007)), (1, (0.001, 0.003)), (2, (0.006, -0.006))):
         soft = [s == segment for s in range(3)]
@@ -142,7 +142,7 @@ def test_helical_tendons_twist_an_arm_towards_their_straightening(twist):
 
 
 def test_orientations_stay_orthogonal_over_many_solves():
-    statics = SpatialStatics(arm(bodies_per_segment=2))
+    statics = SpaceStatics(arm(bodies_per_segment=2))
     state = statics.chain.straight()
     for k in range(60):
         part = cos(k / 9.0)
@@ -162,7 +162,7 @@ def energy(state):
     ends = chain.ends(state.rotations)
     middles = 0.5 * (ends[:-1] + ends[1:])
     return (0.5 * (chain.laws.stiffness * joints**2).sum()
-            - chain.masses @ middles @ np.array(chain.arm.gravity))
+            - chain.body_masses @ middles @ np.array(chain.arm.gravity))
 
 
 def test_the_tension_is_the_energy_that_a_pull_takes():
@@ -231,7 +231,7 @@ def rest_in_mujoco(state, soft, pulls):
             stiffness = float(chain.laws.stiffness[j, 0])
             lines.append(f'<joint type="ball" stiffness="{stiffness!r}" damping="0.05" '
                          'armature="1e-5"/>')
-        length, mass = float(chain.lengths[j]), float(chain.masses[j])
+        length, mass = float(chain.body_lengths[j]), float(chain.body_masses[j])
         lines.append(f'<inertial pos="0 0 {length / 2!r}" mass="{mass!r}" '
                      'diaginertia="1e-6 1e-6 1e-6"/>')
         if body == n:
@@ -273,7 +273,7 @@ def log_elsewhere(monkeypatch, tmp_path):
 def test_mujoco_comes_to_rest_there(soft, pulls, gravity):
     # A ball joint of MuJoCo resists twist as it does bending.
     segments = tuple(replace(s, torsional_stiffness=s.stiffness_x) for s in arm().segments)
-    statics = SpatialStatics(arm(segments=segments, gravity=gravity))
+    statics = SpaceStatics(arm(segments=segments, gravity=gravity))
     start = statics.chain.uniform([(0.2, -0.1), (0.0, 0.0), (-0.1, 0.3)])
     if all(soft):
         start = statics.chain.straight()
@@ -288,7 +288,7 @@ def test_mujoco_comes_to_rest_there(soft, pulls, gravity):
 def test_rods_are_where_sorosim_has_them(rod):
     tips = []
     for shape in shapes(rod):
-        statics = SpatialStatics(shape.arm(rod, 50))
+        statics = SpaceStatics(shape.arm(rod, 50))
         state = statics.solve(statics.chain.straight(), [], [True, True])
         assert not state.jumped
         tips.append(shape.errors(state)[-1])
@@ -309,7 +309,7 @@ def rubbing(friction, presliding=0.5, **changes):
 
 def followed(an_arm, *pulls):
     """Return the state after some pulls in turn, all segments soft."""
-    statics = SpatialStatics(an_arm)
+    statics = SpaceStatics(an_arm)
     state = statics.chain.straight()
     for each in pulls:
         state = statics.solve(state, each, (True,) * 3)
@@ -319,7 +319,7 @@ def followed(an_arm, *pulls):
 def test_an_arm_with_friction_stays_bent_when_its_tendons_are_let_go_as_far_as_friction_holds():
     state = followed(rubbing(2e-3), PULLS, (-0.02,) * 3)
     assert not state.tensions.any()
-    held = np.linalg.norm(state.chain.laws.stiffness * state.chain.joints(state.rotations), axis=1)
+    held = np.linalg.norm(state.chain.laws.stiffness * state.joint_angles, axis=1)
     assert held.max() < 2e-3 * (1.0 + 1e-9)
     assert 0.001 < np.hypot(*state.tip[:2]) < np.hypot(*followed(rubbing(2e-3), PULLS).tip[:2])
 
@@ -363,7 +363,7 @@ def test_a_real_arm_that_was_identified_on_other_motions_is_where_the_model_says
 @pytest.mark.parametrize('soft', [(True, True, True), (False, True, False)])
 def test_many_small_steps_lead_where_one_large_step_does(soft):
     # Rounding tripled in each solve: after thirty the backbone was longer than it is.
-    statics = SpatialStatics(arm())
+    statics = SpaceStatics(arm())
     state = statics.chain.straight()
     for part in np.linspace(0.0, 1.0, 101)[1:]:
         state = statics.solve(state, part * np.array(PULLS), soft)
@@ -409,7 +409,7 @@ def test_a_tendon_that_passes_rigid_segments_only_cannot_be_pulled():
 
 
 def test_a_start_of_another_arm_is_refused():
-    other = SpatialStatics(arm(bodies_per_segment=2)).chain.straight()
+    other = SpaceStatics(arm(bodies_per_segment=2)).chain.straight()
     with pytest.raises(ValueError, match='another arm'):
         solved(arm(), start=other)
 
@@ -432,7 +432,7 @@ def test_an_arm_that_falls_over_as_tendons_are_paid_out_far_lies_as_one_in_a_pla
     plane, space = Statics(replace(planar, segments=tuple(
         replace(segment, stiffness_y=other.stiffness_y)
         for segment, other in zip(planar.segments, solid.segments, strict=True)
-    ))), SpatialStatics(solid)
+    ))), SpaceStatics(solid)
     limp = plane.solve(plane.chain.straight(), (SLACK, SLACK), (True,) * 3)
     fallen = space.solve(space.chain.straight(), (-out,) * 3, (True,) * 3)
     assert fallen.jumped
@@ -454,7 +454,7 @@ def test_an_arm_that_is_pulled_beyond_every_equilibrium_is_soon_given_up(
 
     counting = functions._replace(spatial_follow=follow)
     monkeypatch.setattr(_kernel, 'functions', lambda: counting)
-    statics = SpatialStatics(load_arm(CONFIG / f'{name}.yaml'))
+    statics = SpaceStatics(load_arm(CONFIG / f'{name}.yaml'))
     with pytest.raises(StaticsError, match=f'{words} .* pay out a tendon'):
         statics.solve(statics.chain.straight(), pulls, (True,) * 3)
     assert sum(iterations) < 4000  # hence less than a second
@@ -492,7 +492,7 @@ def test_what_is_no_arm_is_refused(make, words):
 
 
 PLANE = Statics(paper.build())
-SPACE = SpatialStatics(arm())
+SPACE = SpaceStatics(arm())
 
 
 @pytest.mark.parametrize('statics', [PLANE, SPACE], ids=['plane', 'space'])
@@ -536,7 +536,7 @@ def test_a_tendon_that_is_pulled_by_more_than_its_path_fits_no_shape(statics):
 
 
 def test_bending_is_that_of_the_rotation_between_two_discs():
-    statics = SpatialStatics(arm())
+    statics = SpaceStatics(arm())
     bend = np.array([[0.3, 0.2], [-0.1, 0.4], [0.0, -0.5]])
     state = statics.chain.uniform(bend)
     assert state.bending == pytest.approx(bend, abs=1e-12)

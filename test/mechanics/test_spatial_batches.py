@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Jam, OverconstrainedError, SLACK, Statics, StaticsError
-from soft_continuum.mechanics import solve_path as planar_path
-from soft_continuum.mechanics.spatial import solve_batch, solve_path, SpatialStatics
+from soft_continuum.mechanics.batch import solve_batch, solve_path
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from support import paper_arm as paper
 from support.spatial_arms import three_segments
 
@@ -18,7 +18,7 @@ PULLS = np.array([(0.006, -0.004, -0.003), (-0.002, 0.004, -0.003), (0.0, 0.0, 0
 
 
 def test_rows_are_as_one_by_one():
-    models = [SpatialStatics(three_segments(payload=p)) for p in (0.0, 0.01, 0.02)]
+    models = [SpaceStatics(three_segments(payload=p)) for p in (0.0, 0.01, 0.02)]
     starts = [m.chain.straight() for m in models]
     batch = solve_batch(models, starts, PULLS, SOFT)
     assert len(batch) == 3 and batch.found.all()
@@ -28,11 +28,11 @@ def test_rows_are_as_one_by_one():
         assert batch.tips[i] == pytest.approx(alone.tip, abs=1e-12)
         assert batch.tensions[i] == pytest.approx(alone.tensions, abs=1e-9)
         assert batch.bending[i] == pytest.approx(alone.bending, abs=1e-12)
-        assert batch.rotations[i] == pytest.approx(alone.rotations, abs=1e-12)
+        assert batch.configurations[i] == pytest.approx(alone.rotations, abs=1e-12)
 
 
 def test_one_arm_under_many_pulls_and_given_tensions():
-    statics = SpatialStatics(three_segments())
+    statics = SpaceStatics(three_segments())
     start, given = statics.chain.straight(), (np.nan, np.nan, 0.5)
     batch = solve_batch(statics, start, PULLS, SOFT, tensions=given)
     assert batch.tensions[:, 2] == pytest.approx(0.5)
@@ -46,7 +46,7 @@ def test_any_mixture_of_arms_starts_masks_and_drives_is_as_one_by_one():
     hanging = three_segments(gravity=(3.0, 0.0, 9.0))
     arms = [three_segments(payload=0.02), hanging.with_compliant_tendons(2e-5),
             three_segments(jam=Jam(4.0))]
-    models = [SpatialStatics(arms[i % 3]) for i in range(60)]
+    models = [SpaceStatics(arms[i % 3]) for i in range(60)]
     starts = [m.solve(m.chain.straight(), random.uniform(-0.004, 0.002, 3), (True,) * 3)
               for m in models]
     masks = random.integers(0, 2, (60, 3)).astype(bool)
@@ -62,7 +62,7 @@ def test_any_mixture_of_arms_starts_masks_and_drives_is_as_one_by_one():
         except StaticsError:
             assert not batch.found[i]
             continue
-        for name in ('rotations', 'tensions', 'pulls', 'slack', 'held', 'tip', 'bending'):
+        for name in ('configuration', 'tensions', 'pulls', 'slack', 'held', 'tip', 'bending'):
             assert getattr(batch[i], name) == pytest.approx(
                 getattr(alone, name), abs=1e-12, nan_ok=True)
         assert (batch[i].stiff, batch[i].jumped) == (alone.stiff, alone.jumped)
@@ -71,11 +71,11 @@ def test_any_mixture_of_arms_starts_masks_and_drives_is_as_one_by_one():
 
 
 def test_rows_without_an_equilibrium_are_nan():
-    statics = SpatialStatics(three_segments())
+    statics = SpaceStatics(three_segments())
     masks = [SOFT, (False,) * 3, SOFT]
     batch = solve_batch(statics, statics.chain.straight(), PULLS, masks)
     assert batch.found.tolist() == [True, False, True]
-    assert np.isnan(batch.tips[1]).all() and np.isnan(batch.rotations[1]).all()
+    assert np.isnan(batch.tips[1]).all() and np.isnan(batch.configurations[1]).all()
     with pytest.raises(LookupError, match='problem 1'):
         batch[1]
     assert len(batch[::2]) == 2
@@ -83,25 +83,25 @@ def test_rows_without_an_equilibrium_are_nan():
 
 def test_a_path_is_followed_as_in_the_plane():
     flat = paper.build(bodies_per_segment=4)
-    planar, solid = Statics(flat), SpatialStatics(flat)
+    planar, solid = Statics(flat), SpaceStatics(flat)
     pulls = np.array([(p, -0.01 - p) for p in np.linspace(0.0, 0.006, 40)])
     masks = [(True, False, False)] * 20 + [(False, False, True)] * 20
-    wanted = planar_path(planar, planar.chain.straight(), pulls, masks)
+    wanted = solve_path(planar, planar.chain.straight(), pulls, masks)
     found = solve_path(solid, solid.chain.straight(), pulls, masks)
-    assert found.tips[:, [0, 2]] == pytest.approx(wanted.tips[:, :2], abs=1e-9)
-    assert found.bending[:, :, 1] == pytest.approx(wanted.bending_angles, abs=1e-8)
+    assert found.tips == pytest.approx(wanted.tips, abs=1e-9)
+    assert found.bending == pytest.approx(wanted.bending, abs=1e-8)
     assert found.jumped.tolist() == wanted.jumped.tolist()
 
 
 def test_a_path_that_ends_says_in_which_row():
-    statics = SpatialStatics(three_segments())
+    statics = SpaceStatics(three_segments())
     masks = [SOFT, SOFT, (False,) * 3]
     with pytest.raises(OverconstrainedError, match='row 2 of 3'):
         solve_path(statics, statics.chain.straight(), PULLS, masks)
 
 
 def test_a_path_there_and_back_ends_where_it_began():
-    statics = SpatialStatics(three_segments(gravity=(0.0, 0.0, 9.8)))
+    statics = SpaceStatics(three_segments(gravity=(0.0, 0.0, 9.8)))
     part = np.sin(np.linspace(0.0, np.pi, 61))[:, None]
     path = solve_path(statics, statics.chain.straight(), part * PULLS[0], (True,) * 3)
     assert path.tips[-1] == pytest.approx(path.tips[0], abs=1e-9)
@@ -112,15 +112,15 @@ def test_a_path_there_and_back_ends_where_it_began():
     ({'soft': [SOFT] * 2}, '3 rows of pulls and 2 soft masks do not go together'),
     ({'arms': None}, 'arms must be'), ({'start': 3}, 'the start must be')])
 def test_what_does_not_go_together_is_refused(change, words):
-    statics = SpatialStatics(three_segments())
+    statics = SpaceStatics(three_segments())
     given = {'arms': statics, 'start': statics.chain.straight(), 'pulls': PULLS, 'soft': SOFT}
     with pytest.raises(ValueError, match=words):
         solve_batch(**{**given, **change})
 
 
 def test_arms_of_other_sizes_and_paths_of_other_lengths_are_refused():
-    statics = SpatialStatics(three_segments())
-    other = SpatialStatics(replace(three_segments(), bodies_per_segment=2))
+    statics = SpaceStatics(three_segments())
+    other = SpaceStatics(replace(three_segments(), bodies_per_segment=2))
     with pytest.raises(ValueError, match='same number'):
         solve_batch([statics, other], statics.chain.straight(), PULLS[0], SOFT)
     with pytest.raises(ValueError, match='or as many'):

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import ArmError, constant_curvature
-from soft_continuum.mechanics.spatial import SpatialChain
+from soft_continuum.mechanics.space.chain import SpaceChain
 from support import paper_arm as paper
 from support.flat_arm import about_y, arcs_of
 from support.spatial_arms import in_space, three_segments
@@ -38,7 +38,7 @@ def test_a_chain_of_many_even_bodies_lies_on_the_arcs(spacers, twist):
     arm = three_segments(tendons=5, spacers=spacers, bodies_per_segment=400)
     arm = replace(arm, tendons=(*(replace(t, twist=twist) for t in arm.tendons[:4]),
                                 replace(arm.tendons[4], end=2, offset=(0.02, 0.015, 0.01, 0.01))))
-    chain = SpatialChain(arm)
+    chain = SpaceChain(arm)
     state = chain.uniform(BENDING)
     points, orientations = constant_curvature.poses(arm, BENDING)
     assert points == pytest.approx(state.points, abs=2e-4)

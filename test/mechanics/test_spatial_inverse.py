@@ -16,7 +16,7 @@ from soft_continuum.mechanics import (
     Statics,
     StaticsError,
 )
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from support import paper_arm as paper
 from support.spatial_arms import in_space, random_arm, three_segments
 
@@ -26,7 +26,7 @@ SHAPE = np.array([(0.6, 0.3), (-0.5, 0.4), (0.8, -0.4)])
 
 def fit_one(arm, bend, segment=0, **more):
     """Fit the bending of one soft segment from the straight arm."""
-    statics, count = SpatialStatics(arm), len(arm.segments)
+    statics, count = SpaceStatics(arm), len(arm.segments)
     wanted = np.full((count, 2), nan)
     wanted[segment] = bend
     soft = [s == segment for s in range(count)]
@@ -95,7 +95,7 @@ def test_tendons_that_end_at_three_discs_bend_all_segments_at_once():
     arm = three_segments(tendons=9)
     arm = replace(arm, tendons=tuple(
         replace(t, end=1 + k % 3) for k, t in enumerate(arm.tendons)))
-    statics = SpatialStatics(arm)
+    statics = SpaceStatics(arm)
     fit = pulls_for_bending(statics, statics.chain.straight(), SHAPE, (True,) * 3)
     assert fit.state.bending == pytest.approx(SHAPE, abs=1e-9)
 
@@ -137,7 +137,7 @@ CORNER = replace(ARM, tendons=ARM.tendons[:2])
      'not stable'),
 ])
 def test_what_cannot_be_held_is_named(arm, wanted, soft, words):
-    statics = SpatialStatics(arm)
+    statics = SpaceStatics(arm)
     with pytest.raises(StaticsError, match=words):
         pulls_for_bending(statics, statics.chain.straight(), wanted, soft)
 
@@ -148,7 +148,7 @@ def test_what_cannot_be_held_is_named(arm, wanted, soft, words):
     ([(0.1, 0.2), ANY, ANY], {'pretension': -1.0}, 'pretension'),
 ])
 def test_what_is_no_request_is_refused(wanted, more, words):
-    statics = SpatialStatics(ARM)
+    statics = SpaceStatics(ARM)
     with pytest.raises(ValueError, match=words):
         pulls_for_bending(statics, statics.chain.straight(), wanted, (1, 0, 0), **more)
 
@@ -161,7 +161,7 @@ def test_a_hinge_does_not_bend_about_its_other_axis():
 @pytest.mark.parametrize('order', [(0, 1, 2), (2, 0, 1)])
 @pytest.mark.parametrize('jam', [Jam(), Jam(20.0)])
 def test_a_shape_is_set_in_any_order(order, jam):
-    statics = SpatialStatics(three_segments(jam=jam, gravity=(0.0, 0.0, 9.8)))
+    statics = SpaceStatics(three_segments(jam=jam, gravity=(0.0, 0.0, 9.8)))
     state = set_shape(statics, SHAPE, order=order)
     assert state.bending == pytest.approx(SHAPE, abs=1e-8)
     assert state.stiff == tuple(s != order[-1] for s in range(3))
@@ -173,27 +173,27 @@ def test_a_planar_arm_is_set_as_that_of_hinges_is(jam):
     flat = replace(flat, segments=tuple(replace(s, jam=jam) for s in flat.segments))
     wanted = np.column_stack([np.zeros(3), (0.6, -0.3, 0.5)])
     planar, hinges = (set_shape(statics, wanted, order=(0, 2, 1)) for statics in (
-        Statics(flat), SpatialStatics(flat)))
+        Statics(flat), SpaceStatics(flat)))
     for state in (planar, hinges):
         assert state.bending == pytest.approx(wanted, abs=1e-8)
     assert planar.backbone == pytest.approx(hinges.backbone, abs=1e-8)
-    for arm in (Statics(flat), SpatialStatics(flat)):
+    for arm in (Statics(flat), SpaceStatics(flat)):
         with pytest.raises(ValueError, match='segment 1 does not bend about x'):
             set_shape(arm, wanted[:, ::-1])
 
 
 def test_a_segment_that_has_its_bending_is_left_alone():
-    statics = SpatialStatics(three_segments())
+    statics = SpaceStatics(three_segments())
     start = set_shape(statics, SHAPE)
     wanted = SHAPE * [[1.0], [-1.0], [1.0]]
     state = set_shape(statics, wanted, start)
     assert state.bending == pytest.approx(wanted, abs=1e-8)
-    assert np.allclose(statics.chain.joints(state.rotations)[:5],
-                       statics.chain.joints(start.rotations)[:5], atol=1e-14)
+    assert np.allclose(state.joint_angles[:5],
+                       start.joint_angles[:5], atol=1e-14)
 
 
 def test_a_shape_of_the_wrong_size_or_order_is_refused():
-    statics = SpatialStatics(three_segments())
+    statics = SpaceStatics(three_segments())
     with pytest.raises(ValueError, match='two finite numbers'):
         set_shape(statics, [(0.1, 0.2)])
     with pytest.raises(ValueError, match='order must name'):

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.mechanics import _kernel, SLACK, Statics
 from soft_continuum.mechanics.arm import Segment
 from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
-from soft_continuum.mechanics.spatial import SpatialLinearisation, SpatialStatics
+from soft_continuum.mechanics.space.sensitivity import SpaceLinearisation
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from support.differences import assert_is_difference, changed, command
 from support.energy_reference import density
 from support.flat_arm import made_of
@@ -56,7 +57,7 @@ def test_in_one_plane_every_law_does_what_it_does_in_the_plane(
         soft_law, jam, tendon, discretisation):
     flat = paper_like(3, jam, soft_law, bodies=4, gravity=9.80665, mounting_angle=2.6,
                       tendon=tendon, discretisation=discretisation)
-    planar, solid = Statics(flat), SpatialStatics(flat)
+    planar, solid = Statics(flat), SpaceStatics(flat)
     one, other = planar.chain.straight(), solid.chain.straight()
     for soft, pulls, vacuum in steps(WAY):
         ways = {'vacuum': vacuum, 'sliding': np.sign(np.subtract(pulls, one.pulls)).astype(int)}
@@ -68,7 +69,7 @@ def test_in_one_plane_every_law_does_what_it_does_in_the_plane(
         assert other.tensions == pytest.approx(one.tensions, abs=1e-6)
         assert (other.stiff, other.vacuum) == (one.stiff, one.vacuum)
         stiff = np.repeat(one.stiff, 5)
-        assert other.held[stiff, 1] == pytest.approx(one.held_angles[stiff], abs=1e-8)
+        assert other.held[stiff, 1] == pytest.approx(one.held[stiff], abs=1e-8)
 
 
 # In space, from the poses alone.
@@ -90,7 +91,7 @@ def oval(an_arm):
 
 def moved(an_arm, **more):
     """Return the states of an arm that is bent, stiffened, pulled on and to another side."""
-    statics = SpatialStatics(an_arm)
+    statics = SpaceStatics(an_arm)
     states = [statics.chain.straight()]
     for soft, pulls in ((SOFT, PULLS), (STIFF, 2.0 * PULLS), ((False, True, False), PULLS),
                         (STIFF, 1.5 * PULLS[[2, 0, 1]])):
@@ -139,13 +140,13 @@ def energy(state, rotations, held):
             total += (0.5 * more * twist / part * (angles[rows] - held[rows])[:, 2]**2).sum()
     ends = state.chain.ends(rotations)
     middles = 0.5 * (ends[:-1] + ends[1:])
-    return total - state.chain.masses @ middles @ np.array(arm.gravity)
+    return total - state.chain.body_masses @ middles @ np.array(arm.gravity)
 
 
 def spans(state, rotations):
     """Return the lengths of every tendon's spans between two discs, m."""
     return [np.linalg.norm(np.diff(points, axis=0), axis=1)[::2]
-            for points in replace(state, rotations=rotations).tendon_points]
+            for points in replace(state, configuration=rotations).tendon_points]
 
 
 def kept(state, friction, sliding):
@@ -222,7 +223,7 @@ def test_a_tendon_that_rubs_bends_the_segments_near_its_motor_more():
 
 
 def test_more_vacuum_on_a_bent_segment_moves_nothing():
-    statics = SpatialStatics(laws(jam=Jam(law=JAMMED, stiffness_exponent=0.5)))
+    statics = SpaceStatics(laws(jam=Jam(law=JAMMED, stiffness_exponent=0.5)))
     bent_ = statics.solve(statics.chain.straight(), PULLS, SOFT)
     half = statics.solve(bent_, 1.5 * PULLS, STIFF, vacuum=(0.5,) * 3)
     more = statics.solve(half, np.zeros(3), STIFF, vacuum=(1.0, 0.8, 0.5), tensions=half.tensions)
@@ -246,7 +247,7 @@ def test_without_compiled_functions_it_is_the_same(monkeypatch):
     lambda: laws(jam=Jam(law=JAMMED))], ids=['softening', 'oval', 'elastic'])
 def test_derivatives_are_those_of_solves_that_load_on(make):
     statics, state = yielded(make())
-    found = SpatialLinearisation(statics, state).pulls().points @ PULLS
+    found = SpaceLinearisation(statics, state).pulls().points @ PULLS
     more = statics.solve(state, (3.0 + 1e-4) * PULLS, STIFF)
     wanted = (more.points - state.points) / 1e-4
     assert found == pytest.approx(wanted, abs=1e-3 * np.abs(wanted).max())
@@ -254,25 +255,25 @@ def test_derivatives_are_those_of_solves_that_load_on(make):
 
 def yielded(an_arm):
     """Return statics, and a state to which all joints were loaded on one way."""
-    statics = SpatialStatics(replace(an_arm, gravity=(0.0,) * 3))
+    statics = SpaceStatics(replace(an_arm, gravity=(0.0,) * 3))
     return statics, statics.solve(statics.chain.straight(), 3.0 * PULLS, STIFF)
 
 
 def test_derivatives_of_jams_that_turn_back_are_elastic():
     statics, state = yielded(laws())
-    found = SpatialLinearisation(statics, state, loading=False).pulls().points @ PULLS
+    found = SpaceLinearisation(statics, state, loading=False).pulls().points @ PULLS
     less = statics.solve(state, (3.0 - 1e-4) * PULLS, STIFF)
     wanted = (state.points - less.points) / 1e-4
     assert found == pytest.approx(wanted, abs=1e-3 * np.abs(wanted).max())
-    slopes = [(SpatialLinearisation(statics, state, loading=on).pulls().tensions @ PULLS)[0]
+    slopes = [(SpaceLinearisation(statics, state, loading=on).pulls().tensions @ PULLS)[0]
               for on in (True, False)]
     assert slopes[0] < 0.8 * slopes[1]
 
 
 def test_derivatives_by_stiffness_and_held_shape_know_the_laws():
     state = moved(laws(jam=Jam(law=JAMMED)))[1]
-    statics, arm = SpatialStatics(state.chain.arm), state.chain.arm
-    linear, step = SpatialLinearisation(statics, state), 1e-5
+    statics, arm = SpaceStatics(state.chain.arm), state.chain.arm
+    linear, step = SpaceLinearisation(statics, state), 1e-5
     factors, held = linear.stiffness_factors(), linear.held_shape()
 
     def times(law, factor):
@@ -301,7 +302,7 @@ def test_a_stiff_law_that_is_softer_than_the_soft_one_is_refused():
 
 
 def test_a_rigid_jam_knows_no_part_of_vacuum():
-    statics = SpatialStatics(three_segments())
+    statics = SpaceStatics(three_segments())
     with pytest.raises(ValueError, match='vacuum of segment 2 is 0.5; its jam is rigid'):
         statics.solve(statics.chain.straight(), np.zeros(3), (True, False, True),
                       vacuum=(0.5, 0.5, 0.5))

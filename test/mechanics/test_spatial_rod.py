@@ -10,7 +10,7 @@ import pytest
 from references import Elastica, solve_rods
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER, Wrench
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from support.general_arms import paper_like
 from support.spatial_arms import in_space, three_segments
 
@@ -20,7 +20,7 @@ PULLS = np.array([0.008, -0.005, -0.006])
 
 def rods(arm, pulls=PULLS):
     """Return the chain and the rods at the same pulls."""
-    statics = SpatialStatics(arm)
+    statics = SpaceStatics(arm)
     state = statics.solve(statics.chain.straight(), pulls, ALL)
     return state, solve_rods(state, pulls)
 
@@ -46,7 +46,7 @@ def test_the_chain_converges_to_rods(discretisation, spacers, orders, most):
                          wrenches=(wrench,), spacers=spacers)
     arm = replace(arm.with_tendons(twist=3.0).with_compliant_tendons(1e-4),
                   segments=(replace(arm.segments[0], stiffness_x=0.06), *arm.segments[1:]))
-    chains = [SpatialStatics(replace(arm, bodies_per_segment=bodies)) for bodies in (8, 16, 32)]
+    chains = [SpaceStatics(replace(arm, bodies_per_segment=bodies)) for bodies in (8, 16, 32)]
     states = [statics.solve(statics.chain.straight(), PULLS, ALL) for statics in chains]
     found = solve_rods(states[-1], PULLS)  # how many bodies the chain has is nothing to them
     off = [np.linalg.norm(state.points - found.points, axis=1).max() for state in states]
@@ -58,6 +58,6 @@ def test_the_chain_converges_to_rods(discretisation, spacers, orders, most):
 
 
 def test_rods_of_stiff_segments_are_refused():
-    statics = SpatialStatics(three_segments(jam=Jam(5.0)))
+    statics = SpaceStatics(three_segments(jam=Jam(5.0)))
     with pytest.raises(ValueError, match='rods are soft and linear'):
         solve_rods(statics.chain.straight(), np.zeros(3))

@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
-from soft_continuum.mechanics.spatial import self_intersections, SpatialChain, wound_up
+from soft_continuum.mechanics.self_contact import self_intersections, wound_up
+from soft_continuum.mechanics.space.chain import SpaceChain
 from support.spatial_arms import three_segments
 
 
@@ -18,11 +19,11 @@ def ring(angle, rise=0.0):
     arm = Arm((Segment(0.3, 0.1, 0.1),), (Disc(),) * 2, (), 60)
     joints = np.zeros((61, 3))
     joints[:, 0], joints[:, 2] = angle / 61, rise
-    return SpatialChain(arm).state(joints)
+    return SpaceChain(arm).state(joints)
 
 
 def test_a_straight_arm_does_not_run_into_itself():
-    chain = SpatialChain(three_segments())
+    chain = SpaceChain(three_segments())
     assert self_intersections(chain.straight(), 0.03) == []
     assert not wound_up(chain.straight()).any()
 
@@ -46,7 +47,7 @@ def test_a_coil_out_of_plane_passes_by():
 def test_the_pairs_are_those_of_points_sampled_along_the_backbone(seed):
     draw = np.random.default_rng(seed)
     arm = three_segments(bodies_per_segment=6)
-    chain = SpatialChain(arm)
+    chain = SpaceChain(arm)
     state = chain.uniform(draw.uniform(-3.0, 3.0, (3, 2)))
     ends = np.concatenate([np.zeros((1, 3)), chain.ends(state.rotations)])
     lengths = np.linalg.norm(np.diff(ends, axis=0), axis=1)

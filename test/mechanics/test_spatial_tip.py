@@ -16,7 +16,7 @@ from soft_continuum.mechanics import (
     workspace,
 )
 from soft_continuum.mechanics import tip as tip_search
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from support import paper_arm as paper
 from support.spatial_arms import in_space, three_segments
 
@@ -26,7 +26,7 @@ SHAPES = [((0.7, 0.4), (0.2, -0.5), (-0.3, 0.3)), ((0.0, 0.0), (-0.9, 0.5), (0.0
 
 def hanging(segments=3, **changes):
     arm = three_segments(gravity=(2.0, 1.0, 9.0), bodies_per_segment=3, **changes)
-    return SpatialStatics(replace(
+    return SpaceStatics(replace(
         arm, segments=arm.segments[:segments], discs=arm.discs[:segments + 1],
         tendons=tuple(replace(t, end=segments) for t in arm.tendons)))
 
@@ -52,7 +52,7 @@ def test_a_tip_that_the_arm_had_is_reached_again(shape, posed):
 
 def test_in_the_plane_it_is_the_planar_one():
     flat = paper.build(bodies_per_segment=3)
-    planar, solid = Statics(flat), SpatialStatics(flat)
+    planar, solid = Statics(flat), SpaceStatics(flat)
     x, z = 0.12, 0.24
     one, other = (bending_for_tip(statics, (x, 0.0, z)) for statics in (planar, solid))
     assert one.reached and other.reached
@@ -79,8 +79,8 @@ def test_from_another_shape_the_others_keep_their_bending():
 
 def test_a_turned_arm_has_the_turned_bending():
     turn = Rotation.from_euler('z', 0.7)
-    one = SpatialStatics(three_segments(gravity=(0.0, 0.0, 9.0), bodies_per_segment=3))
-    other = SpatialStatics(three_segments(0.7, gravity=(0.0, 0.0, 9.0), bodies_per_segment=3))
+    one = SpaceStatics(three_segments(gravity=(0.0, 0.0, 9.0), bodies_per_segment=3))
+    other = SpaceStatics(three_segments(0.7, gravity=(0.0, 0.0, 9.0), bodies_per_segment=3))
     had = set_shape(one, SHAPES[0])
     fit = bending_for_tip(other, turn.apply(had.tip), turn.as_matrix() @ had.orientations[-1]
                           @ turn.as_matrix().T)
@@ -118,7 +118,7 @@ def test_the_workspace_is_of_shapes_within_the_limits(sampled):
 
 def test_the_workspace_of_a_hanging_arm_is_symmetric():
     arm = hanging(1).chain.arm
-    tips, _ = workspace(SpatialStatics(replace(arm, gravity=(0.0, 0.0, 9.0))), 2, 6)
+    tips, _ = workspace(SpaceStatics(replace(arm, gravity=(0.0, 0.0, 9.0))), 2, 6)
     turned = Rotation.from_euler('z', 120.0, degrees=True).apply(tips)
     for tip in turned:
         assert np.linalg.norm(tips - tip, axis=1).min() < 1e-8
@@ -128,7 +128,7 @@ def test_hinges_stay_in_their_plane():
     solid = in_space(paper.build(bodies_per_segment=2))
     one = replace(solid, segments=solid.segments[:1], discs=solid.discs[:2], tendons=tuple(
         replace(t, offset=t.offset[:2], end=1) for t in solid.tendons))
-    tips, bending = workspace(SpatialStatics(one), 3, 6)
+    tips, bending = workspace(SpaceStatics(one), 3, 6)
     assert len(tips) == 7
     assert np.abs(tips[:, 1]).max() < 1e-9
     assert np.abs(bending[:, 0, 0]).max() < 1e-9
@@ -147,7 +147,7 @@ def test_a_tip_far_out_of_reach_is_soon_given_up(monkeypatch):
     # It took 22 s with elastic jams.
     arm, calls, shape = hanging().chain.arm, [], tip_search.set_shape
     monkeypatch.setattr(tip_search, 'set_shape', lambda *given: calls.append(0) or shape(*given))
-    statics = SpatialStatics(replace(arm, segments=tuple(
+    statics = SpaceStatics(replace(arm, segments=tuple(
         replace(segment, jam=Jam(8.0)) for segment in arm.segments)))
     fit = bending_for_tip(statics, (5.0, 0.0, 0.0))
     assert not fit.reached

@@ -28,7 +28,7 @@ def only(segment, segments):
 
 
 def angles(statics, state):
-    return statics.chain.bending_angles(state.joint_angles)
+    return state.bending_angles
 
 
 # Stiffening
@@ -67,7 +67,7 @@ def test_given_tensions_on_a_rigid_arm_are_its_tensions_and_all_of_it_is_stiff()
     assert held.tensions == pytest.approx([3.0, 1.0])
     assert held.stiff == (True, True)
     assert np.array_equal(held.slack, [0.0, 0.0])
-    assert np.array_equal(held.held_angles, state.joint_angles)
+    assert np.array_equal(held.held, state.joint_angles)
 
 
 @pytest.mark.parametrize('exponent', [0.0, 0.5, 1.0])
@@ -169,7 +169,7 @@ YIELDING = st.builds(
 @given(moved(jam=st.one_of(ELASTIC, YIELDING)))
 def test_springs_jams_loads_and_tendons_balance_about_the_held_shape(case):
     statics, _, _, state = case
-    arm = Reference(statics.chain.arm, state.stiff, state.held_angles)
+    arm = Reference(statics.chain.arm, state.stiff, state.held)
     assert arm.unbalanced(state.joint_angles, state.tensions) < 1e-9
 
 
@@ -179,7 +179,7 @@ def test_what_is_solved_again_stays_where_it_is(case):
     statics, asked, soft, state = case
     again = statics.solve(state, asked, soft)
     assert again.joint_angles == pytest.approx(state.joint_angles, abs=1e-9)
-    assert again.held_angles == pytest.approx(state.held_angles, abs=1e-9)
+    assert again.held == pytest.approx(state.held, abs=1e-9)
 
 
 @pytest.mark.parametrize('mounting', np.linspace(-2.4, -0.6, 10))
@@ -188,7 +188,7 @@ def test_jams_that_yield_back_and_forth_on_a_long_way_are_in_balance_at_its_end(
     statics = Statics(paper_like(2, Jam(23.0, yield_moment=0.1), bodies=2, gravity=9.80665,
                                  mounting_angle=mounting))
     state = statics.solve(statics.chain.straight(), (0.01, SLACK), (False, False))
-    arm = Reference(statics.chain.arm, state.stiff, state.held_angles)
+    arm = Reference(statics.chain.arm, state.stiff, state.held)
     assert arm.unbalanced(state.joint_angles, state.tensions) < 1e-9
 
 
@@ -201,7 +201,7 @@ def yielding(limit=0.05, angle=0.2):
 
 
 def jam_moments(statics, state, **more):
-    return Reference(statics.chain.arm, state.stiff, state.held_angles, **more).jam_moments(
+    return Reference(statics.chain.arm, state.stiff, state.held, **more).jam_moments(
         state.joint_angles)
 
 
@@ -210,7 +210,7 @@ def test_below_its_limit_the_jam_does_not_creep():
     held = statics.solve_tensions(start, start.tensions, (False,))
     state = statics.solve_tensions(held, start.tensions + [1.0, 0.0], (False,))
     assert 0.0 < np.abs(jam_moments(statics, state)).max() < 0.05
-    assert np.array_equal(state.held_angles, held.held_angles)
+    assert np.array_equal(state.held, held.held)
     back = statics.solve_tensions(state, start.tensions, (False,))
     assert back.joint_angles == pytest.approx(start.joint_angles, abs=1e-9)
 
@@ -219,7 +219,7 @@ def test_above_its_limit_the_held_shape_creeps_and_the_jam_bears_just_the_limit(
     statics, start = yielding()
     state = statics.solve_tensions(start, (12.0, 0.0), (False,))
     moments = jam_moments(statics, state)
-    crept = state.held_angles - start.joint_angles
+    crept = state.held - start.joint_angles
     assert np.all(crept > 1e-3)
     assert moments == pytest.approx(0.05, rel=1e-12)
 
@@ -242,8 +242,8 @@ def test_unloading_after_yield_is_elastic_and_the_set_remains():
     set_ = loaded.joint_angles - 0.05 / jam
     assert np.all(set_ > start.joint_angles)
     assert np.abs(jam_moments(statics, free)).max() < 0.05  # no yield on the way back
-    assert loaded.held_angles == pytest.approx(set_, abs=1e-12)
-    assert np.array_equal(free.held_angles, loaded.held_angles)
+    assert loaded.held == pytest.approx(set_, abs=1e-12)
+    assert np.array_equal(free.held, loaded.held)
     assert free.joint_angles == pytest.approx(5.0 / 6.0 * set_, abs=1e-10)
     again = statics.solve_tensions(free, (3.4, 0.0), (False,))
     assert again.joint_angles == pytest.approx(loaded.joint_angles, abs=1e-9)
@@ -269,10 +269,10 @@ def test_loading_in_one_step_or_in_many_ends_the_same(segments, ratio):
         for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
             state = statics.solve(state, (0.004 + 0.01 * segments * part, SLACK), stiff)
         ends.append(state)
-    assert np.abs(ends[0].held_angles - start.joint_angles).max() > 0.01
+    assert np.abs(ends[0].held - start.joint_angles).max() > 0.01
     for other in ends[1:]:
         assert other.joint_angles == pytest.approx(ends[0].joint_angles, abs=1e-8)
-        assert other.held_angles == pytest.approx(ends[0].held_angles, abs=1e-8)
+        assert other.held == pytest.approx(ends[0].held, abs=1e-8)
         assert other.tensions == pytest.approx(ends[0].tensions, abs=1e-6)
 
 
@@ -300,7 +300,7 @@ def test_a_large_step_of_an_arm_whose_jams_all_yield_settles():
     stiff = (False,) * 3
     start = statics.solve(statics.chain.straight(), (0.0, SLACK), stiff)
     state = statics.solve(start, (0.03669398006422326, SLACK), stiff)
-    arm = Reference(statics.chain.arm, state.stiff, state.held_angles)
+    arm = Reference(statics.chain.arm, state.stiff, state.held)
     assert arm.unbalanced(state.joint_angles, state.tensions) < 1e-9
 
 

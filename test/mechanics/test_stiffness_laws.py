@@ -162,7 +162,7 @@ def test_arms_with_tables_are_in_balance(first, second, law, jam):
     statics = Statics(paper_like(2, jam, law))
     state = statics.solve(statics.chain.straight(), (first, SLACK), (True, True))
     state = statics.solve(state, (SLACK, second), (True, False))
-    arm = Reference(statics.chain.arm, state.stiff, state.held_angles)
+    arm = Reference(statics.chain.arm, state.stiff, state.held)
     assert arm.unbalanced(state.joint_angles, state.tensions) < 1e-9
     limit = jam.yield_moment * (1 + 1e-9)
     assert np.abs(arm.jam_moments(state.joint_angles)).max() <= limit
@@ -178,7 +178,7 @@ def test_a_table_of_a_thousand_rows_does_not_disturb_a_short_one_that_yields():
         statics = Statics(replace(arm, segments=(
             replace(arm.segments[0], soft_law=law), replace(arm.segments[1], jam=jam))))
         state = statics.solve(statics.chain.straight(), (0.02, SLACK), (True, False))
-        crept.append(state.held_angles)
+        crept.append(state.held)
     assert crept[0].max() > 1e-3
     assert crept[1] == pytest.approx(crept[0], abs=1e-9)
 

@@ -140,7 +140,7 @@ def test_given_tensions_balance_springs_and_loads(arm, data, right, left):
                for s, pair in zip(arm.segments, guides_of(arm), strict=True))
     tensions = (right * firm, left * firm)
     state = statics.solve_tensions(statics.chain.straight(), tensions, soft)
-    reference = Reference(arm, state.stiff, state.held_angles)
+    reference = Reference(arm, state.stiff, state.held)
     assert reference.unbalanced(state.joint_angles, tensions) < 1e-9
 
 

@@ -29,7 +29,7 @@ def test_the_limit_is_proportional_to_vacuum(exponent, vacuum):
     statics = Statics(paper_like(
         1, Jam(6.0, yield_moment=0.05, stiffness_exponent=exponent)))
     state = statics.solve(statics.chain.straight(), (0.014, SLACK), (False,), vacuum=(vacuum,))
-    moments = Reference(statics.chain.arm, state.stiff, state.held_angles,
+    moments = Reference(statics.chain.arm, state.stiff, state.held,
                         vacuum=(vacuum,)).jam_moments(state.joint_angles)
     assert moments == pytest.approx(0.05 * vacuum, rel=1e-9)
 
@@ -37,7 +37,7 @@ def test_the_limit_is_proportional_to_vacuum(exponent, vacuum):
 def test_less_vacuum_creeps_further():
     statics = Statics(paper_like(1, Jam(6.0, yield_moment=0.05)))
     crept = [statics.solve_tensions(statics.chain.straight(), (9.0, 0.0), (False,),
-                                    vacuum=(vacuum,)).held_angles.max()
+                                    vacuum=(vacuum,)).held.max()
              for vacuum in (1.0, 0.8, 0.5, 0.2)]
     assert np.all(np.diff(crept) > 1e-3)
 

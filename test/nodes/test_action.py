@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.sequence_server import error_code
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
@@ -34,7 +34,7 @@ def planned_tips(*shapes: tuple[float, ...]) -> list[Array]:
     planner = Planner(ARM, QUICK_PLAN)
     chain = planner.statics.chain
     plans = planner.plan(chain.straight(), (0.0, 0.0), [Shape('', s) for s in shapes])
-    return [chain.points(plan.state.joint_angles)[-1, :2] for plan in plans]
+    return [plan.state.points[-1, :2] for plan in plans]
 
 
 @dataclass

@@ -11,7 +11,7 @@ import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 
-from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.parameters.files import load_arm
@@ -24,7 +24,7 @@ from soft_continuum_interfaces.msg import (
 
 ARM = load_arm(description_file())
 SEGMENTS, TENDONS = len(ARM.segments), list(ARM.tendon_names)
-JOINTS = RigidChain(ARM).joints
+JOINTS = Chain(ARM).bodies
 TIMEOUT = 0.5  # s
 STIFF, SOFT = JammingValvesState.STIFF, JammingValvesState.NOT_STIFF
 UNKNOWN = JammingValvesState.UNKNOWN
@@ -221,7 +221,7 @@ def test_kinematics_with_another_description_of_the_jamming_ends_motion() -> Non
         patch.setattr('soft_continuum.ros.age.monotonic', lambda: now[0])
         node = Mock()
         node.count_publishers.return_value = 0
-        reported = ReportedArm(node, RigidChain(ARM), {
+        reported = ReportedArm(node, Chain(ARM), {
             'arm.jamming': True, 'silence_timeout': TIMEOUT})
         calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
 

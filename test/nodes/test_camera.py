@@ -19,7 +19,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
-from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.nodes import camera
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import pose_from_ros

@@ -203,6 +203,6 @@ def test_a_state_of_the_model_predicts_the_same_after_it_was_sent() -> None:
     after, expected = (statics.solve(start, (0.005, -0.008), stiff, vacuum=start.vacuum)
                        for start in (received, held))
     assert after.joint_angles == pytest.approx(expected.joint_angles, abs=1e-7)
-    assert after.held_angles == pytest.approx(expected.held_angles, abs=1e-7)
+    assert after.held == pytest.approx(expected.held, abs=1e-7)
     without = statics.solve(statics.chain.state(held.joint_angles), (0.005, -0.008), stiff)
     assert np.abs(without.joint_angles - expected.joint_angles).max() > 1e-4

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.mechanics import Equilibrium, Statics, StaticsError
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.ros_time import stamp_of

@@ -11,12 +11,12 @@ from visualization_msgs.msg import Marker
 import yaml
 
 from soft_continuum.colours import PREDICTED, WRONG
-from soft_continuum.mechanics import RigidChain
+from soft_continuum.mechanics import Chain
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 
-CHAIN = RigidChain(load_arm(description_file()))
+CHAIN = Chain(load_arm(description_file()))
 BENT = CHAIN.uniform((0.3, -0.2, 0.25))
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 ALARM = 'left_tendon is 4.0 mm longer than its motor says: it slipped in its clamp or left a guide'

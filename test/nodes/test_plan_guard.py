@@ -8,13 +8,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.plan_guard import PlanGuard
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import Shape, ShapePlan
 
 ARM = load_arm(Path(__file__).parents[2] / 'config' / 'manipulator.yaml')
-STATE = chain_of(ARM).straight()
+STATE = Chain(ARM).straight()
 PLAN = ShapePlan(Shape('straight', (0.0,) * 3), (), STATE, ((STATE,),))
 
 

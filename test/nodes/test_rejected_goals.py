@@ -14,7 +14,7 @@ import pytest
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from soft_continuum.mechanics.chain import RigidChain
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes import kinematics, shape_sequencer
 from soft_continuum.nodes.model import load_model
 from soft_continuum.parameters.files import load_arm
@@ -24,7 +24,7 @@ from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
 from support.ros_rig import ALL, LATCHED, Rig, shape_message
 
-JOINTS = RigidChain(load_arm(description_file())).joints
+JOINTS = Chain(load_arm(description_file())).bodies
 LIBRARY = 'c_form, upright_c_form, s_form'
 
 

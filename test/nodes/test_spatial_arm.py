@@ -16,7 +16,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.arm import SPATIAL_AXES
-from soft_continuum.mechanics.spatial import SpatialChain
+from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes import conflicts
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
@@ -232,7 +232,7 @@ def test_measured_discs_correct_the_shape_and_say_how_well_it_is_known(
         JammingValvesState(stiffness=[JammingValvesState.STIFF] * 3))
     arm = load_arm(JAMMING)
     bending = np.array([[0.0, 0.0], [0.0, 0.0], [0.03, -0.02]])
-    poses = SpatialChain(arm).uniform(bending).poses[2::2]
+    poses = SpaceChain(arm).uniform(bending).poses[2::2]
 
     def shown(condition: Callable[[], Any], spoil: Callable[[Any], None]) -> Any:
         tendons.publish(JointState(name=names, position=[0.0] * 3))

@@ -16,7 +16,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
-from soft_continuum.mechanics import RigidChain
+from soft_continuum.mechanics import Chain
 from soft_continuum.parameters.files import load_arm
 from support.ros_rig import LATCHED, Rig
 
@@ -100,7 +100,7 @@ def test_a_ghost_stands_where_the_arm_goes_until_it_is_there(arm: Rig) -> None:
     assert ghost.header.frame_id == 'base_link'
     assert (ghost.action, end.action) == (Marker.ADD, Marker.DELETE)
     assert (ghost.ns, ghost.id) == (end.ns, end.id)
-    chain = RigidChain(load_arm(CONFIG / 'manipulator.yaml'))
+    chain = Chain(load_arm(CONFIG / 'manipulator.yaml'))
     x, z, _ = chain.points(chain.uniform(angles).joint_angles)[-1]
     assert (ghost.points[-1].x, ghost.points[-1].z) == pytest.approx((x, z), abs=1e-6)
     assert 0.0 < ghost.color.a < 1.0

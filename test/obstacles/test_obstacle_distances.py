@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.obstacles import (
     Box,
     Capsule,
@@ -33,7 +33,7 @@ GRID = 0.0017  # m: half the distance between two points of the cloud, and what 
 
 @pytest.fixture(scope='module', params=FILES)
 def chain(request):
-    return chain_of(load_arm(CONFIG / f'{request.param}.yaml'))
+    return Chain(load_arm(CONFIG / f'{request.param}.yaml'))
 
 
 def bent(chain, random):
@@ -250,13 +250,13 @@ def test_the_outside_of_a_sharp_bend_belongs_to_the_arm(chain):
 def test_guides_outside_of_the_segments_belong_to_the_arm():
     arm = load_arm(CONFIG / 'tendon_arm.yaml')  # 20 mm thick, with spacers
     wide = replace(arm, tendons=tuple(replace(tendon, offset=0.015) for tendon in arm.tendons))
-    straight = chain_of(wide).straight()
+    straight = Chain(wide).straight()
     x, y = 0.03 * np.cos(pi / 9), 0.03 * np.sin(pi / 9)  # between two tendons
     beside = [Obstacle('it', Sphere(0.005), (x, y, z)) for z in (0.05, 0.0925)]
     for one in beside:  # a segment, a disc
         assert Surroundings(wide, [one]).clearance(straight).distance == pytest.approx(
             0.01, abs=1e-5)
-        assert Surroundings(arm, [one]).clearance(chain_of(arm).straight()
+        assert Surroundings(arm, [one]).clearance(Chain(arm).straight()
                                                   ).distance == pytest.approx(0.015, abs=1e-5)
 
 

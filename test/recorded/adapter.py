@@ -22,10 +22,8 @@ from soft_continuum.mechanics import (
 )
 from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.chain import SLACK
-from soft_continuum.mechanics.model import statics_of
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.spatial import SpatialLinearisation
-from soft_continuum.mechanics.statics import PRETENSIONS
+from soft_continuum.mechanics.statics import PRETENSIONS, Statics
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
@@ -50,7 +48,7 @@ class Model:
             segments=tuple(replace(segment, **friction) for segment, friction in zip(
                 arm.segments, rubbing, strict=True)))
         self.planar = arm.planar
-        self.arm, self.statics = arm, statics_of(arm)
+        self.arm, self.statics = arm, Statics(arm)
         self.jamming = question['parameters'].get('arm.jamming', True)
 
     # Solves.
@@ -102,11 +100,7 @@ class Model:
         By a factor of the stiffness of each segment, its K, the shape that it holds (in the plane
         about y only), the pulls, a payload and forces on the discs (in the plane x and z only).
         """
-        line: Any
-        if self.planar:
-            line = Linearisation(self.statics, state, sliding or (0, 0))
-        else:
-            line = SpatialLinearisation(self.statics, state)
+        line: Any = Linearisation(self.statics, state, sliding)
         found = {name: self._of(derivative) for name, derivative in (
             ('pulls', line.pulls()), ('ratio', line.stiffness_ratio()),
             ('held', line.held_shape()), ('payload', line.payload()), ('forces', line.forces()))}
@@ -114,6 +108,7 @@ class Model:
             in_plane = np.arange(3 * len(self.arm.segments)) % 3 != 1
             found['forces'] = {
                 name: value[..., in_plane] for name, value in found['forces'].items()}
+            found['held'] = {name: value[..., 1::2] for name, value in found['held'].items()}
         if not self.planar:
             found['stiffness'] = self._of(line.stiffness_factors())
         elif all(segment.soft_law is None for segment in self.arm.segments):
@@ -123,11 +118,7 @@ class Model:
         return found
 
     def _of(self, derivative: Any) -> Numbers:
-        tip = derivative.tip
-        if self.planar:
-            x, z, angle = tip
-            tip = np.array([x, 0.0 * x, z, 0.0 * x, angle, 0.0 * x])
-        return {'tip': tip, 'tensions': derivative.tensions, 'paths': derivative.paths}
+        return {'tip': derivative.tip, 'tensions': derivative.tensions, 'paths': derivative.paths}
 
     # The other way.
 

@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 
-from soft_continuum.mechanics._checks import refuse_friction
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
-from soft_continuum.mechanics.statics import SLACK, Statics, StaticsError
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium, SLACK
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.plane.chain import PlaneChain
+from soft_continuum.mechanics.statics import Statics
 
 TOLERANCE = 1e-9  # residual, relative; lengths and angles come out about 1e-13 of themselves
 JUST_TAUT = 1e-10  # m by which a slack tendon may come out too short
@@ -45,7 +46,7 @@ class Rod:
     A state of the arm with elastic rods in which all moments balance.
 
     points: (2 * discs, 3), x and z in m and tangent angle in rad at the calculation points, as
-    RigidChain.points.  bending_angles: (segments,) rad.  tensions, pulls, slack: (2,) in N, m and
+    PlaneChain.points.  bending_angles: (segments,) rad.  tensions, pulls, slack: (2,) in N, m and
     m of the right and left tendon, as in Equilibrium.  backbone: (samples, 3), as points, from the
     top of the base disc to the tip, with both ends of every segment.  residual: largest relative
     residual of the differential equations (rms over a mesh interval) and of the end conditions.
@@ -67,10 +68,12 @@ class Elastica:
         """Prepare the rigid chain of ``arm`` that gives the first guess."""
         if arm.tendons[0].axial_stiffness < np.inf:
             raise ValueError('the tendons of the rods do not stretch')
-        refuse_friction(arm.tendons[0].friction, 'the model of rods')
+        if arm.tendons[0].friction > 0.0:
+            raise ValueError('the model of rods knows no friction; leave it out with '
+                             'arm.without_friction()')
         if any(s.soft_law is not None for s in arm.segments):
             raise ValueError('a rod is linear: a segment with a moment-curvature law has none')
-        self.chain = RigidChain(arm)
+        self.chain = PlaneChain(arm)
         self._statics = Statics(arm)
 
     def solve(self, start: Equilibrium, pulls: Sequence[float], soft: Sequence[bool]) -> Rod:
@@ -117,11 +120,11 @@ class _Problem:
     part of n over E I / l^2 in every rod, stacked as (2, rods), and the taut tendons' tensions.
     """
 
-    def __init__(self, chain: RigidChain, guess: Equilibrium, soft: Mask, pulls: Array,
+    def __init__(self, chain: PlaneChain, guess: Equilibrium, soft: Mask, pulls: Array,
                  taut: Mask) -> None:
         self.chain, self.guess, self.soft, self.taut = chain, guess, soft, taut
-        self.target = chain.straight_length - pulls
-        arm, q, top = chain.arm, guess.joint_angles, chain.last_joint[soft]
+        self.target = chain.straight_paths - pulls
+        arm, q, top = chain.arm, guess.joint_angles, chain.last_body[soft]
         self.length, stiffness, mass = np.array(
             [(s.length, s.stiffness_y, s.mass) for s in arm.segments])[soft].T
         self.flexibility, self.guides = self.length**2 / stiffness, chain.guides[soft]
@@ -168,7 +171,7 @@ class _Problem:
         slack = np.where(self.taut, 0.0, np.maximum(self.target - lengths, 0.0))
         backbone, points = self._shape(found.sol)
         return Rod(points, points[2::2, 2] - points[1:-1:2, 2], self._tensions(found.p),
-                   self.chain.straight_length - lengths, slack, backbone,
+                   self.chain.straight_paths - lengths, slack, backbone,
                    float(max(missed, found.rms_residuals.max())))
 
     def _rates(self, s: Array, y: Array, p: Array) -> Array:
@@ -242,7 +245,7 @@ class _Problem:
         angles = np.append(0.0, np.cumsum(q))
         bends = q * self.chain.joint_stiffness
         functions = np.empty((4, self.length.size, mesh.size))
-        for r, top in enumerate(self.chain.last_joint[self.soft]):
+        for r, top in enumerate(self.chain.last_body[self.soft]):
             joints = slice(top - n, top + 1)
             run = self.backbone[joints, :2].T / self.length[r]
             functions[0, r] = np.interp(mesh, middles, angles[top - n:top + 2])
@@ -263,7 +266,7 @@ class _Problem:
         runs = iter(np.stack([x * along, z * along, theta], axis=2))
         at = np.array([0.0, discs[0].height, 0.0])
         backbone, points = [at[None]], [np.zeros(3), at]
-        for k, bend in enumerate(self.chain.bending_angles(self.guess.joint_angles)):
+        for k, bend in enumerate(self.guess.bending_angles):
             if self.soft[k]:
                 run = next(runs)
                 tangent = run[-1, 2]

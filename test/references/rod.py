@@ -23,10 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
 
 INTERVALS = 32  # of each rod from guide to guide, by the classical method of Runge and Kutta
 MAX_ITERATIONS = 30
@@ -43,7 +42,7 @@ class SpatialRod:
     """
     A state of an arm with elastic rods in which all forces and moments balance.
 
-    points: (2 * discs, 3) m, as of SpatialEquilibrium.  axes: (discs, 3), of the discs, base
+    points: (2 * discs, 3) m, as of Equilibrium.  axes: (discs, 3), of the discs, base
     first.  tensions, pulls: (tendons,) N and m.  residual: N, N m and m, largest.
     """
 
@@ -54,7 +53,7 @@ class SpatialRod:
     residual: float
 
 
-def solve_rods(guess: SpatialEquilibrium, pulls: Sequence[float] | Array
+def solve_rods(guess: Equilibrium, pulls: Sequence[float] | Array
                ) -> SpatialRod:
     """
     Return the equilibrium of the rods next to that of a chain whose segments all are soft.
@@ -86,7 +85,7 @@ class _Walk:
 class _Problem:
     """Rods from guide to guide, and the equations at their ends."""
 
-    def __init__(self, guess: SpatialEquilibrium, pulls: Array) -> None:
+    def __init__(self, guess: Equilibrium, pulls: Array) -> None:
         self.arm: Arm = guess.chain.arm
         self.guess, self.parts = guess, self.arm.spacers + 1
         self.rods = len(self.arm.segments) * self.parts
@@ -132,7 +131,7 @@ class _Problem:
         bodies = chain.bodies // len(arm.segments) - 1
         found = np.zeros(6 * self.rods + len(self.taut))
         turned = np.concatenate([np.eye(3)[None], guess.rotations])
-        joints = chain.joints(guess.rotations) * chain.laws.stiffness
+        joints = guess.joint_angles * chain.laws.stiffness
         for r in range(self.rods):
             s, k = divmod(r, self.parts)
             body = s * (bodies + 1) + round(k * bodies / self.parts)

@@ -15,7 +15,7 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
-from soft_continuum.mechanics.spatial import SpatialChain
+from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.estimates import (
     estimate_to_ros,
@@ -149,7 +149,7 @@ def test_the_deviation_of_the_tip_counts_the_lever_of_the_last_disc(estimator):
 def test_an_arm_in_space_is_published_and_planned_with_alike():
     arm = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),
                   bodies_per_segment=3)
-    estimator = Estimator(arm, SpatialChain(arm).uniform(
+    estimator = Estimator(arm, SpaceChain(arm).uniform(
         [[0.0, 0.0], [0.0, 0.0], [pi / 2, 0.0]]), Prior(), Drift())
     values = {name: VALUES[name] for name in list(VALUES)[:6]} | {
         'offset_tendon_1': 1e-3, 'offset_tendon_2': -2e-3, 'offset_tendon_3': 0.0,

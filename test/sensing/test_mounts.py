@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 import yaml
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.imu_axes import imu_rotations

@@ -5,7 +5,7 @@
 import cv2
 import numpy as np
 
-from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.sensing.tag_camera import TagCamera
 from support import views
 from support.planar import IN_PLANE

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.chain import full_poses
+from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.lens import Lens, LensError

@@ -52,9 +52,9 @@ def shifted(statics, state, segment, change):
     """Return a stiff arm whose segment has bent by about ``change`` when it was stiffened."""
     chain = statics.chain
     per_segment = chain.joints_per_segment
-    held = state.held_angles.copy()
+    held = state.held.copy()
     held[segment * per_segment:(segment + 1) * per_segment] += change / per_segment
-    state = replace(state, held_angles=held, stiff=(True,) * 3)
+    state = replace(state, held=held, stiff=(True,) * 3)
     return statics.solve(state, state.pulls - 1e-4, (False,) * 3)
 
 
@@ -236,7 +236,7 @@ def test_what_would_fall_is_not_softened_by_itself(good):
     planner = Planner(ELASTIC, SETTINGS, offsets=(5e-4, -5e-4))
     off = shifted(planner.statics, state, 1, 0.05)
     # As it comes over ROS: joint angles alone, and nothing of the tendons.
-    seen = replace(planner.statics.chain.state(off.joint_angles), held_angles=off.held_angles)
+    seen = replace(planner.statics.chain.state(off.joint_angles), held=off.held)
     limit = 0.01
     taut = off.pulls - (5e-4, -5e-4)
     assert worth_setting_again(planner, seen, taut, ALL, aim, LOCK_IN, limit) == (1, 2)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Jam, pulls_for_bending, StaticsError
-from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.aiming import (
@@ -31,7 +31,7 @@ ANGLES, DIRECTIONS = np.radians([25.0, 20.0, 25.0]), (0.6, 2.5, -1.0)
 @pytest.fixture(scope='module')
 def statics():
     arm = load_arm(description_file().with_name('spatial_jamming.yaml'))
-    return SpatialStatics(replace(arm, bodies_per_segment=3, segments=tuple(
+    return SpaceStatics(replace(arm, bodies_per_segment=3, segments=tuple(
         replace(s, jam=Jam(15.0)) for s in arm.segments)))
 
 
@@ -44,7 +44,7 @@ def test_a_segment_that_would_fall_over_is_held_by_all_tendons():
     arm = load_arm(description_file().with_name('spatial_jamming.yaml'))
     soft_one = replace(arm.segments[1], **{name: 0.7 * getattr(arm.segments[1], name)
                                            for name in ('stiffness_x', 'stiffness_y')})
-    statics = SpatialStatics(replace(arm, bodies_per_segment=4, payload=0.03, segments=(
+    statics = SpaceStatics(replace(arm, bodies_per_segment=4, payload=0.03, segments=(
         arm.segments[0], soft_one, arm.segments[2])))
     wanted, soft = np.full((3, 2), np.nan), (False, True, False)
     wanted[1] = FALLS

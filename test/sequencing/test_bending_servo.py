@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
 from soft_continuum.sequencing.servo import (
@@ -25,7 +25,7 @@ from support.spatial_arms import in_space
 
 ARM = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),
               bodies_per_segment=4)
-STATICS = SpatialStatics(ARM)
+STATICS = SpaceStatics(ARM)
 STRAIGHT = STATICS.chain.straight()
 SEGMENT = 1
 SOFT = [False, True, False]
@@ -98,7 +98,7 @@ def worn_arm():
 
 
 def test_an_arm_that_is_not_its_model_goes_where_it_is_to_go(servo):
-    plant = SpatialStatics(worn_arm())
+    plant = SpaceStatics(worn_arm())
     state = [plant.chain.straight()]
 
     def arm(pulls):
@@ -166,7 +166,7 @@ def test_without_jamming_tendons_hold_the_other_segments():
     arm = load_arm(description_file().with_name('tendon_arm.yaml'))
     arm = replace(arm, spacers=1, bodies_per_segment=2, segments=tuple(
         replace(segment, bending_angle_limit=0.65) for segment in arm.segments))
-    statics = SpatialStatics(arm)
+    statics = SpaceStatics(arm)
     limits = BendingLimits(tension_limit=10.0)
     start = statics.chain.straight()
     disc = bending_map(statics, start, 0, limits, jamming=False)
@@ -180,7 +180,7 @@ def test_without_jamming_tendons_hold_the_other_segments():
 def test_a_hinge_bends_as_in_the_plane_and_to_no_other_side():
     plane = load_arm(description_file())
     arm = in_space(plane)
-    statics, planar = SpatialStatics(arm), Statics(plane)
+    statics, planar = SpaceStatics(arm), Statics(plane)
     limits = BendingLimits(tension_limit=20.0)
     found, wanted = (bending_map(each, each.chain.straight(), 0, limits)
                      for each in (statics, planar))

@@ -62,7 +62,7 @@ def followed(planner, plans):
 
 
 def angles(planner, state):
-    return planner.statics.chain.bending_angles(state.joint_angles)
+    return state.bending_angles
 
 
 def check_arrives(planner, plans):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -28,7 +28,7 @@ def begun(name):
 
 def run(planner, start, found):
     """The states of new statics that follow the pulls of a plan, twice as densely."""
-    statics = SpatialStatics(planner.statics.chain.arm)
+    statics = SpaceStatics(planner.statics.chain.arm)
     state, states = start, []
     for move in found.plan.moves:
         soft = [move.segment in (s, WHOLE_ARM) for s in range(statics.chain.segments)]

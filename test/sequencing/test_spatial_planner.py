@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Jam
-from soft_continuum.mechanics.spatial import solve_path, SpatialStatics
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.batch import solve_path
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.nodes.goals import shape_library
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
@@ -44,7 +45,7 @@ class Followed:
         self.values = load_description(path, node='shape_sequencer')
         arm, self.settings = arm_from_parameters(self.values), PlanSettings.of(self.values)
         library = shape_library(self.values, arm) | {'straight': STRAIGHT}
-        planner, self.statics = Planner(arm, self.settings), SpatialStatics(arm)
+        planner, self.statics = Planner(arm, self.settings), SpaceStatics(arm)
         self.plans = planner.plan(self.statics.chain.straight(), [0.0] * len(arm.tendon_names),
                                   [library[name] for name in names])
         self.triples, self.paths, self.ends, state = TRIPLES[path], [], [], None

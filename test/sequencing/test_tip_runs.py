@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.plan_watch import PlanWatch
@@ -78,7 +78,7 @@ def plan():
     from support.virtual_rig import ARM, PLAN_SETTINGS
     planner = Planner(ARM, PLAN_SETTINGS)
     around = Surroundings(ARM)
-    found, = plan_shapes(planner, chain_of(ARM).straight(), (0.0, 0.0), [tip_shape(PLACE)],
+    found, = plan_shapes(planner, Chain(ARM).straight(), (0.0, 0.0), [tip_shape(PLACE)],
                          around, SETTINGS, first=True)
     return plan_of(found, tip_shape(PLACE))
 
@@ -132,7 +132,7 @@ def test_the_arm_may_depart_from_its_plan_by_what_obstacles_leave():
 def test_after_its_last_move_the_arm_may_be_as_far_from_its_plan_as_obstacles_leave():
     end, moves = plan().state, len(plan().moves)
     x, _, z = end.backbone[-1]
-    straight = chain_of(end.chain.arm).straight()
+    straight = Chain(end.chain.arm).straight()
     assert watch().departed(moves, straight) == ''
     near = watch(ball(x, z - 0.05))
     assert near.departed(moves, end) == ''
@@ -161,7 +161,7 @@ def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
 
 def test_an_arm_that_is_nearer_than_the_margin_may_go_away():
     arm = plan().state.chain.arm
-    start = chain_of(arm).straight()
+    start = Chain(arm).straight()
     side = start.backbone[-1]
     around = next(found for found in (Surroundings(arm, [ball(x, side[2])])
                                       for x in np.arange(-0.03, -0.08, -2e-4))
@@ -182,7 +182,7 @@ def test_angles_are_set_in_another_order_where_an_obstacle_is_in_the_way_of_the_
     arm = plan().state.chain.arm
     planner = Planner(arm, plan_settings())
     shape = Shape('hook', tuple(np.radians([0.0, 41.2, 59.9])))
-    arguments = planner, chain_of(arm).straight(), (0.0, 0.0), [shape]
+    arguments = planner, Chain(arm).straight(), (0.0, 0.0), [shape]
     free, = plan_shapes(*arguments, Surroundings(arm), SETTINGS)
     assert [move.segment for move in free.plan.moves] == [1, 2]
     around = Surroundings(arm, [ball(0.09, 0.33)])
@@ -203,7 +203,7 @@ def plan_settings():
 def test_what_is_out_of_reach_is_no_obstacle_s_fault():
     arm = plan().state.chain.arm
     around, shape = Surroundings(arm, [ball(-0.2, 0.3)]), tip_shape([0.5, 0.0, 0.5])
-    found, = plan_shapes(Planner(arm, plan_settings()), chain_of(arm).straight(), (0.0, 0.0),
+    found, = plan_shapes(Planner(arm, plan_settings()), Chain(arm).straight(), (0.0, 0.0),
                          [shape], around, SETTINGS)
     with pytest.raises(PlanError, match='tip: .*out of reach') as caught:
         plan_of(found, shape)

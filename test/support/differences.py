@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from support.spatial_arms import turns
 
 
@@ -19,7 +19,7 @@ def command(state):
 
 def changed(state, arm):
     """Return statics of another arm, and the state as one of it."""
-    statics = SpatialStatics(arm)
+    statics = SpaceStatics(arm)
     return statics, replace(state, chain=statics.chain)
 
 
@@ -31,7 +31,7 @@ def assert_is_difference(found, k, more, less, step, tolerance=2e-5):
         assert getattr(found, name)[..., k] == pytest.approx(wanted, abs=tolerance * scale), name
     wanted = turns(less.rotations, more.rotations) / (2.0 * step)
     scale = max(1e-3, np.abs(wanted).max())
-    assert found.rotations[..., k] == pytest.approx(wanted, abs=tolerance * scale)
+    assert found.turned[..., k] == pytest.approx(wanted, abs=tolerance * scale)
     wanted = -(more.pulls - less.pulls) / (2.0 * step)
     assert found.paths[..., k] == pytest.approx(
         wanted, abs=tolerance * max(1e-3, np.abs(wanted).max()))

@@ -20,7 +20,8 @@ from rclpy.task import Future
 from rclpy.time import Duration
 from sensor_msgs.msg import FluidPressure, JointState
 
-from soft_continuum.mechanics.chain import full_poses, RigidChain
+from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.names import NODES
@@ -38,7 +39,7 @@ from support.ros_rig import AMBIENT, LATCHED, parameter_values, Spinner, STREAM,
 
 PERIOD = 0.1  # s
 ARM = load_arm(description_file())
-CHAIN = RigidChain(ARM)
+CHAIN = Chain(ARM)
 
 
 class StandIn(Node):

@@ -10,7 +10,7 @@ import numpy as np
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
-from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
@@ -27,7 +27,7 @@ PERIOD = 0.1  # s between two measurements
 COVARIANCE = np.diag([3e-4, 3e-4, 2e-3])**2
 
 
-class OffsetStatics(Statics):
+class OffsetStatics(PlaneStatics):
     """Statics of an arm whose tendons are not as long as the model's."""
 
     def solve(self, start, pulls, *arguments, **more):

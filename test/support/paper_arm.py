@@ -69,11 +69,11 @@ def apply_pulls(statics, steps, signs):
 
 def degrees_of(statics, state):
     """Return the bending angle of each segment in degrees."""
-    return np.degrees(statics.chain.bending_angles(state.joint_angles))
+    return np.degrees(state.bending_angles)
 
 
 def position_errors(statics, state, other_statics, other):
     """Return the distances (m) between calculation points, and theirs (m) from the base."""
-    points = statics.chain.points(state.joint_angles)[1:, :2]
-    true = other_statics.chain.points(other.joint_angles)[1:, :2]
+    points = state.points[1:, :2]
+    true = other.points[1:, :2]
     return np.linalg.norm(points - true, axis=1), np.linalg.norm(true, axis=1)

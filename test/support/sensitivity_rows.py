@@ -7,11 +7,16 @@ import numpy as np
 
 def numbers(statics, state):
     """Return joint angles, tensions and tip pose in one row."""
-    tip = statics.chain.points(state.joint_angles)[-1]
+    tip = state.points[-1]
     return np.concatenate([state.joint_angles, state.tensions, tip])
+
+
+def hinges(sensitivity):
+    """Return the derivatives of the joint angles of a planar arm, (joints, k)."""
+    return np.diff(sensitivity.turned[:, 1], axis=0, prepend=0.0)
 
 
 def column(sensitivity, k):
     """Return the derivatives of ``numbers`` by parameter k."""
-    return np.concatenate([sensitivity.joint_angles[:, k], sensitivity.tensions[:, k],
-                           sensitivity.tip[:, k]])
+    return np.concatenate([hinges(sensitivity)[:, k], sensitivity.tensions[:, k],
+                           sensitivity.tip[[0, 2, 4], k]])

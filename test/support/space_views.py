@@ -5,7 +5,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.ring_layout import RingLayout
@@ -16,7 +16,7 @@ from support import views
 PATH = description_file().with_name('spatial_jamming.yaml')
 VALUES = load_description(PATH, node='camera')
 ARM = arm_from_parameters(VALUES)
-CHAIN = SpatialChain(ARM)
+CHAIN = SpaceChain(ARM)
 EXACT = {'tag_offset': 0.0, 'fixed_offset': 0.0, 'calibration_error': 0.0}
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import Jam
 from soft_continuum.mechanics.arm import Arm, Disc, Segment, Tendon, Wrench
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 
 
 def in_space(arm):
@@ -108,7 +108,7 @@ def mirrored(arm):
 def random_state(seed, **changes):
     """Return the statics of a random arm, a state, and whether each segment is soft there."""
     arm, draw = random_arm(seed, **changes), np.random.default_rng(1000 + seed)
-    statics, segments = SpatialStatics(arm), len(arm.segments)
+    statics, segments = SpaceStatics(arm), len(arm.segments)
     start = statics.solve(statics.chain.straight(), draw.uniform(-0.004, 0.004, len(arm.tendons)),
                           [True] * segments)
     soft = draw.uniform(size=segments) < 0.6

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Jam
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 from support.true_arm import Session
@@ -28,7 +28,7 @@ class SpatialTruth:
     def __init__(self, arm=ARM, factors=1.0, ratio=30.0, offsets=0.0, payload=0.0, bodies=8):
         """Begin straight and stiff, with as many bodies in each segment."""
         factors = np.broadcast_to(factors, len(arm.segments))
-        self.statics = SpatialStatics(replace(
+        self.statics = SpaceStatics(replace(
             arm.with_compliant_tendons(2e-5), payload=payload,
             bodies_per_segment=bodies * (arm.spacers + 1),
             segments=tuple(replace(
@@ -62,7 +62,7 @@ class SpatialSession(Session):
 
     def __init__(self, truth, arm=ARM, prior=PRIOR, drift=DRIFT, seed=0, jamming=True, **seen):
         """Begin with a straight arm; seen: arguments of SpatialTruth.seen."""
-        self.statics = SpatialStatics(arm)
+        self.statics = SpaceStatics(arm)
         self.predicted = self.statics.chain.straight()
         super().__init__(truth, arm, prior, drift, seed, (not jamming,) * len(arm.segments),
                          **seen)

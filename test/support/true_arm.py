@@ -11,8 +11,8 @@ from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam
-from soft_continuum.mechanics.model import chain_of
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.user_files import description_file
@@ -81,7 +81,7 @@ class Session:
     def __init__(self, truth, arm=ARM, prior=PRIOR, drift=DRIFT, seed=0, soft=STIFF, **seen):
         """Begin with a straight arm; seen: arguments of TrueArm.seen, or SpatialTruth.seen."""
         self.truth, self.seen = truth, seen
-        self.estimator = Estimator(arm, chain_of(arm).straight(), prior, drift)
+        self.estimator = Estimator(arm, Chain(arm).straight(), prior, drift)
         self.rng = np.random.default_rng(seed)
         self.time, self.pulls, self.soft = 100.0, np.zeros(len(arm.tendon_names)), soft
         self.follow()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from soft_continuum.mechanics import RigidChain
+from soft_continuum.mechanics import Chain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.layout import TagLayout
@@ -17,7 +17,7 @@ from soft_continuum.user_files import description_file
 
 VALUES = load_description(description_file(), node='camera')
 ARM = arm_from_parameters(VALUES)
-CHAIN = RigidChain(ARM)
+CHAIN = Chain(ARM)
 
 
 def layout(**changes):

@@ -193,7 +193,7 @@ class VirtualRig:
 
     @property
     def angles(self):
-        return self.statics.chain.bending_angles(self.state.joint_angles)
+        return self.state.bending_angles
 
     def observe(self):
         self.observed.append((self.now, Observation(

@@ -10,7 +10,7 @@ import pytest
 
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
@@ -83,7 +83,7 @@ def test_a_tip_is_at_its_goal_once_the_plant_has_given_way():
 def test_an_arm_in_space_with_less_vacuum_gives_way_as_the_statics_say():
     spatial = load_arm(description_file().with_name('spatial_jamming.yaml'))
     arm, vacuums = jammed(replace(spatial, gravity=SIDEWAYS), bodies=2), (30e3, 80e3, 20e3)
-    statics, slack = SpatialStatics(arm), np.full(3, -0.02)
+    statics, slack = SpaceStatics(arm), np.full(3, -0.02)
     state = statics.solve(statics.chain.straight(), slack, [False] * 3, vacuum=(1.0,) * 3)
     stiff = state.points
     state = statics.solve(state, slack, [False] * 3, vacuum=[v / FULL for v in vacuums])

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 import scipy
 
 from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import chain_of, State
-from soft_continuum.mechanics.spatial.directions import within_limits
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.mechanics.directions import within_limits
 from soft_continuum.sequencing.planner import WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import TipGoal
 
@@ -52,12 +51,12 @@ class Miss:
             turned *= (angles / np.maximum(sines, 1e-12))[..., None]
         return np.concatenate([away, turned / goal.angle_tolerance], axis=-1)
 
-    def of_state(self, state: State) -> Array:
+    def of_state(self, state: Equilibrium) -> Array:
         """Return the same of one state, (3 or 6,)."""
         there: Array = self.of(state.backbone[None, -1], state.rotations[None, -1])[0]
         return there
 
-    def errors(self, state: State) -> tuple[float, float]:
+    def errors(self, state: Equilibrium) -> tuple[float, float]:
         """Return how far the tip of a state is away, m, and how far it is turned, rad."""
         miss = self.of_state(state)
         return (float(np.linalg.norm(miss[:3])) * self.goal.position_tolerance,
@@ -73,7 +72,7 @@ def size(miss: Array) -> Array:
 
 class Arcs:
     """
-    One arm of constant curvature; bending is (segments, 2) rad, as State.bending.
+    One arm of constant curvature; bending is (segments, 2) rad, as Equilibrium.bending.
 
     free: about which axes it bends, as bending.  limits: (segments,) rad.
     """
@@ -81,7 +80,7 @@ class Arcs:
     def __init__(self, arm: Arm) -> None:
         """Take the arm."""
         self.arm = arm
-        self.chain = chain_of(arm)
+        self.chain = Chain(arm)
         self.limits = arm.bending_angle_limits
         self.free = arm.bending_axes
 

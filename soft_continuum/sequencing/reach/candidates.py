@@ -16,8 +16,8 @@ from math import ceil
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sequencing.planner import PlanSettings, WHOLE_ARM
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 

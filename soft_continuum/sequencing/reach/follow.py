@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss
 from soft_continuum.sequencing.reach.budget import Budget

@@ -9,9 +9,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import State
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.sequencing.planner import PlanError
 
 Kind = Literal['position', 'direction', 'pose']
@@ -39,7 +38,7 @@ class Surroundings(Protocol):
     The body that it measures is that of the state; distances may be too small, never too large.
     """
 
-    def clearance(self, state: State) -> Distance:
+    def clearance(self, state: Equilibrium) -> Distance:
         """Return the smallest distance between the arm and an obstacle."""
 
     def at(self, position: Array) -> Distance:
@@ -57,7 +56,7 @@ class Clear:
 class NoObstacles:
     """Surroundings without an obstacle."""
 
-    def clearance(self, state: State) -> Clear:
+    def clearance(self, state: Equilibrium) -> Clear:
         """Return that nothing is near."""
         return Clear()
 

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.model import State
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, WHOLE_ARM
 from soft_continuum.sequencing.reach.goal import Clear, Distance, ReachSettings, Surroundings
 from soft_continuum.sequencing.reach.result import PlannedStep
@@ -63,13 +63,13 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Where the bodies of a state are: backbone and rotations, as of State."""
+    """Where the bodies of a state are: backbone and rotations, as of Equilibrium."""
 
     backbone: Array
     rotations: Array
 
 
-def moved(one: State | Placed, other: State | Placed, radius: float) -> float:
+def moved(one: Equilibrium | Placed, other: Equilibrium | Placed, radius: float) -> float:
     """Return how far no point within ``radius`` (m) of the backbone is from itself, m."""
     ends = np.linalg.norm(one.backbone[1:] - other.backbone[1:], axis=1)
     turns = np.linalg.norm(one.rotations - other.rotations, axis=(1, 2)) / np.sqrt(2.0)
@@ -83,8 +83,8 @@ def body_radius(chain: Any) -> float:
         chain.disc_radii.max(), max(s.outer_diameter for s in chain.arm.segments) / 2))
 
 
-def between(one: State | Placed, near_one: float, other: State | Placed, near_other: float,
-            radius: float) -> tuple[float, float]:
+def between(one: Equilibrium | Placed, near_one: float, other: Equilibrium | Placed,
+            near_other: float, radius: float) -> tuple[float, float]:
     """Return how near obstacles are between two neighbouring states, how far points move, m."""
     way = DETOUR * moved(one, other, radius)
     return (near_one + near_other - way) / 2.0, way
@@ -119,7 +119,7 @@ class Passages:
         """
         Return where one segment (0-based), or WHOLE_ARM, is set.
 
-        goal: as State.bending, rad.  Raises BlockedError.
+        goal: as Equilibrium.bending, rad.  Raises BlockedError.
         """
         try:
             move, _ = self.planner.move(node.state, node.pulls, mover, goal)

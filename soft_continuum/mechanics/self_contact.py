@@ -14,12 +14,12 @@ from math import pi
 import numpy as np
 
 from soft_continuum.mechanics._checks import finite
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.statics import Booleans
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.statics import Booleans
 
 
-def self_intersections(state: SpatialEquilibrium, radius: float) -> list[tuple[int, int]]:
+def self_intersections(state: Equilibrium, radius: float) -> list[tuple[int, int]]:
     """
     Return which parts of an arm of a radius (m) run into each other, pairs, the lower one first.
 
@@ -30,8 +30,8 @@ def self_intersections(state: SpatialEquilibrium, radius: float) -> list[tuple[i
         raise ValueError(f'the radius must be a positive number in m; given: {radius!r}')
     chain = state.chain
     n = chain.arm.bodies_per_segment
-    points = np.concatenate([np.zeros((1, 3)), chain.ends(state.rotations)])
-    lengths = np.concatenate([[chain.arm.discs[0].height], chain.lengths])
+    points = np.concatenate([np.zeros((1, 3)), state.backbone])
+    lengths = np.concatenate([[chain.arm.discs[0].height], chain.body_lengths])
     parts = np.concatenate([[0], *(
         [[2 * s + 1] * n + [2 * s + 2] for s in range(chain.segments)])])
     along = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -44,15 +44,14 @@ def self_intersections(state: SpatialEquilibrium, radius: float) -> list[tuple[i
     return sorted(pairs)
 
 
-def wound_up(state: SpatialEquilibrium) -> Booleans:
+def wound_up(state: Equilibrium) -> Booleans:
     """
     Return which segments are bent by more than pi, (segments,).
 
-    ``SpatialEquilibrium.bending`` cannot say so: it is that of the shorter way from disc to disc.
+    ``Equilibrium.bending`` cannot say so: it is that of the shorter way from disc to disc.
     This sums what the joints of a segment bend by.
     """
-    chain = state.chain
-    each = chain.joints(state.rotations)[:, :2].reshape(chain.segments, -1, 2).sum(axis=1)
+    each = state.chain.summed(state.joint_angles)
     found: Booleans = np.linalg.norm(each, axis=1) > pi
     return found
 

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial.chain import SpatialChain
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.space.chain import SpaceChain
 
 AT_ONE_PLACE = 1e-9  # m: between guides this close a tendon has no direction
 
 
-def carried(chain: SpatialChain, rotations: Array, sliding: Sequence[int]
+def carried(chain: SpaceChain, rotations: Array, sliding: Sequence[int]
             ) -> tuple[Array, Array]:
     """
     Return the tension of every span over that at the base (spans,), and compliances (tendons,).
@@ -30,7 +30,7 @@ def carried(chain: SpatialChain, rotations: Array, sliding: Sequence[int]
     straight = np.tile(np.eye(3), (chain.bodies, 1, 1))
     upwards = np.concatenate([np.eye(3)[None], rotations])[:, :, 2]
     for t, (tendon, now, before) in enumerate(zip(
-            chain.arm.tendons, chain.guide_points(rotations), chain.guide_points(straight),
+            chain.arm.tendons, chain.tendon_points(rotations), chain.tendon_points(straight),
             strict=True)):
         along_end = upwards[chain.last_body[tendon.end - 1] + 1]  # through the disc where it ends
         runs = np.concatenate([upwards[:1], np.diff(now, axis=0), [along_end]])

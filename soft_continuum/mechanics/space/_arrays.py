@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.mechanics._compile import compiled
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 Integers = NDArray[np.int64]
 BAND = 3  # links: spans that couple no further ones go into the band

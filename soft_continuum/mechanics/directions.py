@@ -12,8 +12,7 @@ from math import cos, degrees, isfinite, sin
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 
 STRAIGHT = 1e-6  # rad: what bends by less, as rounding bends, has the direction 0
 ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a segment

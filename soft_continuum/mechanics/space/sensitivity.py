@@ -1,22 +1,23 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How a spatial equilibrium changes with pulls, loads and stiffness.
+How an equilibrium in space changes with pulls, loads and stiffness.
 
-As in the plane, F(orientations, tensions; p) = 0 is differentiated: the derivatives are
--K^-1 dF/dp with K the matrix of the last Newton step.  Its blocks are eliminated as a band, what
-borders them (taut tendons, and what holds spans across) as a small dense system.
+The blocks of the matrix of the last Newton step are eliminated as a band, what borders them (taut
+tendons, and what holds spans across) as a small dense system.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 import scipy
 
 from soft_continuum.mechanics import _kernel
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.spatial._laws import (
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
+from soft_continuum.mechanics.space._laws import (
     HELD,
     JAM,
     JAM_TABLE,
@@ -25,60 +26,16 @@ from soft_continuum.mechanics.spatial._laws import (
     STIFFNESS,
     YIELD,
 )
-from soft_continuum.mechanics.spatial.chain import SpatialEquilibrium
-from soft_continuum.mechanics.spatial.joints import parts_of_laws
-from soft_continuum.mechanics.spatial.statics import SpatialStatics
+from soft_continuum.mechanics.space.joints import parts_of_laws
+from soft_continuum.mechanics.space.statics import SpaceStatics
 
 
-@dataclass(frozen=True, eq=False)
-class SpatialSensitivity:
-    """
-    Derivatives of a spatial equilibrium with respect to k parameters.
+class SpaceLinearisation(Linearisation):
+    """The linearised statics of an arm in space; tendons do not rub here."""
 
-    rotations: (bodies, 3, k), of every body, as rotation vectors in base_link, rad per unit.
-    tensions: (tendons, k) N per unit.  paths: (tendons, k) m per unit, of the lengths of the
-    tendons' paths.  points: (2 * discs, 3, k) m per unit, bottom and top centre of every disc.
-    orientations: (discs, 3, k) rad per unit, of every disc, as rotations.  bending:
-    (segments, 2, k) rad per unit.
-    """
-
-    rotations: Array
-    tensions: Array
-    paths: Array
-    points: Array
-    orientations: Array
-    bending: Array
-
-    @property
-    def poses(self) -> Array:
-        """Of the discs' bottoms, (discs, 6, k): shifts along x, y, z, m; turns about them, rad."""
-        return np.concatenate([self.points[::2], self.orientations], axis=1)
-
-    @property
-    def tip(self) -> Array:
-        """Of the top of the last disc: x, y, z (m), then its rotation vector (rad), (6, k)."""
-        found: Array = np.concatenate([self.points[-1], self.orientations[-1]])
-        return found
-
-
-class SpatialLinearisation:
-    """
-    The linearised statics at one equilibrium, for the stiff segments that it was found with.
-
-    A slack tendon stays slack and a taut one taut: where that changes, the derivatives are
-    one-sided.  So they are where a jam yields.  Tendons do not rub here.
-    """
-
-    def __init__(self, statics: SpatialStatics, state: SpatialEquilibrium, *,
+    def __init__(self, statics: SpaceStatics, state: Equilibrium, sliding: Sequence[int] = (), *,
                  tensions: ArrayLike | None = None, loading: bool = True) -> None:
-        """
-        Factor the matrix.
-
-        tensions: as in SpatialStatics.solve: a number for each tendon whose tension is given and
-        not its length, else nan (default: all lengths).  loading: whether joints whose jam bears
-        just its yield moment go on to yield, or all turn back and are elastic.  Raises ValueError
-        for a state of another arm, tensions of the wrong size, and segments with friction.
-        """
+        """Factor the matrix; all as in Linearisation."""
         chain = statics.chain
         if state.chain.arm != chain.arm:
             raise ValueError('this is a state of another arm')
@@ -100,7 +57,7 @@ class SpatialLinearisation:
         first = np.flatnonzero(~rigid)
         self._segment = first // chain.joints_per_segment  # of each link's joint
         self._rotations = np.ascontiguousarray(state.rotations[first])
-        self._angles = chain.joints(state.rotations)[first]
+        self._angles = state.joint_angles[first]
         joints = self._system[0]
         self._away = self._angles - joints[:, HELD]
         # Rounding must not decide which joints yield: they go a little beyond, or back.
@@ -123,27 +80,24 @@ class SpatialLinearisation:
             self._columns.T @ self._inside
             + np.diag(np.concatenate([compliance[self._taut], 1.0 / forces])), check_finite=False)
 
-    def all(self) -> SpatialSensitivity:
-        """
-        Return all of them that an estimate needs.
-
-        In turn: by the held shape, stiffness factor and K of each segment, the pulls, the payload.
-        """
+    def all(self) -> Sensitivity:
+        """Return the derivatives that an estimate needs."""
         each = (self.held_shape(), self.stiffness_factors(), self.stiffness_ratio(),
                 self.pulls(), self.payload())
-        return SpatialSensitivity(*(np.concatenate(parts, axis=-1) for parts in zip(*(
-            (one.rotations, one.tensions, one.paths, one.points, one.orientations, one.bending)
-            for one in each), strict=True)))
+        turned, tensions, paths = (np.concatenate(
+            [getattr(one, name) for one in each], axis=-1)
+            for name in ('turned', 'tensions', 'paths'))
+        return Sensitivity(turned, tensions, paths, self._state)
 
-    def pulls(self) -> SpatialSensitivity:
+    def pulls(self) -> Sensitivity:
         """Return the derivatives by the pull of each tendon, per m; 0 where tension is given."""
         return self._solve(pulls=np.eye(len(self._by_force)))
 
-    def tensions(self) -> SpatialSensitivity:
+    def tensions(self) -> Sensitivity:
         """Return the derivatives by the tension of each tendon, per N; 0 where length is given."""
         return self._solve(tensions=np.diag(self._by_force.astype(float)))
 
-    def stiffness_factors(self) -> SpatialSensitivity:
+    def stiffness_factors(self) -> Sensitivity:
         """
         Return the derivatives by a factor, now 1, of every stiffness of each segment.
 
@@ -155,20 +109,15 @@ class SpatialLinearisation:
         moments = _bent(secant) * joints[:, STIFFNESS] * self._angles
         return self._solve(-self._by_springs(self._of_segments(moments + self._jam_moments())))
 
-    def stiffness_ratio(self) -> SpatialSensitivity:
+    def stiffness_ratio(self) -> Sensitivity:
         """Return the derivatives by the ratio K of every stiff segment; 0 if soft or rigid."""
         more = np.array([segment.jam.ratio - 1.0 for segment in self._chain.arm.segments])
         stiff = np.array(self._state.stiff)[self._segment]
         each = np.where(stiff, 1.0 / more[self._segment], 0.0)[:, None] * self._jam_moments()
         return self._solve(-self._by_springs(self._of_segments(each)))
 
-    def held_shape(self) -> SpatialSensitivity:
-        """
-        Return the derivatives by the shape that the jam of every segment holds.
-
-        Per rad of its bending about x, then y, of each segment in turn, spread evenly over its
-        joints; 0 for one that is soft, or rigid.
-        """
+    def held_shape(self) -> Sensitivity:
+        """Return the derivatives by the shape that the jam of every segment holds."""
         stiffness = self._system[0][:, JAM]
         secant, tangent = self._jam_parts(self._system[0][:, LAW, YIELD])
         pull = stiffness[:, :2] * self._away[:, :2]
@@ -182,24 +131,20 @@ class SpatialLinearisation:
         each = each.reshape(len(pull), 3, 2, -1).transpose(0, 1, 3, 2)
         return self._solve(self._by_springs(each.reshape(len(pull), 3, -1)))
 
-    def payload(self) -> SpatialSensitivity:
+    def payload(self) -> Sensitivity:
         """Return the derivatives by a mass at the tip, per kg."""
         return self._solve(self._by_torques(np.cross(
             self._vectors(), np.array(self._chain.arm.gravity))[:, :, None]))
 
-    def forces(self) -> SpatialSensitivity:
-        """
-        Return the derivatives by forces on the discs, per N.
-
-        In turn x, y and z (base_link) at the centre of every disc but the base, as a Wrench.
-        """
+    def forces(self) -> Sensitivity:
+        """Return the derivatives by forces on the discs, per N."""
         chain, bodies = self._chain, np.arange(self._chain.bodies)
         below = (bodies < chain.last_body[:, None]) + 0.5 * (bodies == chain.last_body[:, None])
         levers = np.cross(self._vectors()[:, None], np.eye(3)).transpose(0, 2, 1)
         each = below.T[:, None, :, None] * levers[:, :, None, :]
         return self._solve(self._by_torques(each.reshape(chain.bodies, 3, -1)))
 
-    def moments(self) -> SpatialSensitivity:
+    def moments(self) -> Sensitivity:
         """Return the derivatives by dead moments on the discs, per N m, in turn as ``forces``."""
         chain = self._chain
         each = np.zeros((chain.bodies, 3, chain.segments, 3))
@@ -208,7 +153,7 @@ class SpatialLinearisation:
 
     def _vectors(self) -> Array:
         """Return the vector from the lower to the upper end of each body, (bodies, 3), m."""
-        found: Array = self._chain.lengths[:, None] * self._state.rotations[:, :, 2]
+        found: Array = self._chain.body_lengths[:, None] * self._state.rotations[:, :, 2]
         return found
 
     def _jam_parts(self, most: Array) -> tuple[Array, Array]:
@@ -260,9 +205,9 @@ class SpatialLinearisation:
         return found
 
     def _solve(self, moments: Array | None = None, *, pulls: Array | None = None,
-               tensions: Array | None = None) -> SpatialSensitivity:
+               tensions: Array | None = None) -> Sensitivity:
         """Return what follows from moments (3 links, k), pulls and tensions (tendons, k)."""
-        chain, taut = self._chain, self._taut
+        taut = self._taut
         parameters = next(a for a in (moments, pulls, tensions) if a is not None).shape[1]
         change = np.zeros((len(self._by_force), parameters)) if tensions is None else tensions
         right = (np.zeros((len(self._columns), parameters)) if moments is None else moments
@@ -279,15 +224,7 @@ class SpatialLinearisation:
         change[taut] += carried[:len(taut)]
         links = np.concatenate([self._rotations @ turned.reshape(-1, 3, parameters),
                                 np.zeros((1, 3, parameters))])
-        rotations = links[self._link]
-        ends = np.zeros((chain.bodies + 1, 3, parameters))
-        np.cumsum(np.cross(rotations, self._vectors()[:, :, None], axis=1), axis=0, out=ends[1:])
-        points = np.zeros((2 * chain.segments + 2, 3, parameters))
-        points[2::2], points[3::2] = ends[chain.last_body], ends[chain.last_body + 1]
-        orientations = np.concatenate([
-            np.zeros((1, 3, parameters)), rotations[chain.last_body]])
-        return SpatialSensitivity(rotations, change, self._slopes.T @ turned, points, orientations,
-                                  _bending(self._state.orientations, orientations))
+        return Sensitivity(links[self._link], change, self._slopes.T @ turned, self._state)
 
 
 def _bent(parts: Array) -> Array:
@@ -313,22 +250,3 @@ def _factored_band(lower: Array, moments: Array) -> tuple[Array, NDArray[np.int3
         return band, np.zeros(0, np.int32)
     factors, pivots, _ = scipy.linalg.lapack.dgbtrf(band, half, half)
     return factors, pivots
-
-
-def _bending(orientations: Array, turned: Array) -> Array:
-    """Return how bending (segments, 2, k) changes as the discs (discs, 3, k) turn."""
-    below, above = orientations[:-1], orientations[1:, :, 2]
-    axes = np.einsum('sji,sj->si', below, above)  # of each upper disc, in the frame below
-    moved = np.einsum('sji,sjk->sik', below,
-                      np.cross(turned[1:] - turned[:-1], above[:, :, None], axis=1))
-    sine = np.linalg.norm(axes[:, :2], axis=1)
-    angle = np.arctan2(sine, axes[:, 2])
-    small = sine < 1e-4
-    safe = np.where(small, 1.0, sine)
-    factor = np.where(small, 1.0, angle / safe)
-    # The cosine changes by -sine d(angle), so angle / sine by minus this times d(cosine).
-    weight = np.where(small, 1.0 / 3.0, (sine - angle * axes[:, 2]) / safe**3)
-    found = (factor[:, None, None] * moved[:, :2]
-             - (weight[:, None] * moved[:, 2])[:, None] * axes[:, :2, None])
-    bending: Array = np.stack([-found[:, 1], found[:, 0]], axis=1)
-    return bending

@@ -11,8 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array, Equilibrium, RigidChain
-from soft_continuum.mechanics.laws import extended, Jam, linear, MomentCurvature
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.laws import extended, Jam, linear, MomentCurvature, refuse_parts
+from soft_continuum.mechanics.plane.chain import PlaneChain
 
 SOFT, SOFT_TABLE, JAM, JAM_TABLE, HELD, YIELD, LENGTH = range(7)
 
@@ -20,17 +22,17 @@ SOFT, SOFT_TABLE, JAM, JAM_TABLE, HELD, YIELD, LENGTH = range(7)
 class JointLaws:
     """The laws of all joints of a chain, for any set of stiff segments and vacuum."""
 
-    def __init__(self, chain: RigidChain) -> None:
+    def __init__(self, chain: PlaneChain) -> None:
         """Collect stiffness and tables of every segment, soft and jammed."""
         self._segments = chain.arm.segments
         self._per_segment = chain.joints_per_segment
         tables: list[MomentCurvature] = []
-        soft = np.zeros((chain.joints, 7))
+        soft = np.zeros((chain.bodies, 7))
         soft[:, SOFT] = chain.joint_stiffness
         soft[:, [SOFT_TABLE, JAM_TABLE]] = -1.0
         soft[:, YIELD] = np.inf
         soft[:, LENGTH] = chain.joint_lengths
-        jam = np.zeros((chain.joints, 2))
+        jam = np.zeros((chain.bodies, 2))
         jam[:, 1] = -1.0
         for s, segment in enumerate(self._segments):
             rows = self._rows(s)
@@ -60,7 +62,7 @@ class JointLaws:
                 curvatures.append(2.0 * curvatures[-1] - curvatures[-2])
             self.tables[k] = curvatures, [table.moment(c) for c in curvatures]
 
-    def _least(self, segment: int, chain: RigidChain) -> Array:
+    def _least(self, segment: int, chain: PlaneChain) -> Array:
         """Return the smallest tangent stiffness of each joint of a soft segment, N m/rad."""
         law = self._segments[segment].soft_law
         if law is None:
@@ -92,11 +94,7 @@ class JointLaws:
         A segment that was soft there holds the shape it has there.  vacuum: 0 to 1 per segment,
         None or empty for full.  Raises ValueError where a rigid jam has some vacuum but not all.
         """
-        for s, part in enumerate(vacuum or ()):
-            if stiff[s] and self._segments[s].jam.rigid and part < 1.0:
-                raise ValueError(
-                    f'vacuum of segment {s + 1} is {part:g}; its jam is rigid and knows 0 (soft) '
-                    'and 1 (stiff) only; give the jam a ratio K or a law')
+        refuse_parts([s.jam for s in self._segments], stiff, vacuum or ())
         if self.rigid_only:
             return self.soft
         joints = self.soft.copy()
@@ -110,15 +108,15 @@ class JointLaws:
             if segment.jam.yield_moment < np.inf:
                 joints[rows, YIELD] = segment.jam.yield_moment * part
             if not start.stiff[s]:
-                joints[rows, HELD] = start.joint_angles[rows]
+                joints[rows, HELD] = start.configuration[rows]
                 continue
-            joints[rows, HELD] = start.held_angles[rows]
+            joints[rows, HELD] = start.held[rows]
             before = start.vacuum[s] if start.vacuum else 1.0
             if before < part:  # what is added holds the present shape: no moment changes
                 share = (before / part)**segment.jam.stiffness_exponent
                 for i in range(rows.start, rows.stop):
-                    offset = start.joint_angles[i] - start.held_angles[i]
-                    joints[i, HELD] = start.joint_angles[i] - self._rescaled(
+                    offset = start.configuration[i] - start.held[i]
+                    joints[i, HELD] = start.configuration[i] - self._rescaled(
                         joints[i], offset, share)
         return joints
 
@@ -172,7 +170,7 @@ class JointLaws:
         return limit
 
 
-def tension_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
+def tension_ratios(chain: PlaneChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
     """
     Return the tension of every span over that at the base, (2, segments), by the Capstan formula.
 
@@ -183,7 +181,7 @@ def tension_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int
     return ratios
 
 
-def compliances(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
+def compliances(chain: PlaneChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
     """Return by how much (2,) m each tendon stretches per N at the base, friction included."""
     tendon = chain.tendon
     if not np.isfinite(tendon.axial_stiffness):
@@ -193,7 +191,7 @@ def compliances(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) 
     return stretches
 
 
-def friction_gradients(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]
+def friction_gradients(chain: PlaneChain, joint_angles: Array, sliding: Sequence[int]
                        ) -> tuple[Array, Array]:
     """
     Return how ``tension_ratios`` and ``compliances`` change with the bodies' absolute angles.
@@ -211,7 +209,7 @@ def friction_gradients(chain: RigidChain, joint_angles: Array, sliding: Sequence
     return change[:, ::2], stretches
 
 
-def _straight_runs(chain: RigidChain) -> Array:
+def _straight_runs(chain: PlaneChain) -> Array:
     """Return the lengths of a tendon through discs and spans of the straight arm in turn, m."""
     runs = np.empty(2 * chain.segments + 1)
     runs[0::2] = [d.height for d in chain.arm.discs]
@@ -219,7 +217,7 @@ def _straight_runs(chain: RigidChain) -> Array:
     return runs
 
 
-def _headings(chain: RigidChain, joint_angles: Array) -> tuple[Array, Array]:
+def _headings(chain: PlaneChain, joint_angles: Array) -> tuple[Array, Array]:
     """
     Return the headings of each tendon through discs and spans in turn, (2, runs), rad.
 
@@ -228,7 +226,7 @@ def _headings(chain: RigidChain, joint_angles: Array) -> tuple[Array, Array]:
     theta = np.cumsum(joint_angles)
     runs = np.diff(chain.guide_points(joint_angles), axis=1)
     # A body turned by dtheta moves the end of its span by its length across; a disc its guides.
-    rates = np.zeros((2, runs.shape[1], chain.joints))
+    rates = np.zeros((2, runs.shape[1], chain.bodies))
     square = (runs**2).sum(axis=2)
     for s in range(chain.segments):
         rows = slice(s * chain.joints_per_segment, (s + 1) * chain.joints_per_segment)
@@ -253,7 +251,7 @@ def wrapped(angles: Array) -> Array:
     return inside
 
 
-def _run_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
+def _run_ratios(chain: PlaneChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
     """Return the tension over that at the base through discs and spans in turn, base first."""
     if chain.tendon.friction == 0.0:
         return np.ones((2, 2 * chain.segments + 1))
@@ -265,18 +263,3 @@ def _run_ratios(chain: RigidChain, joint_angles: Array, sliding: Sequence[int]) 
     direction = np.asarray(sliding, dtype=float)[:, None]
     ratios: Array = np.exp(-chain.tendon.friction * direction * passed)
     return ratios
-
-
-def outweigh(springs: Array, loads: Array) -> bool:
-    """
-    Return whether springs outweigh loads in every shape, so that the energy is convex.
-
-    springs: (links,) N m/rad, below each link.  loads: (links,) N m, the most that what turns with
-    a link does.  So it is when all pivots of the Hessian are positive.
-    """
-    pivot = np.inf
-    for below, above, load in zip(springs, np.append(springs, 0.0)[1:], loads, strict=True):
-        pivot = below + above - load - below * below / pivot
-        if pivot <= 0.0:
-            return False
-    return True

@@ -12,7 +12,7 @@ tables (k, 2, rows): angles in rad, and moments over the first stiffness, rad.
 from math import inf, sqrt
 
 from soft_continuum.mechanics._compile import borrowing, inlined
-from soft_continuum.mechanics.spatial._rotations import (
+from soft_continuum.mechanics.space._rotations import (
     matrix_at,
     multiply,
     rotation_vector,

@@ -15,13 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from soft_continuum.mechanics._active_set import (
+from soft_continuum.mechanics._compile import compiled, inlined
+from soft_continuum.mechanics._linear_algebra import NO_TENSION, tridiagonal_solve
+from soft_continuum.mechanics.plane._active_set import (
     active_set_step,
     held_tendons,
     negative_curvature,
-    NO_TENSION,
 )
-from soft_continuum.mechanics._arrays import (
+from soft_continuum.mechanics.plane._arrays import (
     ANGLE,
     Drive,
     LENGTH,
@@ -30,14 +31,12 @@ from soft_continuum.mechanics._arrays import (
     TENSION,
     workspace,
 )
-from soft_continuum.mechanics._assembly import (
+from soft_continuum.mechanics.plane._assembly import (
     add_springs_and_loads,
     add_tendon,
     tendon_geometry,
     turn,
 )
-from soft_continuum.mechanics._compile import compiled, inlined
-from soft_continuum.mechanics._linear_algebra import tridiagonal_solve
 
 # How a solve ended.
 CONVERGED = 0

@@ -11,8 +11,8 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
-from soft_continuum.mechanics._arrays import System, workspace
 from soft_continuum.mechanics._compile import borrowing, compiled
+from soft_continuum.mechanics.plane._arrays import System, workspace
 
 
 @compiled

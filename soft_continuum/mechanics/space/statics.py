@@ -1,46 +1,43 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Statics of a spatial arm: the shape in which springs, weights, wrenches and tendons balance.
-
-As in the plane (Statics): a minimum of the potential energy under the lengths of the tendons,
-whose Lagrange multipliers are the tensions, followed from the state before it.
-"""
+"""Statics of a spatial arm, or of any in space: the kernel of links and any tendons."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._checks import (
-    check_start,
     pulls_of,
     sliding_signs,
     soft_flags,
     tensions_of,
     vacuum_parts,
 )
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, SLACK
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import check_start, Equilibrium
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.joints import outweigh
-from soft_continuum.mechanics.spatial._laws import HELD, LAW, YIELD
-from soft_continuum.mechanics.spatial.chain import (
-    Integers,
-    SpatialChain,
-    SpatialEquilibrium,
-    sums,
+from soft_continuum.mechanics.laws import outweigh, refuse_parts
+from soft_continuum.mechanics.space._laws import HELD, LAW, YIELD
+from soft_continuum.mechanics.space.chain import Integers, SpaceChain, sums
+from soft_continuum.mechanics.space.friction import carried
+from soft_continuum.mechanics.statics import (
+    Booleans,
+    driven,
+    HeldBending,
+    LOCKED_TOLERANCE,
+    PRETENSIONS,
+    Statics,
 )
-from soft_continuum.mechanics.spatial.friction import carried
-from soft_continuum.mechanics.statics import HeldBending, PRETENSIONS
 
-Booleans = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from soft_continuum.mechanics.batch import Batch, Problems
+
 MAX_FRICTION_ITERATIONS = 100
-LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 DEGENERATE = 0.05  # of the slopes of the tendons' lengths, relative: taken as zero
 TURN = 1e-6  # rad, for slopes
 LEAST_PART = 2e-3  # m of tendon that is paid out at once, where that is tried by halves
@@ -64,20 +61,6 @@ class Locks(NamedTuple):
     direct: bool
 
 
-def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array]:
-    """
-    Return which tendons a force pulls, and tensions (N) of these and pulls (m) of the others.
-
-    pulls, tensions: (…, tendons), as of SpatialStatics.solve; so are both that are returned.
-    """
-    never = pulls == SLACK
-    target = np.where(never, 0.0, pulls)
-    if tensions is None:
-        return never, target
-    given = ~np.isnan(tensions)
-    return given | never, np.where(given, tensions, target)
-
-
 def slack_of(pulls: Array, target: Array, compliance: Array, tensions: Array,
              by_force: Booleans) -> Array:
     """Return by how much each tendon is longer than its path, m; all are (…, tendons)."""
@@ -94,7 +77,7 @@ class _Links:
     tendons).  bias: (2, links, 3) N m.  bodies: (bodies, 3, 3), rotations of all bodies.
     """
 
-    def __init__(self, chain: SpatialChain, start: SpatialEquilibrium, locks: Locks,
+    def __init__(self, chain: SpaceChain, start: Equilibrium, locks: Locks,
                  by_force: Booleans, tendons: tuple[Array, Array]) -> None:
         """
         Begin at a state.
@@ -120,7 +103,7 @@ class _Links:
         self.targets[1] = target
         locks, start = self.locks, self.start
         found: tuple[float, int, float, bool] = _kernel.functions().spatial_follow(
-            (start.rotations, start.pulls, start.slack), self.chain.layout,
+            (start.configuration, start.pulls, start.slack), self.chain.layout,
             (locks.link, self.joints, self.chain.laws.tables, self.ratios),
             (self.rotations, self.tension, self.taut, self.bodies),
             (self.kind, self.compliance, self.targets, self.bias, 0.0), locks.direct, held)
@@ -129,7 +112,7 @@ class _Links:
     def hold(self, others: Booleans) -> None:
         """Take the tensions that hold the shape best, those of ``others`` as they are."""
         system, _ = self.chain.system(
-            self.start.rotations, self.locks.link, self.joints, self.ratios)
+            self.start.configuration, self.locks.link, self.joints, self.ratios)
 
         def balance(tension: Array) -> Array:
             found: Array = _kernel.functions().spatial_balance(self.rotations[0], tension, system)
@@ -150,41 +133,28 @@ class _Links:
         self.taut[0] = tension > 0.0
 
 
-class SpatialStatics:
+class SpaceStatics(Statics):
     """
-    Equilibria of one spatial arm; compliance: of its tendons where nothing rubs, (tendons,) m/N.
+    Equilibria of one arm in space.
 
-    Softening returns the springs of a segment to their natural shape; stiffening locks it, or adds
-    the springs of its jam about the shape that it has.
-    precision: rad by which a segment that has its bending may miss it, and by which one may that
-    comes no nearer: tendons without tension may leave 1e-6 and more.  late_imports: modules that
-    are loaded when a solve first needs them, 0.3 s.
+    precision: tendons without tension may leave 1e-6 rad and more of a bending.  late_imports:
+    0.3 s.
     """
 
-    precision = (1e-8, 1e-5)
+    chain: SpaceChain
     late_imports: tuple[str, ...] = ('scipy.optimize',)
 
     def __init__(self, arm: Arm) -> None:
         """Discretise ``arm``."""
-        self.chain = SpatialChain(arm)
+        self.chain = SpaceChain(arm)
         self.compliance = arm.compliance
         self._locks = lru_cache(maxsize=64)(self._find_locks)
         self._no_friction = np.ones(len(self.chain.span_tendons))
 
-    def solve(self, start: SpatialEquilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
+    def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
               tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
-              sliding: Sequence[int] = ()) -> SpatialEquilibrium:
-        """
-        Return the equilibrium that follows from ``start``.
-
-        pulls: (tendons,) m; a slack tendon carries nothing, one of SLACK never.  soft: one flag
-        per segment.  tensions: (tendons,) N of tendons that are pulled by a force instead, nan
-        for those that are not (default: none).  vacuum: of each stiff segment, as of the planar
-        Statics.  sliding: of each tendon through its guides, for friction: 1 towards the base, -1
-        towards the tip, 0 or nothing for none.  Raises ValueError for other shapes or numbers,
-        OverconstrainedError when tendons are too short for a locked arm, StaticsError when no
-        equilibrium is found.
-        """
+              sliding: Sequence[int] = ()) -> Equilibrium:
+        """Return the equilibrium that follows from ``start``; all as in Statics."""
         tendons = len(self.compliance)
         begin, locks = self.begin(start, soft, vacuum)
         by_force, target = driven(pulls_of(pulls, tendons), None if tensions is None else
@@ -192,18 +162,21 @@ class SpatialStatics:
         ways = sliding_signs(sliding, tendons) if any(sliding) else ()
         return self._follow(begin, locks, by_force, target, ways)
 
-    def hold(self, start: SpatialEquilibrium, bending: Array, soft: Sequence[bool], *,
+    def bend(self, start: Equilibrium, segment: int, angle: float,
+             soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
+             sliding: Sequence[int] = ()) -> Equilibrium:
+        """Return the equilibrium in which ``segment`` has an angle; all as in Statics."""
+        from soft_continuum.mechanics.inverse import pulls_for_bending  # needs this
+        mask, vacuum = self._bent(start, segment, angle, soft, vacuum)
+        wanted = np.full((self.chain.segments, 2), np.nan)
+        wanted[segment] = np.where(self.chain.arm.bending_axes[segment], (0.0, angle), np.nan)
+        begun, _ = self.begin(start, mask, vacuum)
+        return pulls_for_bending(self, begun, wanted, mask).state
+
+    def hold(self, start: Equilibrium, bending: Array, soft: Sequence[bool], *,
              sliding: Sequence[int] = (), pretensions: Sequence[float] = PRETENSIONS
              ) -> HeldBending:
-        """
-        Return the state in which soft segments have their bending, and the pulls that hold it.
-
-        bending: (segments, 2) rad about x and y, of which that of soft segments counts, about the
-        axes about which they bend; the vacuum is that of ``start``.  pretensions: of which the
-        first counts that holds the arm: what would fall over by its load needs tendons to all
-        sides.  sliding: of no use, since tendons do not rub here.  Raises what pulls_for_bending
-        raised first.
-        """
+        """Return the state that pulls_for_bending finds; all as in Statics."""
         from soft_continuum.mechanics.inverse import pulls_for_bending  # needs this
         wanted = np.where(self.chain.arm.bending_axes & np.array(soft)[:, None], bending, np.nan)
         errors = []
@@ -215,19 +188,24 @@ class SpatialStatics:
                 errors.append(error)
         raise errors[0]
 
-    def sliding_towards(self, _: Array) -> tuple[int, ...]:
+    def sliding_towards(self, _: Array, /) -> tuple[int, ...]:
         """Return how tendons slide while bending changes: which do is not known, so none."""
         return ()
 
-    def begin(self, start: SpatialEquilibrium, soft: Sequence[bool],
-              vacuum: Sequence[float] | None = None) -> tuple[SpatialEquilibrium, Locks]:
+    def solve_together(self, problems: 'Problems') -> 'Batch':
+        """Return a batch with what compiled calls find, on all cores."""
+        from soft_continuum.mechanics.space.batch import together  # needs this
+        return together(problems)
+
+    def begin(self, start: Equilibrium, soft: Sequence[bool],
+              vacuum: Sequence[float] | None = None) -> tuple[Equilibrium, Locks]:
         """
         Return the start with the segments that are stiff from now on, and what they lock.
 
         All are as of ``solve``.  Raises ValueError for other shapes or numbers.
         """
         segments = self.chain.segments
-        check_start(start, SpatialEquilibrium)
+        check_start(start)
         if start.chain is not self.chain and start.chain.arm != self.chain.arm:
             raise ValueError('the start is a state of another arm; begin with '
                              'statics.chain.straight()')
@@ -237,40 +215,34 @@ class SpatialStatics:
             stiff = tuple(one and part > 0.0 for one, part in zip(stiff, parts, strict=True))
         return self._holding(start, stiff, parts), self._locks(stiff, parts)
 
-    def commanded_pulls(self, state: SpatialEquilibrium, sliding: Sequence[int] = ()) -> Array:
-        """Return the pulls (tendons,) m at the motors that give a state: paths and stretch."""
-        compliance = self.compliance
-        if any(sliding):
-            compliance = carried(self.chain, state.rotations, sliding)[1]
-        pulls: Array = state.pulls + compliance * np.nan_to_num(state.tensions)
-        return pulls
+    def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
+        """Return by how much (tendons,) m each tendon stretches per N at the base."""
+        return carried(self.chain, state.rotations, sliding)[1] if any(sliding) else (
+            self.compliance)
 
-    def _holding(self, start: SpatialEquilibrium, stiff: tuple[bool, ...],
-                 vacuum: tuple[float, ...]) -> SpatialEquilibrium:
+    def _holding(self, start: Equilibrium, stiff: tuple[bool, ...],
+                 vacuum: tuple[float, ...]) -> Equilibrium:
         """
         Return the start with segments that are stiff from now on, and with this vacuum.
 
         What is stiffened, and what more vacuum adds, holds the shape that is there.
         """
+        refuse_parts([s.jam for s in self.chain.arm.segments], stiff, vacuum)
         held, angles, per = start.held, None, self.chain.joints_per_segment
         for s, segment in enumerate(self.chain.arm.segments):
             part = vacuum[s] if vacuum else 1.0
             before = start.vacuum[s] if start.vacuum else 1.0
             if not stiff[s]:
                 continue
-            if segment.jam.rigid and part < 1.0:
-                raise ValueError(
-                    f'vacuum of segment {s + 1} is {part:g}; its jam is rigid and knows 0 (soft) '
-                    'and 1 (stiff) only; give the jam a ratio K or a law')
             share = (before / part)**segment.jam.stiffness_exponent if start.stiff[s] else 0.0
             if start.stiff[s] and before >= part:
                 continue
             rows = slice(s * per, (s + 1) * per)
             if angles is None:
-                angles, held = self.chain.joints(start.rotations), held.copy()
+                angles, held = start.joint_angles, held.copy()
             held[rows] = angles[rows] - self.chain.laws.rescaled(
                 s, angles[rows] - held[rows], share)
-        return SpatialEquilibrium(start.rotations, start.tensions, start.pulls, start.slack, 0.0,
+        return Equilibrium(start.configuration, start.tensions, start.pulls, start.slack, 0.0,
                                   0, stiff, held, vacuum=vacuum, chain=self.chain)
 
     def _find_locks(self, stiff: tuple[bool, ...], vacuum: tuple[float, ...]) -> Locks:
@@ -281,14 +253,14 @@ class SpatialStatics:
         still = np.ones(len(self.compliance), dtype=bool)
         still[chain.span_tendons[chain.entry_spans[link[chain.entry_bodies] >= 0]]] = False
         yields = bool(np.isfinite(joints[:, LAW, YIELD]).any())
-        loads = chain.lengths * np.linalg.norm(chain.forces, axis=1)
+        loads = chain.body_lengths * np.linalg.norm(chain.forces, axis=1)
         direct = not (yields or chain.moments.any()) and outweigh(
             chain.laws.least_stiffness()[free],
             sums(link[link >= 0], loads[link >= 0], len(joints)))
         return Locks(link, free, joints, still, yields, direct)
 
-    def _follow(self, start: SpatialEquilibrium, locks: Locks, by_force: Booleans,
-                target: Array, sliding: Sequence[int]) -> SpatialEquilibrium:
+    def _follow(self, start: Equilibrium, locks: Locks, by_force: Booleans,
+                target: Array, sliding: Sequence[int]) -> Equilibrium:
         """Return the equilibrium for pulls (m), or tensions (N) of those by force."""
         if not locks.free.any():
             return self._locked(start, by_force, target)
@@ -307,8 +279,8 @@ class SpatialStatics:
             before = ratios
         raise StaticsError('the friction at the guides did not converge', state)
 
-    def _led(self, start: SpatialEquilibrium, locks: Locks, by_force: Booleans, target: Array,
-             compliance: Array, ratios: Array) -> SpatialEquilibrium:
+    def _led(self, start: Equilibrium, locks: Locks, by_force: Booleans, target: Array,
+             compliance: Array, ratios: Array) -> Equilibrium:
         """Lead lengths, tensions and what is out of balance at the start to the target."""
         if locks.still.any():
             self._refuse_short(np.where(locks.still & ~by_force, target - start.pulls, 0.0), start)
@@ -338,7 +310,7 @@ class SpatialStatics:
         if locks.yields:
             held = held.copy()
             held[locks.free] = links.joints[:, HELD]
-        return SpatialEquilibrium(links.bodies, tensions, pulls, slack, residual, total,
+        return Equilibrium(links.bodies, tensions, pulls, slack, residual, total,
                                   start.stiff, held, done < 1.0, start.vacuum, chain=self.chain)
 
     def _too_short(self, links: _Links, by_force: Booleans, target: Array, done: float) -> bool:
@@ -352,10 +324,10 @@ class SpatialStatics:
         from scipy.optimize import nnls
         from scipy.spatial.transform import Rotation
         chain, link = self.chain, links.locks.link
-        bodies = links.bodies if done > 0.0 else links.start.rotations
+        bodies = links.bodies if done > 0.0 else links.start.configuration
         rigid = ~by_force & (self.compliance == 0.0)
         wanted = chain.straight_paths - target
-        _, unchanged = chain.system(links.start.rotations, link, links.joints, links.ratios)
+        _, unchanged = chain.system(links.start.configuration, link, links.joints, links.ratios)
         if np.any(rigid & (wanted <= unchanged)):
             return True
         long = np.flatnonzero(rigid & (chain.paths(bodies) > wanted - LOCKED_TOLERANCE))
@@ -373,25 +345,3 @@ class SpatialStatics:
         # The weights add up to one, as nearly as it can be had.
         rows = np.vstack([slopes / sizes, np.full(len(long), 1e3)])
         return bool(nnls(rows, np.append(np.zeros(len(slopes)), 1e3))[1] < DEGENERATE)
-
-    def _locked(self, start: SpatialEquilibrium, by_force: Booleans, target: Array
-                ) -> SpatialEquilibrium:
-        """Return a wholly rigid arm: its tendons stretch, become slack, or cannot be pulled."""
-        short = np.where(by_force, 0.0, target - start.pulls)
-        self._refuse_short(short, start)
-        stretches = self.compliance > 0.0
-        stretched = np.maximum(0.0, short) / np.where(stretches, self.compliance, 1.0)
-        # Nothing determines what one carries that neither stretches nor is slack.
-        found = np.where(stretches, stretched, np.where(short < -LOCKED_TOLERANCE, 0.0, np.nan))
-        return replace(start, slack=np.maximum(0.0, -short), residual=0.0, iterations=0,
-                       tensions=np.where(by_force, target, found), jumped=False)
-
-    def _refuse_short(self, short: Array, start: SpatialEquilibrium) -> None:
-        """Refuse tendons (tendons,) that are too short (m) where nothing can bend or stretch."""
-        beyond = np.where(self.compliance > 0.0, 0.0, short)
-        if beyond.max(initial=0.0) > LOCKED_TOLERANCE:
-            worst = int(np.argmax(beyond))
-            raise OverconstrainedError(
-                f'every segment that {self.chain.arm.tendons[worst].name} passes is stiff and '
-                f'rigid, so it cannot be pulled in by another {beyond[worst]:g} m; soften a '
-                'segment', start)

@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm, Segment
-from soft_continuum.mechanics.chain import Array, joint_lengths_of
+from soft_continuum.mechanics.arm import Arm, Array, Segment
+from soft_continuum.mechanics.chain import joint_lengths_of
 from soft_continuum.mechanics.laws import extended, linear, MomentCurvature
-from soft_continuum.mechanics.spatial._laws import (
+from soft_continuum.mechanics.space._laws import (
     bend,
     HELD,
     JAM,
@@ -31,7 +31,7 @@ RIGID = 1e6
 """Times the smallest bending stiffness of a joint: of what is described as infinitely stiff."""
 
 
-class SpatialLaws:
+class SpaceLaws:
     """The laws of all joints of a spatial arm, for any set of stiff segments and vacuum."""
 
     def __init__(self, arm: Arm) -> None:

@@ -7,11 +7,13 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from soft_continuum.mechanics import _newton
-from soft_continuum.mechanics._active_set import NO_TENSION
-from soft_continuum.mechanics._arrays import Drive, System
-from soft_continuum.mechanics.chain import Array, LEFT, RIGHT, RigidChain
-from soft_continuum.mechanics.joints import compliances, tension_ratios
+from soft_continuum.mechanics._linear_algebra import NO_TENSION
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import LEFT, RIGHT
+from soft_continuum.mechanics.plane import _newton
+from soft_continuum.mechanics.plane._arrays import Drive, System
+from soft_continuum.mechanics.plane.chain import PlaneChain
+from soft_continuum.mechanics.plane.joints import compliances, tension_ratios
 
 # How far a segment may turn in one solve, rad; beyond, the path is followed in smaller steps.
 TURN_LIMIT = 2.0
@@ -57,7 +59,7 @@ class Problem(NamedTuple):
     stiff: tuple[bool, ...]
     vacuum: tuple[float, ...] = ()
 
-    def with_friction(self, chain: RigidChain, angles: Array, sliding: Sequence[int]) -> Self:
+    def with_friction(self, chain: PlaneChain, angles: Array, sliding: Sequence[int]) -> Self:
         """Return the problem with the tendons' friction and stretch at joint angles (joints,)."""
         return self._replace(
             system=self.system._replace(ratios=tension_ratios(chain, angles, sliding)),

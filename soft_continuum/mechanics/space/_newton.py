@@ -25,9 +25,9 @@ from soft_continuum.mechanics._linear_algebra import (
     negative_eigenvalues,
     small_solve,
 )
-from soft_continuum.mechanics.spatial._assembly import assemble, dead_moments
-from soft_continuum.mechanics.spatial._laws import creep, STIFFNESS
-from soft_continuum.mechanics.spatial._rotations import rotate
+from soft_continuum.mechanics.space._assembly import assemble, dead_moments
+from soft_continuum.mechanics.space._laws import creep, STIFFNESS
+from soft_continuum.mechanics.space._rotations import rotate
 
 LENGTH, TENSION = 0, 1
 CONVERGED, DIVERGED, SINGULAR, CYCLED, UNSTABLE = 0, 1, 2, 3, 4

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rotation matrices as others write them: by quaternions and angles."""
+"""Rotations as others write them: by quaternions and angles."""
 
 import numpy as np
 
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 
 def bending_between(orientations: Array) -> Array:
@@ -75,3 +75,41 @@ def angles_about_axes(rotations: Array) -> Array:
     return np.column_stack([
         np.arctan2(-rotations[:, 1, 2], rotations[:, 2, 2]), np.arcsin(rotations[:, 0, 2]),
         np.arctan2(-rotations[:, 0, 1], rotations[:, 0, 0])])
+
+
+def orientation(angle: float) -> tuple[float, float, float, float]:
+    """Return the quaternion (x, y, z, w) of a rotation by ``angle`` rad about +y."""
+    half = angle / 2.0
+    return 0.0, float(np.sin(half)), 0.0, float(np.cos(half))
+
+
+def full_poses(planar: Array) -> Array:
+    """
+    Return poses (k, 7) of planar rows (k, 3).
+
+    planar: x, z (m) and angle about +y (rad).  A pose is position x, y, z (m) and quaternion x, y,
+    z, w; z of its frame is the tangent of the backbone.
+    """
+    poses = np.zeros((len(planar), 7))
+    poses[:, 0], poses[:, 2] = planar[:, 0], planar[:, 1]
+    poses[:, 4], poses[:, 6] = np.sin(planar[:, 2] / 2.0), np.cos(planar[:, 2] / 2.0)
+    return poses
+
+
+def bending_rates(orientations: Array, turned: Array) -> Array:
+    """Return how bending (segments, 2, k) changes as the discs (discs, 3, k) turn."""
+    below, above = orientations[:-1], orientations[1:, :, 2]
+    axes = np.einsum('sji,sj->si', below, above)  # of each upper disc, in the frame below
+    moved = np.einsum('sji,sjk->sik', below,
+                      np.cross(turned[1:] - turned[:-1], above[:, :, None], axis=1))
+    sine = np.linalg.norm(axes[:, :2], axis=1)
+    angle = np.arctan2(sine, axes[:, 2])
+    small = sine < 1e-4
+    safe = np.where(small, 1.0, sine)
+    factor = np.where(small, 1.0, angle / safe)
+    # The cosine changes by -sine d(angle), so angle / sine by minus this times d(cosine).
+    weight = np.where(small, 1.0 / 3.0, (sine - angle * axes[:, 2]) / safe**3)
+    found = (factor[:, None, None] * moved[:, :2]
+             - (weight[:, None] * moved[:, 2])[:, None] * axes[:, :2, None])
+    bending: Array = np.stack([-found[:, 1], found[:, 0]], axis=1)
+    return bending

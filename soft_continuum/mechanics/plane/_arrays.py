@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.mechanics._compile import compiled
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Array
 
 Indices = NDArray[np.int64]
 

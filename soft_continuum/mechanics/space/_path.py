@@ -12,18 +12,18 @@ from math import asin, sqrt
 
 import numpy as np
 
-from soft_continuum.mechanics._active_set import NO_TENSION
 from soft_continuum.mechanics._compile import borrowing, compiled
-from soft_continuum.mechanics.spatial._arrays import System, workspace
-from soft_continuum.mechanics.spatial._assembly import assemble, span_lengths
-from soft_continuum.mechanics.spatial._newton import (
+from soft_continuum.mechanics._linear_algebra import NO_TENSION
+from soft_continuum.mechanics.space._arrays import System, workspace
+from soft_continuum.mechanics.space._assembly import assemble, span_lengths
+from soft_continuum.mechanics.space._newton import (
     CONVERGED,
     least_stiffness,
     LENGTH,
     newton,
     size_of,
 )
-from soft_continuum.mechanics.spatial._rotations import (
+from soft_continuum.mechanics.space._rotations import (
     apply,
     matrix_at,
     multiply,

@@ -12,9 +12,9 @@ from math import sqrt
 import numpy as np
 
 from soft_continuum.mechanics._compile import borrowing, compiled, inlined
-from soft_continuum.mechanics.spatial._arrays import BAND, System, workspace
-from soft_continuum.mechanics.spatial._laws import joint_law
-from soft_continuum.mechanics.spatial._rotations import (
+from soft_continuum.mechanics.space._arrays import BAND, System, workspace
+from soft_continuum.mechanics.space._laws import joint_law
+from soft_continuum.mechanics.space._rotations import (
     apply,
     cross,
     inverse_jacobian,

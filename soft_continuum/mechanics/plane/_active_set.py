@@ -10,13 +10,16 @@ it.
 
 import numpy as np
 
-from soft_continuum.mechanics._arrays import LENGTH, TENSION
 from soft_continuum.mechanics._compile import compiled, inlined
-from soft_continuum.mechanics._linear_algebra import negative_eigenvalues, small_solve
+from soft_continuum.mechanics._linear_algebra import (
+    negative_eigenvalues,
+    NO_TENSION,
+    small_solve,
+)
+from soft_continuum.mechanics.plane._arrays import LENGTH, TENSION
 
 TAUT_TOLERANCE = 1e-9  # m of slack below which a tendon is just taut
 LENGTH_TOLERANCE = 1e-13  # m by which a slack tendon may be too long after a step
-NO_TENSION = 1e-7  # N: rounding of a tension of zero
 MAX_CHANGES = 5  # of the active set in one step
 
 

@@ -13,13 +13,17 @@ from math import isfinite
 
 import numpy as np
 
-from soft_continuum.mechanics import _kernel, _newton
-from soft_continuum.mechanics._active_set import LENGTH_TOLERANCE, NO_TENSION, TAUT_TOLERANCE
-from soft_continuum.mechanics._arrays import ANGLE, Drive, LENGTH, State, TENSION
-from soft_continuum.mechanics._problem import Point, Problem
-from soft_continuum.mechanics.chain import Array, Equilibrium, LEFT, RIGHT, RigidChain, SLACK
+from soft_continuum.mechanics import _kernel
+from soft_continuum.mechanics._linear_algebra import NO_TENSION
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
-from soft_continuum.mechanics.joints import JointLaws
+from soft_continuum.mechanics.plane import _newton
+from soft_continuum.mechanics.plane._active_set import LENGTH_TOLERANCE, TAUT_TOLERANCE
+from soft_continuum.mechanics.plane._arrays import ANGLE, Drive, LENGTH, State, TENSION
+from soft_continuum.mechanics.plane._problem import Point, Problem
+from soft_continuum.mechanics.plane.chain import PlaneChain
+from soft_continuum.mechanics.plane.joints import JointLaws
 
 # Amplitudes of the waves, rad, that make a straight arm between two taut tendons buckle.
 BUCKLING_PERTURBATIONS = (1e-3, -2e-3, 4e-3, -8e-3, 0.016, -0.032)
@@ -34,10 +38,10 @@ MAX_MOTION, SLOW_MOTION, AT_REST = 0.3, 0.02, 0.1  # rad per step of the overdam
 class Continuation:
     """Finds the equilibria of one arm, each from the state before it."""
 
-    def __init__(self, chain: RigidChain, laws: JointLaws) -> None:
+    def __init__(self, chain: PlaneChain, laws: JointLaws) -> None:
         """Take the chain and its joints."""
         self.chain, self.laws = chain, laws
-        self._tendon = (chain.straight_length + sum(d.height for d in chain.arm.discs)
+        self._tendon = (chain.straight_paths[0] + sum(d.height for d in chain.arm.discs)
                         + chain.tendon.free_length)
 
     def tolerance(self, stiff: Sequence[bool]) -> Array:
@@ -71,10 +75,10 @@ class Continuation:
         """
         chain = self.chain
         angles, tensions, pulls, slack = found = (
-            np.empty(chain.joints), np.empty(2), np.empty(2), np.empty(2))
+            np.empty(chain.bodies), np.empty(2), np.empty(2), np.empty(2))
         status, iterations, residual, turned = _kernel.functions().equilibrium(
-            (start.joint_angles, start.tensions), tuple(problem.system), tuple(problem.drive),
-            (problem.groups, chain.straight_length), hold, problem.tolerance, found)
+            (start.configuration, start.tensions), tuple(problem.system), tuple(problem.drive),
+            (problem.groups, chain.straight_paths[0]), hold, problem.tolerance, found)
         if not problem.reached(status, turned, tensions):
             return None
         return Equilibrium(
@@ -84,11 +88,11 @@ class Continuation:
 
     def point_of(self, start: Equilibrium) -> Point:
         """Return a state as a point; raises ValueError for joint angles that are not finite."""
-        theta = start.joint_angles.cumsum()
+        theta = start.configuration.cumsum()
         if not isfinite(theta[-1]):  # as the last is when any is not
             raise ValueError('the joint angles of the start must be finite numbers')
         return Point(theta, np.nan_to_num(start.tensions),
-                     self.chain.straight_length - start.pulls, slack=start.slack)
+                     self.chain.straight_paths - start.pulls, slack=start.slack)
 
     def newton(self, start: Point, problem: Problem, target: Array | None = None,
                bias: Array | None = None, damping: float = 0.0) -> Point:
@@ -108,12 +112,12 @@ class Continuation:
         """Return a solved point as an Equilibrium."""
         slack = _slack(point, problem.drive)
         angles = joint_angles(point.theta)
-        if problem.groups < self.chain.joints:  # locked joints keep theirs to the last bit
+        if problem.groups < self.chain.bodies:  # locked joints keep theirs to the last bit
             group = problem.system.group
             free = group > np.append(-1, group[:-1])
             angles = np.where(free, angles, problem.locked_angles)
         return Equilibrium(
-            angles, point.tension, self.chain.straight_length - point.lengths, slack,
+            angles, point.tension, self.chain.straight_paths - point.lengths, slack,
             point.residual, point.iterations, problem.stiff,
             self.laws.held(angles, problem.system.joints, problem.stiff), jumped, problem.vacuum,
             chain=self.chain)
@@ -222,7 +226,7 @@ class Continuation:
         for t in (RIGHT, LEFT):
             tension = point.tension[t]
             if drive.mode[t] == ANGLE:
-                last = self.chain.last_joint
+                last = self.chain.last_body
                 angles = joint_angles(point.theta[last])
                 gap[t] = angles[drive.segment[t]] - drive.target[t]
             elif drive.mode[t] == TENSION:
@@ -294,7 +298,7 @@ class Continuation:
             return StaticsError('the path to that angle ends before it', state)
         if np.any(drive.mode == TENSION):
             return StaticsError('no stable equilibrium found near the present shape', state)
-        straight = self.chain.straight_length
+        straight = self.chain.straight_paths[0]
         path = (f'{self._pulls_text(straight - drive.target)}; the path to them ends at '
                 f'{self._pulls_text(straight - target)}; ')
         if self._too_short(point, problem, target):
@@ -315,13 +319,13 @@ class Continuation:
         drive, group, free = problem.drive, problem.system.group, problem.system.group >= 0
         guides = self.chain.guide_points(joint_angles(point.theta))
         spans = np.linalg.norm(np.diff(guides, axis=1), axis=2)[:, 1::2]
-        disc = group[self.chain.last_joint]
+        disc = group[self.chain.last_body]
         locked = disc == np.insert(disc[:-1], 0, -1)
         if np.any((drive.compliance == 0) & (drive.target <= spans[:, locked].sum(axis=1))):
             return True
         slopes = np.zeros((2, problem.groups))
         for k in range(problem.groups):
-            there, back = (self.chain.tendon_lengths(joint_angles(
+            there, back = (self.chain.paths(joint_angles(
                 point.theta + np.where(free & (group == k), turn, 0.0)))
                 for turn in (1e-6, -1e-6))
             slopes[:, k] = (there - back) / 2e-6

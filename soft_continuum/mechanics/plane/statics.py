@@ -1,0 +1,218 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Statics of a planar arm: the kernel of hinges, and its pair of tendons."""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from soft_continuum.mechanics._checks import (
+    pulls_of,
+    sliding_signs,
+    soft_flags,
+    tensions_of,
+    vacuum_parts,
+)
+from soft_continuum.mechanics._linear_algebra import NO_TENSION
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import check_start, Equilibrium, LEFT, RIGHT, SLACK
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.laws import outweigh
+from soft_continuum.mechanics.plane import _newton
+from soft_continuum.mechanics.plane._arrays import (
+    ANGLE,
+    BOTH_LENGTHS,
+    Drive,
+    Indices,
+    LENGTH,
+    System,
+    TENSION,
+)
+from soft_continuum.mechanics.plane._continuation import Continuation
+from soft_continuum.mechanics.plane._problem import Problem, TURN_LIMIT, TURN_LIMIT_NOT_CONVEX
+from soft_continuum.mechanics.plane.chain import PlaneChain
+from soft_continuum.mechanics.plane.joints import compliances, JointLaws
+from soft_continuum.mechanics.statics import HeldBending, PRETENSIONS, Statics
+
+if TYPE_CHECKING:
+    from soft_continuum.mechanics.batch import Batch, Problems
+
+
+class PlaneStatics(Statics):
+    """Equilibria of one planar arm."""
+
+    precision = (1e-9, 1e-9)
+    chain: PlaneChain
+
+    def __init__(self, arm: Arm) -> None:
+        """Discretise ``arm`` and prepare the arrays of the solver."""
+        self.chain = PlaneChain(arm)
+        self.laws = JointLaws(self.chain)
+        self._bodies = np.column_stack([self.chain.body_lengths, self.chain.load_coefficients])
+        self.continuation = Continuation(self.chain, self.laws)
+        self.compliance = compliances(self.chain, np.zeros(self.chain.bodies), (0, 0))
+        self._no_friction = np.ones((2, self.chain.segments))
+        self._groups = cache(self._find_groups)
+        self._stiff = cache(self._find_stiff)
+
+    def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
+              tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
+              sliding: Sequence[int] = ()) -> Equilibrium:
+        """Return the equilibrium that follows from ``start``; all as in Statics."""
+        target, modes = self.chain.straight_paths - pulls_of(pulls, 2), BOTH_LENGTHS
+        if tensions is not None:
+            given = tensions_of(tensions, 2, optional=True)
+            modes = np.where(np.isnan(given), LENGTH, TENSION)
+            target = np.where(np.isnan(given), target, given)
+        problem = self.problem(start, soft, target, vacuum, modes)
+        if problem.groups == 0:
+            by_force = modes == TENSION
+            return self._locked(Equilibrium(
+                start.configuration, start.tensions, start.pulls, start.slack, 0.0, 0,
+                problem.stiff, start.configuration, chain=self.chain), by_force, np.where(
+                    by_force, target, self.chain.straight_paths - target))
+        return self._find(start, problem, sliding)
+
+    def bend(self, start: Equilibrium, segment: int, angle: float,
+             soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
+             sliding: Sequence[int] = ()) -> Equilibrium:
+        """Return the equilibrium in which ``segment`` has an angle; all as in Statics."""
+        mask, vacuum = self._bent(start, segment, angle, soft, vacuum)
+        # What the tendons carried before may be far too much for the segment that is soft now.
+        start = Equilibrium(
+            start.configuration, np.zeros(2), start.pulls, start.slack, start.residual, 0,
+            start.stiff, start.held, False, start.vacuum, chain=self.chain)
+        reasons: dict[int, str] = {}
+        # What a jam holds depends on where it was stiffened, so on both solves.
+        at_once = self.laws.rigid_only and not (any(sliding) and self.chain.tendon.friction)
+        rows = slice(segment * self.chain.joints_per_segment,
+                     (segment + 1) * self.chain.joints_per_segment)
+        turn = angle - float(start.configuration[rows].sum()) or angle
+        for tendon in (RIGHT, LEFT) if turn >= 0.0 else (LEFT, RIGHT):
+            modes, target = np.zeros(2, dtype=np.int64), np.full(2, np.inf)
+            modes[tendon], target[tendon] = ANGLE, angle
+            problem = self.problem(start, mask, target, vacuum, modes, segment)
+            try:
+                if at_once and (held := self.continuation.in_one_step(start, problem, hold=True)
+                                ) is not None and held.tensions[tendon] >= -NO_TENSION:
+                    return held
+                found = self._find(start, problem, sliding)
+                if found.tensions[tendon] >= -NO_TENSION:
+                    return self._hold(found, mask, vacuum, sliding)
+                reasons[tendon] = 'it would have to push'
+            except StaticsError as error:
+                reasons[tendon] = str(error)
+        why = '; '.join(f'{name}: {reasons[t]}'
+                        for t, name in enumerate(self.chain.arm.tendon_names))
+        raise StaticsError(f'no tendon holds segment {segment + 1} at {np.degrees(angle):.1f} '
+                           f'degrees ({why})', start)
+
+    def hold(self, start: Equilibrium, bending: Array, soft: Sequence[bool], *,
+             sliding: Sequence[int] = (), pretensions: Sequence[float] = PRETENSIONS
+             ) -> HeldBending:
+        """
+        Return the state in which the soft segment has its bending, and the pulls that hold it.
+
+        bending: (segments, 2) rad about x and y, of which that of the first soft segment about y
+        counts; all others are stiff.  sliding: as in ``solve``.  pretensions: of no use where one
+        tendon carries.  Raises what ``bend`` raises.
+        """
+        segment = list(soft).index(True)
+        found = self.bend(start, segment, float(bending[segment, 1]), sliding=sliding)
+        carries = np.arange(len(found.tensions)) == np.argmax(found.tensions)
+        return HeldBending(found, np.where(carries & (found.tensions > 0.0),
+                                           self.commanded_pulls(found, sliding), SLACK))
+
+    def sliding_towards(self, change: Array, /) -> tuple[int, ...]:
+        """Return how tendons slide, as of a solve, while bending (segments, 2) changes, rad."""
+        turn = int(np.sign(change[:, 1].sum()))
+        return turn, -turn
+
+    def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
+        """Return by how much (2,) m each tendon stretches per N at the base."""
+        return compliances(self.chain, state.configuration, sliding_signs(sliding))
+
+    def solve_together(self, problems: 'Problems') -> 'Batch':
+        """Return a batch with what full steps find, on all cores."""
+        from soft_continuum.mechanics.plane.batch import full_steps  # needs this
+        return full_steps(problems)
+
+    def _hold(self, found: Equilibrium, soft: Sequence[bool], vacuum: Sequence[float] | None,
+              sliding: Sequence[int]) -> Equilibrium:
+        """Check that a state found by its bending angle is stable with its tendons' lengths."""
+        pulls = self.commanded_pulls(found, sliding)
+        carries = found.tensions > NO_TENSION
+        if carries.any():  # where neither carries, both just taut hold the arm
+            pulls = np.where(carries, pulls, SLACK)
+        problem = self.problem(found, soft, self.chain.straight_paths - pulls, vacuum)
+        if any(sliding):
+            problem = problem.with_friction(self.chain, found.configuration, sliding)
+        point = self.continuation.newton(self.continuation.point_of(found), problem)
+        if point.status != _newton.CONVERGED:
+            raise StaticsError(
+                'the tendons can bend the arm to this shape but not hold it there: the '
+                'equilibrium is not stable', found)
+        return self.continuation.result(point, problem)
+
+    def problem(self, start: Equilibrium, soft: Sequence[bool], target: Array,
+                vacuum: Sequence[float] | None = None, modes: Indices = BOTH_LENGTHS,
+                segment: int = 0) -> Problem:
+        """
+        Return one solve in compiled form.
+
+        target, modes, segment: of the tendons, as in Drive; by default both are driven by their
+        lengths, m.  The other arguments are those of ``solve``.
+        Raises ValueError for input that is not of this arm.
+        """
+        check_start(start)
+        segments = self.chain.segments
+        try:
+            stiff = self._stiff(tuple(soft))
+        except (TypeError, ValueError):  # which is said of what was given
+            stiff = self._find_stiff(soft)
+        parts = vacuum_parts(vacuum, segments)
+        if start.configuration.shape != (self.chain.bodies,) or len(start.stiff) != segments:
+            raise ValueError(
+                f'the start has {start.configuration.size} joints in {len(start.stiff)} segments, '
+                f'this arm has {self.chain.bodies} in {segments}')
+        if parts:  # without any vacuum there is no jam
+            stiff = tuple(s and part > 0.0 for s, part in zip(stiff, parts, strict=True))
+        system, groups, turn_limit, tolerance = self._groups(stiff)
+        if parts or not self.laws.rigid_only:
+            system = system._replace(joints=self.laws.joints(start, stiff, parts))
+        return Problem(
+            system, Drive(modes, target, self.compliance,
+                          np.array((segment, segment)) if segment else BOTH_LENGTHS), groups,
+            turn_limit, tolerance, start.configuration, stiff, parts)
+
+    def _find_stiff(self, soft: Sequence[bool]) -> tuple[bool, ...]:
+        return tuple(not one for one in soft_flags(soft, self.chain.segments))
+
+    def _find_groups(self, stiff: tuple[bool, ...]) -> tuple[System, int, float, Array]:
+        """
+        Number the rigid groups: every body of a free segment with what is locked onto it.
+
+        Return the system with soft joints, the number of groups, how far (rad) a segment may turn
+        in one solve, and the solver's tolerance.  Where the springs outweigh the loads no path of
+        an arm with a slack tendon was seen to end.
+        """
+        locked = [s and segment.jam.rigid
+                  for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
+        free = np.repeat(np.logical_not(locked), self.chain.joints_per_segment)
+        group, groups = np.cumsum(free) - 1, int(free.sum())
+        system = System(self._bodies, self.laws.soft, self.laws.tables, self.chain.guides,
+                        self._no_friction, group)
+        tolerance = self.continuation.tolerance(stiff)
+        if groups == 0:
+            return system, groups, TURN_LIMIT, tolerance
+        springs = self.laws.least_stiffness[free]
+        worst: Array = np.bincount(
+            group[group >= 0], np.hypot(*self._bodies[group >= 0, 1:].T)).astype(float)
+        limit = TURN_LIMIT if outweigh(springs, worst) else TURN_LIMIT_NOT_CONVEX
+        return system, groups, limit, tolerance
+
+    def _find(self, start: Equilibrium, problem: Problem, sliding: Sequence[int]) -> Equilibrium:
+        return self.continuation.solve(start, problem, sliding_signs(sliding))
