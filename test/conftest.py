@@ -66,6 +66,17 @@ def _no_saved_shapes(tmp_path_factory):
     os.environ['XDG_CONFIG_HOME'] = str(tmp_path_factory.mktemp('config'))
 
 
+@pytest.fixture(autouse=True)
+def _usual_share():
+    """Give back the larger share of the processor that a node or a device in this process took."""
+    usual = os.getpriority(os.PRIO_PROCESS, 0)
+    yield
+    if os.getpriority(os.PRIO_PROCESS, 0) < usual:
+        for thread in os.listdir('/proc/self/task'):
+            with suppress(OSError):
+                os.setpriority(os.PRIO_PROCESS, int(thread), usual)
+
+
 @pytest.hookimpl(hookwrapper=True)
 def pytest_collection():
     """Collect thousands of tests without looking again and again for what could be freed."""
