@@ -76,7 +76,7 @@ SIGNATURES = {
         f'Tuple(({LIST}, {NUMBERS}, {LIST}, b1[::1])), i8, i8)',
     'spatial_balance': f'f8[::1]({BLOCKS}, {LIST}, {LINKS})',
     'spatial_linearise':
-        f'Tuple(({TABLE}, {TABLE}, {LIST}, {TABLE}))({BLOCKS}, {LIST}, {LINKS})',
+        f'Tuple(({TABLE}, {TABLE}, {LIST}, {TABLE}, {TABLE}))({BLOCKS}, {LIST}, {LINKS})',
 }
 PASSING = 3  # exit status of a build that may do another time: no numba yet, no space
 KEPT = 8  # versions in the cache of the user

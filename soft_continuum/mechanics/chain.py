@@ -191,9 +191,10 @@ class Chain:
         """Make one of the kind of the arm; what is unpickled has its kind."""
         kind: type[Any] = cls
         if cls is Chain and arm is not None:
-            from soft_continuum.mechanics.plane.chain import PlaneChain
-            from soft_continuum.mechanics.space.chain import SpaceChain
-            kind = PlaneChain if arm.planar else SpaceChain
+            if arm.planar:
+                from soft_continuum.mechanics.plane.chain import PlaneChain as kind
+            else:
+                from soft_continuum.mechanics.space.chain import SpaceChain as kind
         made: Self = super().__new__(kind)
         return made
 

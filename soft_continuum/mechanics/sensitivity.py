@@ -91,11 +91,11 @@ class Linearisation:
         """
         Assemble the matrix, and factor it.
 
-        sliding: as in Statics.solve; in space tendons do not rub here.  tensions: as there: a
-        number for each tendon whose tension is given and not its length, else nan (default: all
-        lengths).  loading: whether joints whose jam bears just its yield moment go on to yield,
-        or all turn back and are elastic.  Raises ValueError for a state of another arm, tensions
-        of the wrong size, and segments with friction.
+        sliding: as in Statics.solve.  tensions: as there: a number for each tendon whose tension
+        is given and not its length, else nan (default: all lengths).  loading: whether joints
+        whose jam bears just its yield moment go on to yield, or all turn back and are elastic.
+        Raises ValueError for a state of another arm, tensions of the wrong size, and segments with
+        friction.
         """
         raise NotImplementedError
 

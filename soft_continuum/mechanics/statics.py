@@ -68,9 +68,10 @@ class Statics:
         """Make one of the kind of the arm."""
         kind: type[Any] = cls
         if cls is Statics:
-            from soft_continuum.mechanics.plane.statics import PlaneStatics
-            from soft_continuum.mechanics.space.statics import SpaceStatics
-            kind = PlaneStatics if arm.planar else SpaceStatics
+            if arm.planar:
+                from soft_continuum.mechanics.plane.statics import PlaneStatics as kind
+            else:
+                from soft_continuum.mechanics.space.statics import SpaceStatics as kind
         made: Self = super().__new__(kind)
         return made
 

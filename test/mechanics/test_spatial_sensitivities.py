@@ -36,6 +36,28 @@ def test_by_pulls(seed):
         assert_is_difference(found, t, more, less, step)
 
 
+@pytest.mark.parametrize('stretch', [np.inf, 2000.0])
+@pytest.mark.parametrize('sliding', [(1, -1, 1), (-1, 0, 1)])
+def test_by_pulls_and_payload_where_tendons_rub(stretch, sliding):
+    arm = three_segments(payload=0.05)
+    arm = replace(arm, tendons=tuple(replace(
+        tendon, friction=0.3, axial_stiffness=stretch, twist=3.0) for tendon in arm.tendons))
+    statics, soft = SpaceStatics(arm), (True, False, True)
+    state = statics.solve(statics.chain.straight(), (0.012, -0.003, 0.008), soft, sliding=sliding)
+    at = statics.commanded_pulls(state, sliding) - state.slack
+    line, step = SpaceLinearisation(statics, state, sliding), 1e-5
+    for t in range(3):
+        more, less = (statics.solve(state, at + change * np.eye(3)[t], soft, sliding=sliding)
+                      for change in (step, -step))
+        assert_is_difference(line.pulls(), t, more, less, step)
+    more, less = (one.solve(start, at, soft, sliding=sliding) for one, start in (
+        changed(state, replace(arm, payload=arm.payload + change)) for change in (1e-4, -1e-4)))
+    assert_is_difference(line.payload(), 0, more, less, 1e-4)
+    frictionless = SpaceLinearisation(statics, state).pulls()
+    assert np.abs(line.pulls().tensions - frictionless.tensions).max() > 0.05 * np.abs(
+        frictionless.tensions).max()  # it counts
+
+
 @pytest.mark.parametrize('seed', SEEDS)
 @pytest.mark.parametrize('which', ['all', 'first'])
 def test_by_tensions(seed, which):
@@ -153,5 +175,5 @@ def test_a_state_of_another_arm_and_tensions_of_another_size_are_refused():
     statics = SpaceStatics(three_segments())
     with pytest.raises(ValueError, match='another arm'):
         SpaceLinearisation(statics, SpaceStatics(three_segments(turn=1.0)).chain.straight())
-    with pytest.raises(ValueError, match='3 numbers'):
+    with pytest.raises(ValueError, match='each of the 3 tendons'):
         SpaceLinearisation(statics, statics.chain.straight(), tensions=(1.0,))

@@ -298,18 +298,18 @@ def linearise(rotations, tension, system):  # type: ignore[no-untyped-def]
     Return the derivative of the unbalanced moments, with tensions that stay.
 
     That is a band as in Work, and columns (3 links, c) times forces (c,) in N/m times the same
-    columns.  Last slopes (3 links, tendons), m, of the paths, which are also the derivatives by
-    the tensions.
+    columns.  Last the derivatives by the tensions, and the slopes of the paths, (3 links,
+    tendons), m.
     """
     system = System(*system)
     count = len(tension)
     work = workspace(system, count)
     for t in range(count):
         work.chosen[t] = True
-    _, unknowns, _ = assemble(rotations, tension, system, False, work)
+    _, unknowns, shift = assemble(rotations, tension, system, False, work)
     forces = np.empty(unknowns - count)
     for c in range(count, unknowns):
         s = work.of_column[c]
-        forces[c - count] = tension[system.spans[s, 0]] / work.lengths[s]
-    return (work.band, work.columns[:, count:unknowns].copy(), forces,
-            work.columns[:, :count].copy())
+        forces[c - count] = tension[system.spans[s, 0]] * system.ratios[s] / work.lengths[s]
+    return (work.band, work.columns[:, shift + count:shift + unknowns].copy(), forces,
+            work.columns[:, :count].copy(), work.columns[:, shift:shift + count].copy())

@@ -7,7 +7,7 @@ As in the plane: a tendon loses exp(-mu beta) at every guide where it turns by b
 of the base disc on, below which it runs along the axis.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.space.chain import SpaceChain
 
 AT_ONE_PLACE = 1e-9  # m: between guides this close a tendon has no direction
+STRAIGHT = 1e-9  # rad: a turn this small has no slope, as in the straight arm
 
 
 def carried(chain: SpaceChain, rotations: Array, sliding: Sequence[int]
@@ -27,29 +28,88 @@ def carried(chain: SpaceChain, rotations: Array, sliding: Sequence[int]
     """
     ratios: list[float] = []
     compliances = np.zeros(len(sliding))
-    straight = np.tile(np.eye(3), (chain.bodies, 1, 1))
-    upwards = np.concatenate([np.eye(3)[None], rotations])[:, :, 2]
-    for t, (tendon, now, before) in enumerate(zip(
-            chain.arm.tendons, chain.tendon_points(rotations), chain.tendon_points(straight),
-            strict=True)):
-        along_end = upwards[chain.last_body[tendon.end - 1] + 1]  # through the disc where it ends
-        runs = np.concatenate([upwards[:1], np.diff(now, axis=0), [along_end]])
-        is_span = np.array([False, *(ends for _, _, ends in chain.guides[t][1:]), False])
-        lengths = np.zeros(len(runs))
-        lengths[is_span] = np.linalg.norm(np.diff(before, axis=0), axis=1)[is_span[1:-1]]
-        lengths[~is_span] = [disc.height for disc in chain.arm.discs[:tendon.end + 1]]
-        left = np.exp(-tendon.friction * sliding[t] * _turned(runs))
+    for t, (tendon, runs, (is_span, lengths)) in enumerate(zip(
+            chain.arm.tendons, _runs(chain, rotations), _straight_runs(chain), strict=True)):
+        turned = np.zeros(len(runs))
+        for k, angle, *_ in _turns(runs):
+            turned[k:] += angle
+        left = np.exp(-tendon.friction * sliding[t] * turned)
         ratios += left[is_span].tolist()
         compliances[t] = (tendon.free_length + left @ lengths) / tendon.axial_stiffness
     return np.array(ratios), compliances
 
 
-def _turned(runs: Array) -> Array:
-    """Return by how much a tendon has turned before each of its straight runs (k, 3), rad."""
-    turned, heading = np.zeros(len(runs)), runs[0]
-    for k, run in enumerate(runs[1:], start=1):
-        turned[k] = turned[k - 1]
-        if np.linalg.norm(run) > AT_ONE_PLACE:
-            turned[k] += np.arctan2(np.linalg.norm(np.cross(heading, run)), heading @ run)
-            heading = run
-    return turned
+def rates(chain: SpaceChain, rotations: Array, sliding: Sequence[int]) -> tuple[Array, Array]:
+    """
+    Return how those change as bodies turn in base_link, per rad.
+
+    (spans, bodies, 3), and (tendons, bodies, 3) in m/N; the arguments are those of ``carried``.
+    """
+    each: list[Array] = []
+    compliances = np.zeros((len(sliding), chain.bodies, 3))
+    for t, (tendon, runs, (is_span, lengths)) in enumerate(zip(
+            chain.arm.tendons, _runs(chain, rotations), _straight_runs(chain), strict=True)):
+        levers = _levers(chain, t, rotations)
+        turned, slopes = np.zeros(len(runs)), np.zeros((len(runs), chain.bodies, 3))
+        for k, angle, one, before, after in _turns(runs):
+            turned[k:] += angle
+            slopes[k:] += np.cross(levers[one], before) + np.cross(levers[k], after)
+        lost = -tendon.friction * sliding[t]
+        slopes *= (lost * np.exp(lost * turned))[:, None, None]
+        each.append(slopes[is_span])
+        compliances[t] = np.tensordot(lengths, slopes, 1) / tendon.axial_stiffness
+    return np.concatenate(each), compliances
+
+
+def _straight_runs(chain: SpaceChain) -> list[tuple[list[bool], Array]]:
+    """Return which runs of each tendon are spans, and their lengths in the straight arm, m."""
+    found = []
+    for tendon, guides, runs in zip(chain.arm.tendons, chain.guides, _runs(
+            chain, np.tile(np.eye(3), (chain.bodies, 1, 1))), strict=True):
+        is_span = [False, *(ends for _, _, ends in guides[1:]), False]
+        lengths = np.linalg.norm(runs, axis=1)
+        lengths[np.logical_not(is_span)] = [
+            disc.height for disc in chain.arm.discs[:tendon.end + 1]]
+        found.append((is_span, lengths))
+    return found
+
+
+def _runs(chain: SpaceChain, rotations: Array) -> list[Array]:
+    """Return the straight runs (k, 3) of tendons: the base's axis, between guides, the end's."""
+    ends = [rotations[chain.last_body[t.end - 1], :, 2] for t in chain.arm.tendons]
+    return [np.concatenate([[(0.0, 0.0, 1.0)], np.diff(points, axis=0), [end]])
+            for points, end in zip(chain.tendon_points(rotations), ends, strict=True)]
+
+
+def _levers(chain: SpaceChain, tendon: int, rotations: Array) -> Array:
+    """Return the part of each run that turns with each body, (runs, bodies, 3)."""
+    along = chain.body_lengths[:, None] * rotations[:, :, 2]
+    guides = chain.guides[tendon]
+    places = np.zeros((len(guides), chain.bodies, 3))
+    for place, (body, offset, _) in zip(places, guides, strict=True):
+        if body >= 0:
+            place[:body], place[body] = along[:body], rotations[body] @ offset
+    levers = np.zeros((len(guides) + 1, chain.bodies, 3))
+    levers[1:-1] = np.diff(places, axis=0)
+    end = chain.last_body[chain.arm.tendons[tendon].end - 1]
+    levers[-1, end] = rotations[end, :, 2]
+    return levers
+
+
+def _turns(runs: Array) -> Iterator[tuple[int, float, int, Array, Array]]:
+    """
+    Give each run (k, 3) before which a tendon turns, the angle, and the run from which it does.
+
+    Last the derivatives of the angle by both runs, that before and this one, rad/m.
+    """
+    one = 0
+    for k in range(1, len(runs)):
+        if np.linalg.norm(runs[k]) <= AT_ONE_PLACE:
+            continue
+        (before, after), sizes = runs[[one, k]], np.linalg.norm(runs[[one, k]], axis=1)
+        a, b = before / sizes[0], after / sizes[1]
+        cosine, sine = float(a @ b), float(np.linalg.norm(np.cross(a, b)))
+        size = np.inf if sine < STRAIGHT else sine
+        yield (k, float(np.arctan2(sine, cosine)), one,
+               (cosine * a - b) / (size * sizes[0]), (cosine * b - a) / (size * sizes[1]))
+        one = k

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 import scipy
 
 from soft_continuum.mechanics import _kernel
+from soft_continuum.mechanics._checks import sliding_signs, tensions_of
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
@@ -26,12 +27,13 @@ from soft_continuum.mechanics.space._laws import (
     STIFFNESS,
     YIELD,
 )
+from soft_continuum.mechanics.space.friction import carried, rates
 from soft_continuum.mechanics.space.joints import parts_of_laws
 from soft_continuum.mechanics.space.statics import SpaceStatics
 
 
 class SpaceLinearisation(Linearisation):
-    """The linearised statics of an arm in space; tendons do not rub here."""
+    """The linearised statics of an arm in space."""
 
     def __init__(self, statics: SpaceStatics, state: Equilibrium, sliding: Sequence[int] = (), *,
                  tensions: ArrayLike | None = None, loading: bool = True) -> None:
@@ -43,17 +45,18 @@ class SpaceLinearisation(Linearisation):
             raise ValueError('derivatives and inverse problems know no friction, which a segment '
                              'has; leave it out with replace(segment, friction=0.0)')
         count = len(chain.arm.tendons)
-        given = np.full(count, np.nan) if tensions is None else np.array(tensions, dtype=float)
-        if given.shape != (count,):
-            raise ValueError(f'tensions must be {count} numbers (N), or nan')
+        given = np.full(count, np.nan) if tensions is None else tensions_of(
+            tensions, count, optional=True)
         self._chain, self._state, self._by_force = chain, state, ~np.isnan(given)
-        carried = np.nan_to_num(state.tensions)
+        ways = sliding_signs(sliding, count) if any(sliding) else None
+        tensions = np.nan_to_num(state.tensions)
         rigid = chain.rigid(state.stiff)
         self._link = np.cumsum(~rigid) - 1
         self._system, _ = chain.system(
             state.rotations, self._link,
             chain.laws.joints(state.stiff, state.vacuum, state.held)[~rigid],
-            np.ones(len(chain.span_tendons)))
+            np.ones(len(chain.span_tendons)) if ways is None else carried(
+                chain, state.rotations, ways)[0])
         first = np.flatnonzero(~rigid)
         self._segment = first // chain.joints_per_segment  # of each link's joint
         self._rotations = np.ascontiguousarray(state.rotations[first])
@@ -65,20 +68,51 @@ class SpaceLinearisation(Linearisation):
         at_yield = self._jam_parts(most)[1] == 0.0
         joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * self._away[at_yield]
         self._away = self._angles - joints[:, HELD]
-        band, across, forces, self._slopes = _kernel.functions().spatial_linearise(
-            self._rotations, carried, self._system)
-        compliance = statics.compliance
+        band, across, forces, self._by_tension, self._slopes = (
+            _kernel.functions().spatial_linearise(self._rotations, tensions, self._system))
+        compliance = statics.stretch_rates(state, sliding)
         self._taut = np.flatnonzero(
-            (carried > 0.0) & ~self._by_force
+            (tensions > 0.0) & ~self._by_force
             & ((compliance > 0.0) | self._slopes.any(axis=0)))
-        self._columns = np.hstack([self._slopes[:, self._taut], across])
+        lost, spans, stretched = self._friction(tensions, ways)
+        self._columns = np.hstack([self._by_tension[:, self._taut], across, spans])
+        self._rows = np.hstack([(self._slopes - stretched)[:, self._taut], across, lost])
         self._half = band.shape[1] - 1
         self._band, self._pivots = _factored_band(band, np.einsum(
             'kji,kj->ki', self._rotations, self._system[3]))
         self._inside = self._without_tendons(self._columns)
         self._border = scipy.linalg.lu_factor(
-            self._columns.T @ self._inside
-            + np.diag(np.concatenate([compliance[self._taut], 1.0 / forces])), check_finite=False)
+            self._rows.T @ self._inside + np.diag(np.concatenate(
+                [compliance[self._taut], 1.0 / forces, np.ones(spans.shape[1])])),
+            check_finite=False)
+
+    def _friction(self, tensions: Array, ways: Sequence[int] | None
+                  ) -> tuple[Array, Array, Array]:
+        """
+        Return what a turn of the links changes of the tension that arrives at spans, per N m.
+
+        (3 links, k), times what that does to the links, (3 links, k); and of the stretch of each
+        tendon, (3 links, tendons), m.  ways: how tendons slide, None for no friction.
+        """
+        chain, links = self._chain, len(self._rotations)
+        if ways is None:
+            none = np.zeros((3 * links, 0))
+            return none, none, np.zeros((3 * links, len(tensions)))
+        ratios, compliances = rates(chain, self._state.rotations, ways)
+        rub = np.flatnonzero(np.abs(ratios).max(axis=(1, 2)) * tensions[chain.span_tendons] > 0.0)
+        each = np.concatenate([ratios[rub], compliances * tensions[:, None, None]])
+        turned = self._by_torques(np.moveaxis(each, 0, 2))
+        forces = np.zeros((links + 1, 3, len(rub)))  # last: the base
+        for k, s in enumerate(rub):
+            mine = chain.entry_spans == s
+            bodies, vectors = chain.entry_bodies[mine], np.einsum(
+                'eij,ej->ei', self._state.rotations[chain.entry_bodies[mine]],
+                chain.entry_vectors[mine])
+            span = chain.span_fixed[s] + vectors.sum(axis=0)
+            np.add.at(forces[:, :, k], self._link[bodies], np.cross(
+                vectors, tensions[chain.span_tendons[s]] * span / np.linalg.norm(span)))
+        back = self._rotations.transpose(0, 2, 1) @ forces[:-1]
+        return turned[:, :len(rub)], back.reshape(3 * links, -1), turned[:, len(rub):]
 
     def all(self) -> Sensitivity:
         """Return the derivatives that an estimate needs."""
@@ -211,9 +245,9 @@ class SpaceLinearisation(Linearisation):
         parameters = next(a for a in (moments, pulls, tensions) if a is not None).shape[1]
         change = np.zeros((len(self._by_force), parameters)) if tensions is None else tensions
         right = (np.zeros((len(self._columns), parameters)) if moments is None else moments
-                 ) - self._slopes @ change
+                 ) - self._by_tension @ change
         alone = self._without_tendons(right)
-        border = self._columns.T @ alone
+        border = self._rows.T @ alone
         if pulls is not None:
             border[:len(taut)] += pulls[taut]
         carried = border
