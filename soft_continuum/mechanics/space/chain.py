@@ -172,11 +172,16 @@ class SpaceChain(Chain):
         return [np.array([lower[body + 1] + turned[body + 1] @ place for body, place, _ in guides])
                 for guides in self.guides]
 
-    def paths(self, rotations: Array) -> Array:
-        """Return the length of the path of each tendon through the segments, (tendons,), m."""
+    def spans(self, configuration: Array) -> tuple[Array, Array]:
+        """Return the parts of spans that turn with bodies, (entries, 3), and all, (spans, 3) m."""
+        parts = np.einsum('eij,ej->ei', configuration[self.entry_bodies], self.entry_vectors)
         spans = self.span_fixed.copy()
-        np.add.at(spans, self.entry_spans, np.einsum(
-            'eij,ej->ei', rotations[self.entry_bodies], self.entry_vectors))
+        np.add.at(spans, self.entry_spans, parts)
+        return parts, spans
+
+    def paths(self, configuration: Array) -> Array:
+        """Return the length of the path of each tendon through the segments, (tendons,), m."""
+        _, spans = self.spans(configuration)
         return sums(self.span_tendons, np.linalg.norm(spans, axis=1), len(self.arm.tendons))
 
     def system(self, rotations: Array, link: Integers, joints: Array, ratios: Array

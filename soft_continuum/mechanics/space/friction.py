@@ -7,7 +7,7 @@ As in the plane: a tendon loses exp(-mu beta) at every guide where it turns by b
 of the base disc on, below which it runs along the axis.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -30,10 +30,8 @@ def carried(chain: SpaceChain, rotations: Array, sliding: Sequence[int]
     compliances = np.zeros(len(sliding))
     for t, (tendon, runs, (is_span, lengths)) in enumerate(zip(
             chain.arm.tendons, _runs(chain, rotations), _straight_runs(chain), strict=True)):
-        turned = np.zeros(len(runs))
-        for k, angle, *_ in _turns(runs):
-            turned[k:] += angle
-        left = np.exp(-tendon.friction * sliding[t] * turned)
+        kept, angles, *_ = _turns(runs)
+        left = np.exp(-tendon.friction * sliding[t] * _passed(angles, kept, len(runs)))
         ratios += left[is_span].tolist()
         compliances[t] = (tendon.free_length + left @ lengths) / tendon.axial_stiffness
     return np.array(ratios), compliances
@@ -49,13 +47,12 @@ def rates(chain: SpaceChain, rotations: Array, sliding: Sequence[int]) -> tuple[
     compliances = np.zeros((len(sliding), chain.bodies, 3))
     for t, (tendon, runs, (is_span, lengths)) in enumerate(zip(
             chain.arm.tendons, _runs(chain, rotations), _straight_runs(chain), strict=True)):
-        levers = _levers(chain, t, rotations)
-        turned, slopes = np.zeros(len(runs)), np.zeros((len(runs), chain.bodies, 3))
-        for k, angle, one, before, after in _turns(runs):
-            turned[k:] += angle
-            slopes[k:] += np.cross(levers[one], before) + np.cross(levers[k], after)
+        kept, angles, before, after = _turns(runs)
+        levers = _levers(chain, t, rotations)[kept]
+        slopes = _passed(np.cross(levers[:-1], before[:, None])
+                         + np.cross(levers[1:], after[:, None]), kept, len(runs))
         lost = -tendon.friction * sliding[t]
-        slopes *= (lost * np.exp(lost * turned))[:, None, None]
+        slopes *= (lost * np.exp(lost * _passed(angles, kept, len(runs))))[:, None, None]
         each.append(slopes[is_span])
         compliances[t] = np.tensordot(lengths, slopes, 1) / tendon.axial_stiffness
     return np.concatenate(each), compliances
@@ -96,20 +93,26 @@ def _levers(chain: SpaceChain, tendon: int, rotations: Array) -> Array:
     return levers
 
 
-def _turns(runs: Array) -> Iterator[tuple[int, float, int, Array, Array]]:
+def _turns(runs: Array) -> tuple[Array, Array, Array, Array]:
     """
-    Give each run (k, 3) before which a tendon turns, the angle, and the run from which it does.
+    Return how a tendon turns from run to run (k, 3), where these have a direction.
 
-    Last the derivatives of the angle by both runs, that before and this one, rad/m.
+    The indices of such runs (n,), the angles between them (n - 1,), rad, and the derivatives of
+    each by the run before it and by the one after it, (n - 1, 3), rad/m.
     """
-    one = 0
-    for k in range(1, len(runs)):
-        if np.linalg.norm(runs[k]) <= AT_ONE_PLACE:
-            continue
-        (before, after), sizes = runs[[one, k]], np.linalg.norm(runs[[one, k]], axis=1)
-        a, b = before / sizes[0], after / sizes[1]
-        cosine, sine = float(a @ b), float(np.linalg.norm(np.cross(a, b)))
-        size = np.inf if sine < STRAIGHT else sine
-        yield (k, float(np.arctan2(sine, cosine)), one,
-               (cosine * a - b) / (size * sizes[0]), (cosine * b - a) / (size * sizes[1]))
-        one = k
+    sizes = np.linalg.norm(runs, axis=1)
+    kept = np.flatnonzero(sizes > AT_ONE_PLACE)
+    sizes, ways = sizes[kept, None], runs[kept] / sizes[kept, None]
+    cosine = (ways[:-1] * ways[1:]).sum(axis=1, keepdims=True)
+    sine = np.linalg.norm(np.cross(ways[:-1], ways[1:]), axis=1, keepdims=True)
+    size = np.where(sine < STRAIGHT, np.inf, sine)
+    return (kept, np.arctan2(sine, cosine)[:, 0],
+            (cosine * ways[:-1] - ways[1:]) / (size * sizes[:-1]),
+            (cosine * ways[1:] - ways[:-1]) / (size * sizes[1:]))
+
+
+def _passed(turns: Array, kept: Array, runs: int) -> Array:
+    """Return the sums of what turns (n - 1, ...) add before each of so many runs, (runs, ...)."""
+    found = np.zeros((runs, *turns.shape[1:]))
+    found[kept[1:]] = turns
+    return np.cumsum(found, axis=0)

@@ -94,25 +94,20 @@ class SpaceLinearisation(Linearisation):
         (3 links, k), times what that does to the links, (3 links, k); and of the stretch of each
         tendon, (3 links, tendons), m.  ways: how tendons slide, None for no friction.
         """
-        chain, links = self._chain, len(self._rotations)
+        chain, size = self._chain, 3 * len(self._rotations)
         if ways is None:
-            none = np.zeros((3 * links, 0))
-            return none, none, np.zeros((3 * links, len(tensions)))
+            return np.zeros((size, 0)), np.zeros((size, 0)), np.zeros((size, len(tensions)))
         ratios, compliances = rates(chain, self._state.rotations, ways)
         rub = np.flatnonzero(np.abs(ratios).max(axis=(1, 2)) * tensions[chain.span_tendons] > 0.0)
         each = np.concatenate([ratios[rub], compliances * tensions[:, None, None]])
         turned = self._by_torques(np.moveaxis(each, 0, 2))
-        forces = np.zeros((links + 1, 3, len(rub)))  # last: the base
-        for k, s in enumerate(rub):
-            mine = chain.entry_spans == s
-            bodies, vectors = chain.entry_bodies[mine], np.einsum(
-                'eij,ej->ei', self._state.rotations[chain.entry_bodies[mine]],
-                chain.entry_vectors[mine])
-            span = chain.span_fixed[s] + vectors.sum(axis=0)
-            np.add.at(forces[:, :, k], self._link[bodies], np.cross(
-                vectors, tensions[chain.span_tendons[s]] * span / np.linalg.norm(span)))
-        back = self._rotations.transpose(0, 2, 1) @ forces[:-1]
-        return turned[:, :len(rub)], back.reshape(3 * links, -1), turned[:, len(rub):]
+        vectors, spans = chain.spans(self._state.configuration)
+        pulls = tensions[chain.span_tendons, None] * spans / np.linalg.norm(
+            spans, axis=1, keepdims=True)
+        forces = np.zeros((chain.bodies, 3, len(spans)))
+        np.add.at(forces, (chain.entry_bodies[:, None], np.arange(3), chain.entry_spans[:, None]),
+                  np.cross(vectors, pulls[chain.entry_spans]))
+        return turned[:, :len(rub)], self._by_torques(forces[:, :, rub]), turned[:, len(rub):]
 
     def all(self) -> Sensitivity:
         """Return the derivatives that an estimate needs."""
