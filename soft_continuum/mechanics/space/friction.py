@@ -10,10 +10,12 @@ of the base disc on, below which it runs along the axis.
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.space.chain import SpaceChain
 
+Indices = NDArray[np.intp]
 AT_ONE_PLACE = 1e-9  # m: between guides this close a tendon has no direction
 STRAIGHT = 1e-9  # rad: a turn this small has no slope, as in the straight arm
 
@@ -93,7 +95,7 @@ def _levers(chain: SpaceChain, tendon: int, rotations: Array) -> Array:
     return levers
 
 
-def _turns(runs: Array) -> tuple[Array, Array, Array, Array]:
+def _turns(runs: Array) -> tuple[Indices, Array, Array, Array]:
     """
     Return how a tendon turns from run to run (k, 3), where these have a direction.
 
@@ -111,7 +113,7 @@ def _turns(runs: Array) -> tuple[Array, Array, Array, Array]:
             (cosine * ways[1:] - ways[:-1]) / (size * sizes[1:]))
 
 
-def _passed(turns: Array, kept: Array, runs: int) -> Array:
+def _passed(turns: Array, kept: Indices, runs: int) -> Array:
     """Return the sums of what turns (n - 1, ...) add before each of so many runs, (runs, ...)."""
     found = np.zeros((runs, *turns.shape[1:]))
     found[kept[1:]] = turns
