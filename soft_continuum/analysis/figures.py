@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
+import scipy
 
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm, Array
@@ -18,9 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 DPI = 120
-RING = 25  # points of the rim of a disc
+RING = 41  # points of the rim of a disc
 SOFT = 'tab:orange'
-DASHES = ('-', '--')  # of tendons as seen along y
+DASHES = ('-', '--')  # of two tendons
 IN_SPACE = '3d'
 
 
@@ -31,61 +32,57 @@ def projection_of(arm: Arm) -> str | None:
 
 def draw_arm(axes: Any, state: Equilibrium, soft: Collection[int] | None = None) -> None:
     """
-    Draw discs, segments and tendons of a state into axes in mm, along y or of IN_SPACE.
+    Draw discs, segments, tendons and calculation points of a state in mm.
 
-    soft: segments (0-based) in colour; by default those that are soft while others are stiff.
+    axes: of IN_SPACE; into others it is drawn as seen along y.  soft: segments (0-based) in
+    colour; by default those that are soft while others are stiff.
     """
     if soft is None:
         soft = [s for s, stiff in enumerate(state.stiff) if not stiff and any(state.stiff)]
-    (_draw_3d if axes.name == IN_SPACE else _draw_along_y)(axes, state, soft)
-
-
-def _draw_along_y(axes: 'Axes', state: Equilibrium, soft: Collection[int]) -> None:
-    chain, points, backbone = state.chain, 1e3 * state.poses, 1e3 * state.backbone
-    guides = [1e3 * tendon for tendon in state.tendon_points]
+    flat = axes.name != IN_SPACE
+    seen = [0, 2] if flat else [0, 1, 2]
+    chain, backbone = state.chain, 1e3 * state.backbone[:, seen]
     for s in range(chain.segments):
         first = s * chain.joints_per_segment
-        body = backbone[first:first + chain.joints_per_segment]
-        axes.plot(body[:, 0], body[:, 2], color=SOFT if s in soft else '0.55', linewidth=7,
-                  solid_capstyle='butt', label='segment' if s == 0 else None)
-    for k in range(chain.segments + 1):
-        corners = np.concatenate([guides[0][2 * k:2 * k + 2], guides[1][2 * k:2 * k + 2][::-1]])
-        axes.fill(corners[:, 0], corners[:, 2], color='0.8', edgecolor='0.3', linewidth=0.8)
-    for name, tendon, dash in zip(chain.arm.tendon_names, guides, DASHES, strict=False):
-        axes.plot(tendon[:, 0], tendon[:, 2], dash, color='0.1', linewidth=1.0,
-                  label=name.replace('_', ' '))
-    axes.plot(points[:, 0], points[:, 2], 'o', color='black', markersize=3.5,
+        axes.plot(*backbone[first:first + chain.joints_per_segment].T,
+                  color=SOFT if s in soft else '0.55', linewidth=7 if flat else 4,
+                  solid_capstyle='butt', label='' if s else 'segment')
+    radii = [segment.outer_diameter / 2 for segment in chain.arm.segments]
+    radii = [radii[0], *np.repeat(radii, 2), radii[-1]]  # a disc leads from segment to segment
+    edges = [1e3 * rim(*each)[:, seen] for each in zip(state.poses, radii, strict=True)]
+    if flat:
+        for around in map(np.concatenate, zip(edges[::2], edges[1::2], strict=True)):
+            outline = around[scipy.spatial.ConvexHull(around, qhull_options='QJ').vertices]
+            axes.fill(*outline.T, color='0.8', edgecolor='0.3', linewidth=0.8)
+    else:
+        for edge in edges:
+            axes.plot(*edge.T, color='0.3', linewidth=0.8)
+    names = chain.arm.tendon_names
+    named = len(names) == len(DASHES)
+    for number, (name, guides) in enumerate(zip(names, state.tendon_points, strict=True)):
+        axes.plot(*(1e3 * guides[:, seen]).T, DASHES[number] if named else '-', color='0.1',
+                  linewidth=1.0, label=name.replace('_', ' ') if named else
+                  '' if number else 'tendons')
+    axes.plot(*(1e3 * state.poses[:, seen]).T, 'o', color='black', markersize=3.5,
               label='rigid chain, calculation points')
-    axes.set_aspect('equal')
-    axes.set_xlabel('x in mm')
-    axes.grid(alpha=0.3)
-
-
-def _draw_3d(axes: Any, state: Equilibrium, soft: Collection[int]) -> None:
-    backbone = np.vstack([np.zeros(3), state.backbone]) * 1e3
-    axes.plot(*backbone.T, color='0.55', linewidth=4, label='rigid chain')
-    count = state.chain.joints_per_segment
-    for s in soft:  # from its lower disc to the upper
-        axes.plot(*backbone[1 + s * count:1 + (s + 1) * count].T, color=SOFT, linewidth=4)
-    for tendon, guides in enumerate(state.tendon_points):
-        axes.plot(*(guides * 1e3).T, color='0.1', linewidth=0.8,
-                  label='' if tendon else 'tendons')
-    for k, pose in enumerate(state.poses):
-        axes.plot(*(1e3 * rim(pose, state.chain.disc_radii[k // 2], RING)).T, color='0.3',
-                  linewidth=0.8)
+    if flat:
+        axes.set_aspect('equal')
+        axes.set_xlabel('x in mm')
+        axes.grid(alpha=0.3)
+        return
     # A cube: a shape that is nearly flat would be drawn in axes as thin as itself.
-    middle, half = (backbone.max(axis=0) + backbone.min(axis=0)) / 2, np.ptp(backbone, axis=0) / 2
+    low, high = (of(np.vstack([backbone, np.zeros((1, 3))]), axis=0) for of in (np.min, np.max))
+    middle, half = (low + high) / 2, (high - low).max() / 2
     for name, centre in zip('xyz', middle, strict=True):
-        axes.set(**{f'{name}lim': (centre - half.max(), centre + half.max()),
-                    f'{name}label': f'{name} in mm'})
+        axes.set(**{f'{name}lim': (centre - half, centre + half), f'{name}label': f'{name} in mm'})
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=0.88)  # with room for the labels
 
 
-def rim(pose: Array, radius: float, count: int) -> Array:
-    """Return the edge of a disc, (count, 3), m; pose (7,), radius in m."""
-    around = np.linspace(0.0, 2.0 * np.pi, count)
+def rim(pose: Array, radius: float) -> Array:
+    """Return the edge of a disc, (RING, 3), m; pose (7,), radius in m."""
+    around = np.linspace(0.0, 2.0 * np.pi, RING)
     edge: Array = pose[:3] + radius * np.column_stack(
-        [np.cos(around), np.sin(around), np.zeros(count)]) @ matrices(pose[None, 3:])[0].T
+        [np.cos(around), np.sin(around), np.zeros(RING)]) @ matrices(pose[None, 3:])[0].T
     return edge
 
 
@@ -129,18 +126,16 @@ def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[Equilibrium, Arra
     shapes: by name, the state, and the bending (segments, 2), rad, that was asked for.
     """
     arm, count = next(iter(shapes.values()))[0].chain.arm, len(shapes)
-    projection, panels = projection_of(arm), list[Any]()
-    if projection is None:
+    if (projection := projection_of(arm)) is None:
         figure, panels = new_panels(1, count, 4.4 * count, 5.2)
-        square: dict[str, Any] = {'markersize': 8, 'markeredgecolor': '0.1'}
     else:
         figure = new_figure(4.6 * count, 5.2)
         panels = [figure.add_subplot(1, count, number, projection=projection)
                   for number in range(1, count + 1)]
-        square = {'markersize': 6, 'markeredgecolor': SOFT}
     for axes, (name, (state, bending)) in zip(panels, shapes.items(), strict=True):
         draw_arm(axes, state)
         arcs = 1e3 * constant_curvature.poses(arm, bending)[0][:, arm.pose_axes[:3]]
-        axes.plot(*arcs.T, 's', markerfacecolor='none', label='constant curvature', **square)
+        axes.plot(*arcs.T, 's', markersize=8, markerfacecolor='none', markeredgecolor='0.1',
+                  label='constant curvature')
         axes.set_title(name, y=None if projection is None else 0.96, parse_math=False)
-    finish_panels(path, figure, 2 if count == 1 and projection is None else 5)
+    finish_panels(path, figure, 2 if count == 1 else 5)

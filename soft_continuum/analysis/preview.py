@@ -6,11 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-import scipy
-
-from soft_continuum.analysis.figures import finish_panels, new_panels, rim
-from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.analysis.figures import draw_arm, finish_panels, new_panels, rim
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.statics import Statics
@@ -18,7 +15,6 @@ from soft_continuum.mechanics.statics import Statics
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-ROUND = 41  # points of the edge of a disc
 LABELS = 1.45  # times the distance of a tendon from the backbone: where its name is
 
 
@@ -40,34 +36,16 @@ def preview_figure(path: str | Path, states: Sequence[tuple[str, Equilibrium]]) 
     """Write states by their titles as seen from the side, and the tendons at the base; in mm."""
     figure, panels = new_panels(1, len(states) + 1, 3.6 * (len(states) + 1), 5.0)
     for axes, (title, state) in zip(panels, states, strict=False):
-        _draw(axes, state)
+        draw_arm(axes, state, ())
         axes.set_title(title)
     figure.delaxes(panels[-1])  # the tendons have a scale of their own
     _draw_tendons(figure.add_subplot(1, len(panels), len(panels)), states[0][1])
-    finish_panels(path, figure, 3)
-
-
-def _draw(axes: 'Axes', state: Equilibrium) -> None:
-    """Draw backbone, discs and tendons as seen along y."""
-    axes.plot(*_side(state.backbone), color='0.0', linewidth=2.0, label='backbone')
-    for number, guides in enumerate(state.tendon_points):
-        axes.plot(*_side(guides), color='0.35', linewidth=0.7,
-                  label='tendon' if number == 0 else None)
-    for number, radius in enumerate(state.chain.disc_radii):
-        rims = np.concatenate([rim(pose, radius, ROUND)[:, ::2] for pose in state.poses[
-            2 * number:2 * number + 2]])
-        outline = rims[scipy.spatial.ConvexHull(rims, qhull_options='QJ').vertices]
-        axes.fill(*(1e3 * outline.T), facecolor='0.85', edgecolor='0.4', linewidth=0.8,
-                  label='disc' if number == 0 else None)
-
-
-def _side(points: Array) -> tuple[Array, Array]:
-    return 1e3 * points[:, 0], 1e3 * points[:, 2]
+    finish_panels(path, figure, 4)
 
 
 def _draw_tendons(axes: 'Axes', state: Equilibrium) -> None:
     """Draw where the tendons pass the base, as seen from the tip."""
-    edge = 1e3 * rim(state.poses[0], state.chain.disc_radii[0], ROUND)
+    edge = 1e3 * rim(state.poses[0], state.chain.disc_radii[0])
     axes.plot(edge[:, 0], edge[:, 1], color='0.6', linewidth=1.2)
     for name, guides in zip(state.chain.arm.tendon_names, state.tendon_points, strict=True):
         x, y = 1e3 * guides[0, :2]

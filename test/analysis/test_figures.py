@@ -19,6 +19,8 @@ DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml
 CHAIN = Chain(load_arm(DESCRIPTION))
 SHAPES = {name: (CHAIN.uniform(angles), CHAIN.uniform(angles).bending)
           for name, angles in PAPER_SHAPES.items()}
+BENDING = [[0.0, 0.4], [0.3, 0.3], [-0.5, 0.1]]
+IN_SPACE = SpaceChain(CHAIN.arm).uniform(BENDING)
 
 
 def first(count):
@@ -53,14 +55,13 @@ def test_a_shape_may_have_any_name(tmp_path, name):
     assert path.read_bytes().startswith(b'%PDF')
 
 
-def test_the_arm_is_drawn_in_millimetres_where_the_chain_is():
-    state, _ = SHAPES['c_form']
+@pytest.mark.parametrize('state', [SHAPES['c_form'][0], IN_SPACE], ids=['planar', 'in space'])
+def test_the_arm_is_drawn_in_millimetres_where_the_chain_is(state):
     axes = Figure().subplots()
     draw_arm(axes, state)
     drawn = {line.get_label(): line.get_xydata() for line in axes.get_lines()}
-    assert drawn['rigid chain, calculation points'] == pytest.approx(
-        1e3 * state.points[:, :2])
-    guides = 1e3 * CHAIN.guide_points(state.joint_angles)
+    assert drawn['rigid chain, calculation points'] == pytest.approx(1e3 * state.poses[:, [0, 2]])
+    guides = [1e3 * tendon[:, [0, 2]] for tendon in state.tendon_points]
     assert drawn['right tendon'] == pytest.approx(guides[0])
     assert drawn['left tendon'] == pytest.approx(guides[1])
     assert axes.get_aspect() == 1.0
@@ -76,8 +77,6 @@ def test_a_straight_arm_stands_from_the_origin_to_its_length():
 
 
 def test_a_picture_of_shapes_in_space_is_a_readable_png(tmp_path):
-    chain = SpaceChain(CHAIN.arm)
-    bending = [[0.0, 0.4], [0.3, 0.3], [-0.5, 0.1]]
     path = tmp_path / 'in_space.png'
-    shapes_figure(path, {'bow': (chain.uniform(bending), np.array(bending))})
+    shapes_figure(path, {'bow': (IN_SPACE, np.array(BENDING))})
     assert imread(path).std() > 0.05  # something is drawn
