@@ -209,29 +209,37 @@ def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], bas
     the further gravity moves them.  base: the tips whose outline is drawn in every panel.
     height: of the straight arm, m.
     """
-    (_densities if base.tips.shape[1] == 2 else _views)(
-        path, reaches, base, height)
-
-
-def _views(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
-                     height: float) -> None:
-    figure, panels = new_panels(2, len(reaches), 4.2 * len(reaches), 8.4)
+    flat, count = base.tips.shape[1] == 2, len(reaches)
+    figure, panels = new_panels(2, count, 4.2 * count, 6.8 if flat else 8.4)
     for column, (title, reach) in enumerate(reaches):
-        pairs = np.array(tips_in_common(reach, base)).reshape(-1, 2, 3) * 1e3
+        above, below = panels[column::count]
+        pairs = np.array(tips_in_common(reach, base)).reshape(-1, 2, base.tips.shape[1]) * 1e3
+        moves = reach is not base and len(pairs) > 0
+        if flat:
+            if reach.tips.size:
+                tips = above.hexbin(*(1e3 * reach.tips.T), gridsize=30, mincnt=1, cmap='Greys',
+                                    vmin=0.0, linewidths=0.1)
+                figure.colorbar(tips, ax=above, label='tips in a cell', shrink=0.6)
+            _outline(above, base.tips, base.hull)
+            below.set_visible(moves)
+            views = [(below, 0, 1)] if moves else []
+        else:
+            views = [(above, 0, 2), (below, 0, 1)]
         moved = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1)
         order = np.argsort(moved)  # the furthest on top
-        for axes, (i, j) in ((panels[column], (0, 2)), (panels[column + len(reaches)], (0, 1))):
+        for axes, i, j in views:
             points = axes.scatter(pairs[order, 0, i], pairs[order, 0, j], c=moved[order], s=7,
                                   cmap='Greys', vmin=0.0, edgecolors='0.6', linewidths=0.3,
                                   label='tip' if not column else None)
-            _outline(axes, base.tips[:, [i, j]], base.hull)
-            axes.set_ylabel(f'{"xyz"[j]} in mm')
-        panels[column].plot([0.0, 0.0], [0.0, 1e3 * height], color='0.0', linewidth=2.5,
-                            label='straight arm')
-        panels[column].set_title(title)
-        if reach is not base and len(pairs):
-            figure.colorbar(points, ax=panels[column::len(reaches)], label='moved by gravity, mm',
+            if not flat:
+                _outline(axes, base.tips[:, [i, j]], base.hull)
+                axes.set_ylabel(f'{"xyz"[j]} in mm')
+        if moves:
+            figure.colorbar(points, ax=[axes for axes, *_ in views], label='moved by gravity, mm',
                             shrink=0.6)
+        above.plot([0.0, 0.0], [0.0, 1e3 * height], color='0.0', linewidth=2.5,
+                   label='straight arm')
+        above.set_title(title)
     finish_panels(path, figure, 3)
 
 
@@ -241,28 +249,3 @@ def _outline(axes: 'Axes', tips: Array, hull: float) -> None:
         around = scipy.spatial.ConvexHull(tips).vertices
         outline = 1e3 * tips[np.append(around, around[0])]
         axes.plot(*outline.T, '--', color='0.0', linewidth=0.9, label='outline without gravity')
-
-
-def _densities(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
-                     height: float) -> None:
-    figure, panels = new_panels(2, len(reaches), 4.2 * len(reaches), 6.8)
-    for axes, moved, (title, reach) in zip(panels, panels[len(reaches):], reaches, strict=False):
-        x, z = 1e3 * reach.tips.T
-        if reach.tips.size:
-            tips = axes.hexbin(x, z, gridsize=30, mincnt=1, cmap='Greys', vmin=0.0, linewidths=0.1)
-            figure.colorbar(tips, ax=axes, label='tips in a cell', shrink=0.6)
-        pairs = np.array(tips_in_common(reach, base)).reshape(-1, 2, 2) * 1e3
-        distances = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1)
-        if reach is base or not len(pairs):
-            moved.set_visible(False)
-        else:
-            order = np.argsort(distances)  # the largest on top
-            tip_x, tip_z = pairs[order, 0].T
-            points = moved.scatter(tip_x, tip_z, c=distances[order], s=7, cmap='Greys',
-                                   vmin=0.0, edgecolors='0.6', linewidths=0.3)
-            figure.colorbar(points, ax=moved, label='moved by gravity, mm', shrink=0.6)
-        _outline(axes, base.tips, base.hull)
-        axes.plot([0.0, 0.0], [0.0, 1e3 * height], color='0.0', linewidth=2.5,
-                  label='straight arm')
-        axes.set_title(title)
-    finish_panels(path, figure, 3)
