@@ -11,12 +11,14 @@ from collections.abc import Sequence
 import csv
 from dataclasses import dataclass, field
 import io
+from itertools import islice
 from math import inf, isnan
 from pathlib import Path
 
 import numpy as np
 
 from soft_continuum.analysis.delimited import Array, MeasurementError
+from soft_continuum.analysis.results import write_rows
 from soft_continuum.text import MAX_NAME, printable, read_bytes
 
 PULL, TENSION = ' pull [mm]', ' tension [N]'  # after the name of a tendon
@@ -132,12 +134,9 @@ def _counted(row: list[float]) -> list[object]:
 def write_tables(recording: Recording, paths: Sequence[Path]) -> None:
     """Write the tables into CSV files of the names in FILES; raises OSError."""
     for path, (header, rows) in zip(paths, tables(recording).values(), strict=True):
-        with path.open('w', encoding='utf-8', newline='') as file:
-            writer = csv.writer(file, lineterminator='\n')
-            writer.writerow(header)
-            for time, *values in rows:
-                writer.writerow([f'{time:.4f}', *(
-                    f'{v:.6g}' if isinstance(v, float) else v for v in values)])
+        write_rows(path, [header, *(
+            [f'{time:.4f}', *(f'{v:.6g}' if isinstance(v, float) else v for v in values)]
+            for time, *values in rows)])
 
 
 def read_tables(directory: Path) -> Recording:
@@ -197,34 +196,27 @@ def _points(path: Path) -> Array:
 def _rows(path: Path, *allowed: tuple[str, ...]
           ) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
     """Return the header, one of ``allowed`` if given, and the rows below it with their lines."""
-    header: tuple[str, ...] = ()
-    rows: list[tuple[int, list[str]]] = []
-    torn: tuple[int, int] | None = None  # the last line, which a killed recorder had not ended
     try:
         text = read_bytes(path, MAX_SIZE).decode('utf-8')
-        for line, row in enumerate(csv.reader(io.StringIO(text, newline='')), start=1):
-            if line == 1:
-                header = tuple(row)
-                if not header or (allowed and header not in allowed):
-                    break
-            elif torn is not None:
-                raise MeasurementError(f'{path}: line {torn[0]} has {torn[1]} fields instead of '
-                                       f'{len(header)}; repair or remove it')
-            elif len(row) != len(header):
-                torn = line, len(row)
-            else:
-                rows.append((line, row))
-            if line > MAX_ROWS:
-                raise MeasurementError(f'{path}: more than {MAX_ROWS} lines; divide the recording')
+        rows = list(islice(enumerate(csv.reader(io.StringIO(text, newline='')), start=1),
+                           MAX_ROWS + 1))
     except OSError as error:
         raise MeasurementError(f'{path}: {error.strerror}; give the directory that the command '
                                'record has written') from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise MeasurementError(f'{path}: not a recording: {error}') from None
+    header = tuple(rows[0][1]) if rows else ()
     if not header or (allowed and header not in allowed):
         expected = ','.join(allowed[0]) if allowed else 'the names of the columns'
         raise MeasurementError(f'{path}: line 1 must be: {expected}')
-    return header, rows
+    torn, width = next(((line, len(row)) for line, row in rows if len(row) != len(header)),
+                       (len(rows) + 1, 0))
+    if torn < len(rows):  # the last line may be one that a killed recorder had not ended
+        raise MeasurementError(f'{path}: line {torn} has {width} fields instead of {len(header)}; '
+                               'repair or remove it')
+    if len(rows) > MAX_ROWS:
+        raise MeasurementError(f'{path}: more than {MAX_ROWS} lines; divide the recording')
+    return header, rows[1:torn - 1]
 
 
 def _numbers(path: Path, *allowed: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:

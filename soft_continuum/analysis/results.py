@@ -3,6 +3,7 @@
 """What a command leaves behind: tables on the screen, files that overwrite nothing."""
 
 from collections.abc import Iterable, Iterator, Sequence
+import csv
 import os
 from pathlib import Path
 import sys
@@ -40,6 +41,12 @@ def reserve_outputs(directory: str | Path, names: Sequence[str], force: bool) ->
         raise ResultError(f'{folder}: cannot be made: {error.strerror}; choose another directory '
                           'with --output') from None
     return paths
+
+
+def write_rows(path: Path, rows: Iterable[Sequence[object]]) -> None:
+    """Write rows, of which the first is the header, as CSV; raises OSError."""
+    with path.open('w', encoding='utf-8', newline='') as file:
+        csv.writer(file, lineterminator='\n').writerows(rows)
 
 
 def progress(items: Iterable[T], what: str, count: int | None = None) -> Iterator[T]:

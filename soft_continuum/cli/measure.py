@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soft_continuum import version
-from soft_continuum.analysis.results import reserve_outputs, ResultError
+from soft_continuum.analysis.results import reserve_outputs, ResultError, write_rows
 from soft_continuum.arguments import FAILED, NO_NODES, number_in, Parser
 from soft_continuum.cli.common import run_verb
 
@@ -66,21 +66,20 @@ def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
     """Set and measure one shape after the other; write all of them after each."""
     title = _title(arm.is_simulated)
     description, jamming = arm.description, arm.has_jamming
-    axes = description.axes
-    points = [title, f'shape,point,{",".join(f"{axis} [mm]" for axis in axes)},deviation [mm]']
-    pulls = [title, ','.join(['shape', *(['segment'] if jamming else []),
-                              *(f'{t} [mm]' for t in description.tendon_labels)])]
+    points = [[title], ['shape', 'point', *(f'{axis} [mm]' for axis in description.axes),
+                        'deviation [mm]']]
+    pulls = [[title], ['shape', *(['segment'] if jamming else []),
+                       *(f'{t} [mm]' for t in description.tendon_labels)]]
     for name in names:
         print(f'{name} ...', flush=True)
         steps, discs = _set_and_measure(arm, name, options.duration, jamming)
-        pulls += [','.join([name, *([str(segment)] if jamming else []),
-                            *(f'{p * 1e3:.4f}' for p in pulled)])
-                  for segment, pulled in steps]
+        pulls += [[name, *([str(segment)] if jamming else []),
+                   *(f'{p * 1e3:.4f}' for p in pulled)] for segment, pulled in steps]
         points += _rows(name, discs, description)
         print(f'  {len(discs)} discs, each seen {min(d.samples for d in discs.values())} '
               'times or more', flush=True)
         for path, rows in zip(paths, (points, pulls), strict=True):
-            path.write_text('\n'.join(rows) + '\n', encoding='utf-8')
+            write_rows(path, rows)
 
 
 def _title(simulated: bool) -> str:
@@ -133,7 +132,8 @@ def _with_position(discs: 'dict[int, MeasuredDisc]') -> 'dict[int, MeasuredDisc]
     return found
 
 
-def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'mechanics.Arm') -> list[str]:
+def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'mechanics.Arm'
+          ) -> list[list[str]]:
     """Return the bottom and the top of each disc as rows; without orientation the bottom only."""
     rows = []
     axes = arm.pose_axes[:3]
@@ -141,6 +141,6 @@ def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'mechanics.Arm') -> 
         deviation = float(np.linalg.norm(disc.deviation[:3])) * 1e3
         for point, place in enumerate(disc.points(arm.discs[n].height)[:, axes], 2 * n + 1):
             if np.isfinite(place).all():
-                rows.append(','.join([name, str(point), *(f'{p * 1e3:.4f}' for p in place),
-                                      f'{deviation:.4f}']))
+                rows.append([name, str(point), *(f'{p * 1e3:.4f}' for p in place),
+                             f'{deviation:.4f}'])
     return rows

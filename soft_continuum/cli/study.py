@@ -4,7 +4,6 @@
 
 import argparse
 from collections.abc import Sequence
-import csv
 from itertools import islice
 from pathlib import Path
 import sys
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.analysis.results import progress, text_table
+from soft_continuum.analysis.results import progress, text_table, write_rows
 from soft_continuum.arguments import FAILED, given_path, Parser, whole_number_in
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
@@ -114,10 +113,7 @@ def _report(results: Results, directory: Path) -> None:
         print(f'and {len(found) - MAX_TABLE} more in designs.csv')
     designs, picture = directory / 'designs.csv', directory / 'study.png'
     table = columns(found)
-    with designs.open('w', newline='', encoding='utf-8') as file:
-        writer = csv.writer(file)
-        writer.writerow(table)
-        writer.writerows(zip(*table.values(), strict=True))
+    write_rows(designs, [list(table), *zip(*table.values(), strict=True)])
     drawn = {one.design.number for one in widest[:DRAWN]}
     tips = {number: np.column_stack([table[axis].to_numpy() for axis in 'xyz'])[
         np.array(table['outcome'].to_pylist()) == HELD]

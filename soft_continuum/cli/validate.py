@@ -4,14 +4,13 @@
 
 import argparse
 from collections.abc import Sequence
-import csv
 from pathlib import Path
 
 import numpy as np
 
 from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.analysis.result_figures import validation_figure
-from soft_continuum.analysis.results import reserve_outputs, text_table
+from soft_continuum.analysis.results import reserve_outputs, text_table, write_rows
 from soft_continuum.analysis.validation import predict, Prediction
 from soft_continuum.arguments import given_path
 from soft_continuum.cli.common import described_arm, run_verb, shapes_parser
@@ -108,17 +107,15 @@ def _pulls(predictions: Sequence[Prediction], tendons: Sequence[str]) -> str:
 
 
 def _write_errors(path: Path, predictions: Sequence[Prediction], arm: Arm) -> None:
-    with path.open('w', newline='', encoding='utf-8') as file:
-        writer = csv.writer(file, lineterminator='\n')
-        writer.writerow(['shape', 'model', 'segment', 'point', *(f'{x} [mm]' for x in arm.axes),
-                         'error [mm]', 'error over distance from base [%]',
-                         'error over arm length [%]'])
-        for p in predictions:
-            for row, segment, error, relative in zip(
-                    p.shape.moving, p.segments, p.errors, p.relative_errors, strict=True):
-                number = p.shape.numbers[row]
-                writer.writerow([
-                    p.shape.name, p.model, segment + 1, number + 1,
-                    *(f'{1e3 * value:.3f}' for value in p.points[number, arm.pose_axes[:3]]),
-                    f'{1e3 * error:.3f}', f'{100 * relative:.3f}',
-                    f'{100 * error / arm.length:.3f}'])
+    rows: list[Sequence[object]] = [[
+        'shape', 'model', 'segment', 'point', *(f'{x} [mm]' for x in arm.axes), 'error [mm]',
+        'error over distance from base [%]', 'error over arm length [%]']]
+    for p in predictions:
+        for row, segment, error, relative in zip(
+                p.shape.moving, p.segments, p.errors, p.relative_errors, strict=True):
+            number = p.shape.numbers[row]
+            rows.append([
+                p.shape.name, p.model, segment + 1, number + 1,
+                *(f'{1e3 * value:.3f}' for value in p.points[number, arm.pose_axes[:3]]),
+                f'{1e3 * error:.3f}', f'{100 * relative:.3f}', f'{100 * error / arm.length:.3f}'])
+    write_rows(path, rows)
