@@ -8,12 +8,13 @@ every cell that can be reached has been met: compare designs with as many shapes
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from soft_continuum.analysis.figures import DPI, new_figure, new_panels
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.study.design import described, Design
 from soft_continuum.study.queries import FOUND, NONE
@@ -123,10 +124,8 @@ def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:
     for name in names:
         values = [one.design.varied[name] for one in found]
         rows[name] = [str(list(v)) if isinstance(v, tuple) else v for v in values]
-    for name in ('shapes', 'held', 'falls', 'reach', 'dexterity', 'tension', 'worst_tension',
-                 'softenings', 'success', 'plan_softenings'):
-        rows[name] = [getattr(one, name) for one in found]
-    return rows
+    return rows | {field.name: [getattr(one, field.name) for one in found]
+                   for field in fields(Summary) if field.name != 'design'}
 
 
 def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
@@ -135,17 +134,13 @@ def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
 
     tips: (m, 3) of the designs that are drawn, m, in the order of ``found`` by falling reach.
     """
-    from matplotlib.figure import Figure
     widest = sorted(found, key=lambda one: -one.reach)[:DRAWN]
-    picture = Figure(figsize=(11.0, 7.0), layout='constrained')
-    above, below = np.ravel(picture.subfigures(2, 1))  # type: ignore[arg-type]
-    for axes, one, points in zip(np.atleast_1d(above.subplots(
-            1, len(widest), sharex=True, sharey=True)), widest, tips, strict=False):
+    picture = new_figure(11.0, 7.0)
+    above, below = picture.subfigures(2, 1, squeeze=False).ravel()
+    panels = new_panels(1, len(widest), 11.0, 3.5, above)[1]
+    for axes, one, points in zip(panels, widest, tips, strict=False):
         axes.plot(1e3 * points[:, 0], 1e3 * points[:, 2], '.', color='0.2', markersize=2.0)
-        axes.set_aspect('equal')
         axes.set_title(f'design {one.design.number + 1}')
-        axes.set_xlabel('x in mm')
-        axes.grid(alpha=0.3)
     numbers = [one.design.number + 1 for one in found]
     axes_of = [len(one.design.arm.axes) for one in found]
     for axes, (values, label) in zip(below.subplots(1, 4), (
@@ -158,4 +153,4 @@ def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
         axes.set_xlabel('design')
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
-    picture.savefig(path, dpi=120)
+    picture.savefig(path, dpi=DPI)
