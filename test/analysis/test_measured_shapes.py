@@ -7,6 +7,7 @@ import pytest
 
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.measured_shapes import read_shapes, simulate_steps, sliding, Step
+from soft_continuum.analysis.results import write_rows
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -47,6 +48,16 @@ def test_angle_and_payload_may_be_left_out(tmp_path):
     shape, = read(tmp_path, pulls='shape,segment,right [m],left [m]\nbow,1,slack,0.01\n')
     assert np.isnan(shape.steps[0].angle)
     assert shape.payload == 0.0
+
+
+def test_a_shape_may_have_any_name(tmp_path):
+    name = 'bow, "left"'
+    write_rows(tmp_path / 'points.csv', [
+        ['SIMULATED, not measured'], ['shape', 'point', 'x [mm]', 'z [mm]'], [name, 7, 12.5, 280]])
+    write_rows(tmp_path / 'pulls.csv', [
+        ['shape', 'segment', 'right [mm]', 'left [mm]'], [name, 1, 16.5, 'slack']])
+    shape, = read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', data.DESCRIBED)
+    assert shape.name == name
 
 
 def test_points_of_another_arm_are_refused(tmp_path):
