@@ -11,8 +11,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes.up import (
+from soft_continuum.cli.up import (
     ALL,
     asked_file,
     check_start,
@@ -22,6 +21,7 @@ from soft_continuum.nodes.up import (
     nodes_on,
     STEERING,
 )
+from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 import pytest
 
 from soft_continuum.cli import new_arm
+from soft_continuum.cli.up import nodes_of
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.new_arm.answers import AnswerError, KINDS
 from soft_continuum.new_arm.description import complete, describe, questions_of
-from soft_continuum.nodes.up import nodes_of
 from soft_continuum.parameters.files import load_arm, load_description, parameters_text
 from support.flat_arm import guides_of
 

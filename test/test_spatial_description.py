@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.cli.operate import bendings
+from soft_continuum.cli.up import nodes_of
 from soft_continuum.client.sequence import goal
 from soft_continuum.client.state import Pose, Reached
 from soft_continuum.client.state_text import reached_text
@@ -21,7 +22,6 @@ from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes.prediction import TensionPrediction
-from soft_continuum.nodes.up import nodes_of
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import (
     load_arm,

@@ -26,12 +26,12 @@ from soft_continuum.browser.log import LOG
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
 from soft_continuum.browser.session import Session
+from soft_continuum.cli.processes import NodeProcesses
+from soft_continuum.cli.up import asked_of, chosen_nodes, ros_arguments, start_parser, with_asked
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
-from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
-from soft_continuum.nodes.up import asked_of, chosen_nodes, ros_arguments, start_parser, with_asked
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.names import RECORDER
 

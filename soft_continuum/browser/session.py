@@ -18,6 +18,7 @@ from soft_continuum.browser.points import Points
 from soft_continuum.browser.saved import SavedShapes
 from soft_continuum.browser.tip_planning import TipPlanning
 from soft_continuum.browser.words import plain
+from soft_continuum.cli.up import nodes_for
 from soft_continuum.client.errors import (
     ClientError,
     MotionEndedError,
@@ -34,7 +35,6 @@ from soft_continuum.client.state import ArmState, SequenceResult
 from soft_continuum.client.state_text import reached_text
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.nodes.up import nodes_for
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import KINEMATICS

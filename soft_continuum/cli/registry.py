@@ -45,8 +45,8 @@ def _node(name: str, text: str) -> Verb:
 
 GROUPS: Mapping[str, tuple[Verb, ...]] = {
     'start': (
-        Verb('demo', "set the paper's three shapes on a simulated rig", 'client.demo:main'),
-        Verb('up', 'start the nodes of an arm', 'nodes.up:main'),
+        Verb('demo', "set the paper's three shapes on a simulated rig", 'cli.demo:main'),
+        Verb('up', 'start the nodes of an arm', 'cli.up:main'),
         Verb('ui', 'start the four nodes and show the arm in a browser', 'browser.main:ui'),
         Verb('browser', 'show an arm whose nodes run in a browser', 'browser.main:browser'),
     ),

@@ -105,7 +105,7 @@ def _steering(connection: 'Connection', files: Sequence[Path]) -> Iterator[Path]
 
     Yield the file of what they write.  Raises ParameterError, and ClientError.
     """
-    from soft_continuum.nodes.processes import NodeProcesses
+    from soft_continuum.cli.processes import NodeProcesses
     from soft_continuum.ros.graph import running_nodes
     running = running_nodes(connection.node, (SERVO, TELEOP, SHAPE_SEQUENCER))
     requests, missing = connection.requests, [n for n in (SERVO, TELEOP) if not running[n]]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from soft_continuum.nodes.up import asked_of, check_start, chosen_nodes, start_parser
+from soft_continuum.cli.up import asked_of, check_start, chosen_nodes, start_parser
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.user_files import description_file
 

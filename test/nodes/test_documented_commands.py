@@ -21,8 +21,9 @@ from sensor_msgs.msg import Imu, JointState
 import yaml
 
 from soft_continuum.arguments import COMMON_OPTIONS
+from soft_continuum.cli import demo
 from soft_continuum.cli.main import main
-from soft_continuum.client import Arm, demo
+from soft_continuum.client import Arm
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros.names import NODES
 from soft_continuum.user_files import description_file

@@ -14,8 +14,8 @@ import pytest
 import rclpy
 from rclpy.context import Context
 
+from soft_continuum.cli import up
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes import up
 from soft_continuum.nodes.runtime import check_parameter_files
 from support.launch_stand_in import DeclareLaunchArgument, description, launched
 from support.ros_rig import destroy, make

@@ -48,7 +48,8 @@ def test_a_signal_while_python_takes_a_process_down_does_not_change_how_it_ended
     late.write_text(f"""\
 import os, signal, sys
 from functools import partial
-from soft_continuum.nodes import runtime, up
+from soft_continuum.cli import up
+from soft_continuum.nodes import runtime
 
 class Late:
     def __del__(self):

@@ -25,7 +25,7 @@ from soft_continuum.ros.network import SAID
 END_TIMEOUT = 20.0
 """s that nodes are given to hold and end: a fraction of one is enough, but on a busy computer."""
 CHILD = ('import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); '  # while it imports
-         'from soft_continuum.nodes.processes import child; child()')
+         'from soft_continuum.cli.processes import child; child()')
 
 
 class NodeProcesses:

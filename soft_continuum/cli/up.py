@@ -20,16 +20,16 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
+from soft_continuum.cli.processes import NodeProcesses
+from soft_continuum.cli.twin_process import add_twin_options, twin_process
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.constant_curvature import fully_actuated
-from soft_continuum.nodes.processes import NodeProcesses
 from soft_continuum.nodes.runtime import (
     argument_error,
     check_parameter_files,
     ROS_ARGUMENT_ERRORS,
     Signals,
 )
-from soft_continuum.nodes.twin_process import add_twin_options, twin_process
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description, parameters_text
 from soft_continuum.parameters.nodes import ALL_PARAMETERS
@@ -184,9 +184,9 @@ def asked_of(options: Namespace) -> Iterator[dict[str, Value]]:
 
 def main() -> int:
     """Run until Ctrl-C, or until no node is left; return the exit status."""
-    signals = Signals()
     parser = start_parser('up', 'Start the nodes of an arm: all four, or those that it needs.')
     options = parser.parse_args()
+    signals = Signals()
     arguments = ros_arguments(options)
     try:
         with (asked_of(options) as asked,

@@ -18,6 +18,9 @@ import numpy as np
 
 from soft_continuum.analysis.figures import shapes_figure
 from soft_continuum.arguments import given_path, Parser, WRONG_USAGE
+from soft_continuum.cli.processes import NodeProcesses
+from soft_continuum.cli.twin_process import add_twin_options, twin_process
+from soft_continuum.cli.up import chosen_nodes, with_asked
 from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.measured import MeasuredDisc
@@ -32,9 +35,6 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.orientations import quaternions
-from soft_continuum.nodes.processes import NodeProcesses
-from soft_continuum.nodes.twin_process import add_twin_options, twin_process
-from soft_continuum.nodes.up import chosen_nodes, with_asked
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.sequencing.progress import Phase

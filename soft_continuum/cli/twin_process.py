@@ -10,9 +10,9 @@ from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 
 from soft_continuum.arguments import Parser
+from soft_continuum.cli.processes import Child, end
 from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
-from soft_continuum.nodes.processes import Child, end
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
