@@ -27,7 +27,7 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import KINEMATICS, TELEOP
 from soft_continuum.ros.network import PARENT, SAID
-from soft_continuum.urdf import arm_urdf
+from soft_continuum.ros.urdf import arm_urdf
 
 DRIVERS = {'tendon_driver': ('driver of the tendon motors', TENDON_DRIVERS),
            'jamming_driver': ('driver of pump, valves and pressure sensors', JAMMING_DRIVERS)}

@@ -33,7 +33,7 @@ from soft_continuum.parameters.shapes import (
     PAPER_SHAPES,
     shapes_from_parameters,
 )
-from soft_continuum.urdf import arm_urdf, joint_names
+from soft_continuum.ros.urdf import arm_urdf, joint_names
 from support.descriptions import (
     check_urdf,
     JAMMING,

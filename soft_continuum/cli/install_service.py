@@ -16,12 +16,7 @@ from serial.tools.list_ports import comports
 from soft_continuum.arguments import Parser, whole_number_in
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
-from soft_continuum.cli.up import check_start, description_files, nodes_of, ros_arguments
-from soft_continuum.parameters.files import load_rig
-from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
-from soft_continuum.ros.network import given_network
-from soft_continuum.service import (
+from soft_continuum.cli.service import (
     boards_of,
     ENVIRONMENT,
     ports_of,
@@ -30,6 +25,11 @@ from soft_continuum.service import (
     unit_name,
     units,
 )
+from soft_continuum.cli.up import check_start, description_files, nodes_of, ros_arguments
+from soft_continuum.parameters.files import load_rig
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
+from soft_continuum.ros.network import given_network
 from soft_continuum.text import write_whole
 from soft_continuum.user_files import config_home
 

@@ -20,6 +20,7 @@ from soft_continuum.cli.operate import bendings
 from soft_continuum.cli.plan_picture import plan_figure, SUFFIXES
 from soft_continuum.cli.tip_options import add_tip, given_tip, tip_problem, UNITS
 from soft_continuum.cli.tip_path import read_tip_path
+from soft_continuum.client.tip import Tip
 from soft_continuum.extras import require
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import Surroundings
@@ -28,7 +29,6 @@ from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape, WHOLE_ARM
 from soft_continuum.sequencing.reach import Reach, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_shapes
-from soft_continuum.tip import Tip
 
 NAME = 'plan'
 

@@ -6,7 +6,7 @@ from argparse import ArgumentTypeError, Namespace
 from math import degrees, inf, isfinite, pi, radians
 
 from soft_continuum.arguments import number_in, Parser
-from soft_continuum.tip import Tip
+from soft_continuum.client.tip import Tip
 
 UNITS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3}
 MAX_POSITION = 10.0  # m

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from soft_continuum.analysis.delimited import MeasurementError, Quantity, read_table
 from soft_continuum.cli.tip_options import MAX_POSITION
-from soft_continuum.tip import Tip
+from soft_continuum.client.tip import Tip
 
 MAX_POINTS = 200
 """As many as shape_sequencer takes."""

@@ -9,8 +9,8 @@ client; see docs/how_to/use_the_python_client.md.
 
 from typing import TYPE_CHECKING
 
+from soft_continuum.client.tip import Tip
 from soft_continuum.lazy import names_from
-from soft_continuum.tip import Tip
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm

@@ -27,8 +27,8 @@ if TYPE_CHECKING:  # stop must not wait for any of these
     from soft_continuum.client.plan import Plan
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
+    from soft_continuum.client.tip import Tip
     from soft_continuum.mechanics import arm as mechanics
-    from soft_continuum.tip import Tip
 
 T = TypeVar('T')
 
@@ -244,7 +244,7 @@ class Arm:
         from +z, rad.  direction: in which it points, x, y, z.  tolerance, angle_tolerance: m, rad;
         0: those of the shape_sequencer.  The others, and what is raised, are as of ``run``.
         """
-        from soft_continuum.tip import Tip
+        from soft_continuum.client.tip import Tip
         return self.run(Tip(position, angle, direction, None, tolerance, angle_tolerance),
                         hold=hold, progress=progress)
 
@@ -256,7 +256,7 @@ class Arm:
 
         points: positions, m, or Tips.  tolerance: m, of the positions.
         """
-        from soft_continuum.tip import Tip
+        from soft_continuum.client.tip import Tip
         return self.run([point if isinstance(point, Tip) else Tip(
             tuple(point), tolerance=tolerance) for point in points], hold=hold, progress=progress)
 

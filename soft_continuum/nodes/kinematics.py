@@ -54,8 +54,8 @@ from soft_continuum.ros.conversions import (
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
+from soft_continuum.ros.urdf import arm_urdf, joint_names
 from soft_continuum.sensing.rigid import UNKNOWN
-from soft_continuum.urdf import arm_urdf, joint_names
 from soft_continuum_interfaces.msg import (
     EstimatedParameter,
     JammingValvesState,
