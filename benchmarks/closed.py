@@ -17,15 +17,18 @@ from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.parameters.loop import DEAD_BAND, LOCK_IN_DEVIATION
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.loop_settings import LoopSettings
 from soft_continuum.sequencing.planner import Planner, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Phase
-from soft_continuum.sequencing.run_settings import RunnerSettings
+from soft_continuum.sequencing.settings import (
+    DEAD_BAND,
+    LOCK_IN_DEVIATION,
+    LoopSettings,
+    RunnerSettings,
+)
 from soft_continuum.twin.plant import TIME_STEP
 
 TICK = 0.02  # s

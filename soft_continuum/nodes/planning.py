@@ -14,7 +14,6 @@ from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.obstacles import Surroundings
-from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
 from soft_continuum.sequencing.background import PlanningThread
 from soft_continuum.sequencing.closed_loop import Loop
@@ -27,6 +26,7 @@ from soft_continuum.sequencing.planner import (
     ShapePlan,
 )
 from soft_continuum.sequencing.reach import Reach, ReachSettings
+from soft_continuum.sequencing.settings import reach_from_parameters
 from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
 from soft_continuum_interfaces.action import RunShapeSequence
 

@@ -33,9 +33,7 @@ from soft_continuum.nodes.sequence_server import (
 )
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
-from soft_continuum.parameters.loop import loop_from_parameters
 from soft_continuum.parameters.nodes import NODE_PARAMETERS
-from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import poses_to_ros
@@ -45,8 +43,12 @@ from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
-from soft_continuum.sequencing.run_settings import RunnerSettings
 from soft_continuum.sequencing.runner import Runner
+from soft_continuum.sequencing.settings import (
+    loop_from_parameters,
+    reach_from_parameters,
+    RunnerSettings,
+)
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
     Shape as ShapeMessage,

@@ -16,9 +16,7 @@ from soft_continuum.hardware.drivers import (
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.estimation import ESTIMATION_PARAMETERS
-from soft_continuum.parameters.loop import LOOP_PARAMETERS
 from soft_continuum.parameters.parameter import FRAME_NAME, Parameter, ParameterError
-from soft_continuum.parameters.reach import REACH_PARAMETERS
 from soft_continuum.parameters.shapes import SHAPE_NAMES
 from soft_continuum.ros.names import (
     CAMERA,
@@ -31,6 +29,7 @@ from soft_continuum.ros.names import (
     TELEOP,
     TENDON_ACTUATION,
 )
+from soft_continuum.sequencing.settings import LOOP_PARAMETERS, REACH_PARAMETERS
 from soft_continuum.teleop.pad import PAD_PARAMETERS
 
 AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')

@@ -21,10 +21,14 @@ import numpy as np
 
 from soft_continuum.sequencing.arm_port import ArmPort, Failure, Observation
 from soft_continuum.sequencing.ends import EndError, LeaveError
-from soft_continuum.sequencing.loop_settings import ABORT
 from soft_continuum.sequencing.planner import Move, ObstructedError, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
-from soft_continuum.sequencing.run_settings import LOST, RunnerSettings, SETTLED
+from soft_continuum.sequencing.settings import ABORT, RunnerSettings
+
+LOST = 2.0
+"""Of the tolerance of a vacuum that was reached: so far off it is lost."""
+SETTLED = 0.3, 300.0
+"""s for which vacuums may change by so many Pa at most, for a shape that is held with them."""
 
 Result = TypeVar('Result')
 Plan = Callable[[Sequence[Shape]], 'Future[list[ShapePlan]]']

@@ -16,9 +16,9 @@ import numpy as np
 
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.obstacles import Surroundings
-from soft_continuum.parameters.reach import reach_from_parameters
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.reach import reach, TipGoal
+from soft_continuum.sequencing.settings import reach_from_parameters
 from soft_continuum.study.design import Design
 from soft_continuum.study.sampling import drawn, HELD, outcome_of, set_to
 

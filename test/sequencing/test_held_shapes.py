@@ -13,11 +13,11 @@ from soft_continuum.mechanics.arm import mounted
 from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.arm_port import Failure
-from soft_continuum.sequencing.loop_settings import ABORT
 from soft_continuum.sequencing.plan_watch import PlanWatch
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
+from soft_continuum.sequencing.settings import ABORT
 from soft_continuum.sequencing.shape_plans import plan_shapes
 from soft_continuum.user_files import description_file
 from support.measured_rig import asked_to_soften, LOOP, MeasuredRig, OffsetStatics

@@ -25,8 +25,8 @@ from soft_continuum.sequencing.planner import (
     WHOLE_ARM,
 )
 from soft_continuum.sequencing.progress import Code, Phase
-from soft_continuum.sequencing.run_settings import RunnerSettings
 from soft_continuum.sequencing.runner import Runner
+from soft_continuum.sequencing.settings import RunnerSettings
 from support.spatial_arms import in_space
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'

@@ -14,8 +14,8 @@ from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.loop_settings import LoopSettings
 from soft_continuum.sequencing.planner import Planner, Shape
+from soft_continuum.sequencing.settings import LoopSettings
 from support.virtual_rig import ARM, STEP, VirtualRig
 
 ARM = replace(ARM, bodies_per_segment=4)

@@ -28,8 +28,8 @@ from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.progress import Code
-from soft_continuum.sequencing.run_settings import RunnerSettings
 from soft_continuum.sequencing.runner import Runner
+from soft_continuum.sequencing.settings import RunnerSettings
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM, LIBRARY = load_arm(DESCRIPTION), PAPER_SHAPES
