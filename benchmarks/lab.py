@@ -21,9 +21,9 @@ from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJam
 from soft_continuum.mechanics import Arm
 from soft_continuum.mechanics.arm import Array, PLANAR_AXES
 from soft_continuum.mechanics.orientations import bending_between, full_poses, matrices
+from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
-from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.sensing.rigid import mean_pose, planar_pose
 from soft_continuum.sensing.ring_layout import layout_of, RingLayout
 from soft_continuum.sensing.sight import Sight

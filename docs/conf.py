@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documentation as a site, by ``./run docs``; the pages read well without it."""
 
-from soft_continuum.parameters.reference import main as write_parameter_tables
+from soft_continuum.nodes.reference import main as write_parameter_tables
 
 write_parameter_tables()
 

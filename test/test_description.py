@@ -13,9 +13,9 @@ import pytest
 import yaml
 
 from soft_continuum.mechanics.laws import MomentCurvature
+from soft_continuum.nodes.parameter_table import ALL_PARAMETERS, NODE_PARAMETERS
 from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
 from soft_continuum.parameters.files import load_arm, load_description
-from soft_continuum.parameters.nodes import ALL_PARAMETERS, NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import (
     angles_problem,

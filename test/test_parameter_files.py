@@ -15,19 +15,19 @@ from soft_continuum.hardware.drivers import (
     JAMMING_DRIVERS,
     TENDON_DRIVERS,
 )
-from soft_continuum.parameters import files
-from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.files import load_description
-from soft_continuum.parameters.nodes import ALL_PARAMETERS, NODE_PARAMETERS
-from soft_continuum.parameters.overrides import full_name, Overrides
-from soft_continuum.parameters.parameter import Parameter, ParameterError
-from soft_continuum.parameters.reference import (
+from soft_continuum.nodes.parameter_table import ALL_PARAMETERS, NODE_PARAMETERS
+from soft_continuum.nodes.reference import (
     COMMAND,
     page_with_table,
     PAGES,
     table,
     tables,
 )
+from soft_continuum.parameters import files
+from soft_continuum.parameters.arm import ARM_PARAMETERS
+from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.overrides import full_name, Overrides
+from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.parameters.shapes import SHAPE_PREFIX
 
 RATE = Parameter('rate', 50.0, 'how often', 5.0, 500.0, unit='Hz')

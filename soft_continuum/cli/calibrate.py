@@ -47,9 +47,9 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
 )
 from soft_continuum.hardware.tendon_controller import TendonLimits
+from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
 from soft_continuum.parameters.files import load_rig, write_parameters
-from soft_continuum.parameters.nodes import jamming_settings
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.names import CAMERA, LOAD_CELLS
 

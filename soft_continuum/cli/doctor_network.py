@@ -18,8 +18,8 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.checks import Check, FAIL, OK, WARN
 from soft_continuum.nodes.about import Instance, PERIOD
+from soft_continuum.nodes.parameter_table import AUTOSTART, NODE_PARAMETERS
 from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.nodes import AUTOSTART, NODE_PARAMETERS
 from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import ABOUT, INSTANCE, NODES

@@ -9,10 +9,10 @@ import shlex
 from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import Parser
 from soft_continuum.cli.common import run_verb
+from soft_continuum.cli.security_policy import policy
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.overrides import full_name
 from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER
-from soft_continuum.ros.security_policy import policy
 from soft_continuum.text import write_whole
 
 FILE = 'policy.xml'

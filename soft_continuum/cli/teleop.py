@@ -15,8 +15,8 @@ from time import monotonic, sleep
 from typing import Any, NoReturn, TYPE_CHECKING
 
 from soft_continuum.arguments import DONE, FAILED, NO_NODES, Parser, WRONG_USAGE
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.parameters.files import write_parameters
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import EXACT
 from soft_continuum.ros.names import KINEMATICS, SERVO, SHAPE_SEQUENCER, TELEOP

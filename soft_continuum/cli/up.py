@@ -24,6 +24,7 @@ from soft_continuum.cli.processes import NodeProcesses
 from soft_continuum.cli.twin_process import add_twin_options, twin_process
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.constant_curvature import fully_actuated
+from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
 from soft_continuum.nodes.runtime import (
     argument_error,
     check_parameter_files,
@@ -32,7 +33,6 @@ from soft_continuum.nodes.runtime import (
 )
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description, parameters_text
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.overrides import Overrides
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.parameters.scalars import EXACT

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import inf, pi
 from typing import TypeAlias
 
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
+from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter, Value
 
 PLANAR, SPATIAL, TENDONS = KINDS = ('planar', 'spatial', 'tendons')

@@ -22,9 +22,9 @@ from soft_continuum.extras import require
 from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import poses_from_ros, seconds, tracked_pose_to_ros

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 
 from soft_continuum.nodes.about import About, Instance, PERIOD
 from soft_continuum.nodes.entries import guarded, repeat, subscribe
-from soft_continuum.parameters.nodes import DESCRIBED
+from soft_continuum.nodes.parameter_table import DESCRIBED
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.names import INSTANCE, NODES, TELEOP, UNKNOWN_NODE

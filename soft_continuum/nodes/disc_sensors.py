@@ -17,9 +17,9 @@ from std_srvs.srv import Trigger
 from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_to_ros

@@ -19,10 +19,10 @@ from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve
 from soft_continuum.nodes.jamming_control import Driver, JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
+from soft_continuum.nodes.parameter_table import jamming_settings, NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
-from soft_continuum.parameters.nodes import jamming_settings, NODE_PARAMETERS
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 from soft_continuum_interfaces.srv import SetVacuum

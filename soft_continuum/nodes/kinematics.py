@@ -17,6 +17,7 @@ from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import Innovation, Measurement
+from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import (
     ArmShape,
     PULL_RESOLUTION,
@@ -35,13 +36,12 @@ from soft_continuum.nodes.measured_poses import MeasuredPoses
 from soft_continuum.nodes.measured_tensions import MeasuredTensions
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.question import Question
 from soft_continuum.nodes.refusals import Refusals
 from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.estimation import estimation_from_parameters
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
     poses_to_ros,

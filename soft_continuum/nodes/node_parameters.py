@@ -15,7 +15,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from soft_continuum.parameters.nodes import default_frame, FRAME
+from soft_continuum.nodes.parameter_table import default_frame, FRAME
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.ros.text import plain
 

@@ -15,8 +15,8 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve_later
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, StatePublisher, Status, WARN
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.recordings.about import about, attach_parameters, end_recording
 from soft_continuum.recordings.bag import BagError
 from soft_continuum.recordings.topics import TopicRecorder

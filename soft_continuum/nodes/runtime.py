@@ -26,8 +26,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.nodes.managed_node import ManagedNode
+from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
 from soft_continuum.parameters.files import described
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.overrides import full_name_of, Overrides
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX, VACUUM_PREFIX

@@ -22,10 +22,10 @@ from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
 from soft_continuum.nodes.estimate_observer import Estimate, EstimateObserver
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import Stiffness
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER

@@ -21,6 +21,7 @@ from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_libra
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.obstacles import KnownObstacles
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.plan_guard import PlanGuard
 from soft_continuum.nodes.plan_service import PlanService
 from soft_continuum.nodes.planning import Planning, tip_aim
@@ -33,7 +34,6 @@ from soft_continuum.nodes.sequence_server import (
 )
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import poses_to_ros

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Every parameter of the suite, declared once with type, default, bounds, unit and meaning.
+What a parameter is, the parameters of an arm and its shapes, and files of parameters.
 
-``parameter`` says what a parameter is; ``arm``, ``shapes`` and ``nodes`` list them; ``files``
-reads ROS 2 parameter files; ``reference`` writes the tables in ``msg_docs/``.  Drivers declare
-theirs in ``PARAMETERS``.
+``parameter`` says what a parameter is; ``arm`` and ``shapes`` list those of the arm; ``files``
+reads ROS 2 parameter files.  nodes/parameter_table.py lists those of every node, and drivers
+declare theirs in ``PARAMETERS``.
 """

@@ -15,14 +15,14 @@ from typing import Any
 import yaml
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.nodes import (
+from soft_continuum.nodes.parameter_table import (
     ALL_PARAMETERS,
     default_frame,
     FRAME,
     jamming_settings,
     NODE_PARAMETERS,
 )
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.overrides import (
     ALL_NODES,
     applies,

@@ -33,11 +33,11 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
+from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
 from soft_continuum.obstacles import Obstacle, ObstacleError, Surroundings
 from soft_continuum.obstacles.files import load_obstacles
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_yaml
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.parameter import name_hint, Parameter, ParameterError, Value
 from soft_continuum.text import printable
 

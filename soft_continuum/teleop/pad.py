@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import copysign, isfinite
 from typing import Any
 
-from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.parameter import ParameterError
 
 NONE = -1
 """Number of an axis or a button that the device does not have."""
@@ -17,31 +17,9 @@ RESET = 'reset'
 MODE = 'mode'
 NEXT_SEGMENT = 'next_segment'
 SOFTEN, STIFFEN = 'soften', 'stiffen'
-BUTTONS = {
-    DEAD_MAN: (4, 'button that has to be held for anything to move'),
-    EMERGENCY_STOP: (1, 'button that turns the emergency stop on'),
-    RESET: (7, 'button that turns the emergency stop off; pressed again, it resumes'),
-    MODE: (6, 'button that changes between bending a segment and moving the tip'),
-    NEXT_SEGMENT: (5, 'button that chooses the next segment'),
-    SOFTEN: (0, 'button that softens the chosen segment, and stiffens the others'),
-    STIFFEN: (2, 'button that stiffens the chosen segment'),
-}
-"""Number, as joy_node counts the buttons of an Xbox pad, and meaning of every button."""
-AXES = {'x': (0, -1.0), 'y': (1, 1.0), 'z': (4, 1.0)}
-"""Number, and what one full deflection counts: joy_node counts left as positive."""
-NEEDED = (DEAD_MAN, EMERGENCY_STOP)
+BUTTONS = (DEAD_MAN, EMERGENCY_STOP, RESET, MODE, NEXT_SEGMENT, SOFTEN, STIFFEN)
+AXES = ('x', 'y', 'z')
 MOST = 1.001  # that an axis may show; joy_node goes to 1
-PAD_PARAMETERS = (
-    *(Parameter(f'teleop.{axis}_axis', number, f'number of the axis that moves along {axis}; -1: '
-                'none', NONE, 100) for axis, (number, _) in AXES.items()),
-    *(Parameter(f'teleop.{axis}_scale', scale, f'part of full speed at 1 of the {axis} axis; '
-                'negative: the other way', -1.0, 1.0) for axis, (_, scale) in AXES.items()),
-    *(Parameter(f'teleop.{name}_button', number,
-                meaning if name in NEEDED else f'{meaning}; -1: none',
-                0 if name in NEEDED else NONE, 100)
-      for name, (number, meaning) in BUTTONS.items()),
-    Parameter('teleop.dead_zone', 0.15, 'deflection up to which a stick is at rest', 0.0, 0.9),
-)
 
 
 class PadError(ValueError):

@@ -18,9 +18,9 @@ from soft_continuum.cli.identify import main as identify_main
 from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.new_arm.description import complete, describe
+from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description, write_parameters
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 
 DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
 JAMMING = {'kind': 'spatial', 'segments': (2.0,), 'mounting_angle': (90.0,),

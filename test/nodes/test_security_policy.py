@@ -16,13 +16,13 @@ from xml.etree import ElementTree
 import pytest
 
 from soft_continuum.cli.main import main
+from soft_continuum.cli.security_policy import policy
 from soft_continuum.client import Arm
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER, with_enclave
 from soft_continuum.ros.interface_tables import documented_nodes
 from soft_continuum.ros.names import RECORDER
-from soft_continuum.ros.security_policy import policy
 from soft_continuum.user_files import description_file
 from support.policies import allowed, used
 from support.processes import Processes

@@ -9,7 +9,7 @@ import pytest
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from soft_continuum.parameters.nodes import DESCRIBED
+from soft_continuum.nodes.parameter_table import DESCRIBED
 from soft_continuum_interfaces.msg import JammingValvesState
 from support.processes import Processes
 from support.ros_rig import ALL, QUICK, Rig, trajectory

@@ -15,8 +15,8 @@ import tempfile
 
 from soft_continuum.cli.main import main as run_verb
 from soft_continuum.cli.service import units
+from soft_continuum.nodes.reference import table, tables
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.parameters.reference import table, tables
 from soft_continuum.ros.urdf import arm_urdf
 
 HERE = Path(__file__).resolve().parent

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
 from soft_continuum.parameters.files import given_parameters, UNCHECKED
-from soft_continuum.parameters.nodes import ALL_PARAMETERS
 from soft_continuum.parameters.overrides import full_name, Overrides
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'

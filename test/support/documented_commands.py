@@ -25,7 +25,7 @@ import yaml
 from soft_continuum.arguments import Parser
 from soft_continuum.cli.main import call
 from soft_continuum.cli.registry import NODE, VERBS
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 
 ROOT = Path(__file__).resolve().parents[2]
 FENCE = re.compile(r' *```(.*)')

@@ -7,10 +7,11 @@ from math import inf, nan
 
 import pytest
 
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.teleop.pad import Controls, Pad, PAD_PARAMETERS, PadError
+from soft_continuum.teleop.pad import Controls, Pad, PadError
 
-DEFAULTS = {p.name: p.default for p in PAD_PARAMETERS}
+DEFAULTS = {p.name: p.default for p in NODE_PARAMETERS['teleop']}
 XBOX_AXES, XBOX_BUTTONS = 8, 11  # that joy_node publishes
 
 

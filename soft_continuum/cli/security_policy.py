@@ -14,8 +14,8 @@ import re
 from xml.etree import ElementTree
 
 from soft_continuum.hardware.drivers import driver_topics
+from soft_continuum.nodes.parameter_table import DESCRIBED
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.nodes import DESCRIBED
 from soft_continuum.parameters.overrides import full_name
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The tables of parameters in ``msg_docs/``, written from the tables in this package.
+The tables of parameters in ``msg_docs/``, written from those of nodes and arm.
 
-Each stands between two markers; ``python -m soft_continuum.parameters.reference`` rewrites them,
+Each stands between two markers; ``python -m soft_continuum.nodes.reference`` rewrites them,
 and so does ``./run docs``.
 """
 
@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 import re
 
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.nodes import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.parameters.shapes import (
@@ -23,7 +23,7 @@ from soft_continuum.parameters.shapes import (
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 
 PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
-COMMAND = 'python -m soft_continuum.parameters.reference'
+COMMAND = 'python -m soft_continuum.nodes.reference'
 START = f'<!-- table written by: {COMMAND} -->'
 END = '<!-- end of table -->'
 COLUMNS = ('name', 'type', 'default', 'unit', 'range', 'read-only', 'description')

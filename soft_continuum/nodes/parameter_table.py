@@ -7,6 +7,7 @@ from dataclasses import fields
 from math import pi, radians
 from typing import Any
 
+from soft_continuum.estimation.settings import ESTIMATION_PARAMETERS
 from soft_continuum.hardware.drivers import (
     driver_names,
     driver_parameters,
@@ -15,7 +16,6 @@ from soft_continuum.hardware.drivers import (
 )
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.estimation import ESTIMATION_PARAMETERS
 from soft_continuum.parameters.parameter import FRAME_NAME, Parameter, ParameterError
 from soft_continuum.parameters.shapes import SHAPE_NAMES
 from soft_continuum.ros.names import (
@@ -30,7 +30,6 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.sequencing.settings import LOOP_PARAMETERS, REACH_PARAMETERS
-from soft_continuum.teleop.pad import PAD_PARAMETERS
 
 AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')
 FRAME = Parameter(
@@ -71,6 +70,20 @@ FULL_VACUUM = Parameter(
 VACUUM_TOLERANCE = Parameter(
     'vacuum_tolerance', 3e3, 'distance of a vacuum from the set-point of its regulator at which '
     'it has followed', 100.0, 2e4, unit='Pa')
+
+JOYSTICK_AXES = {'x': (0, -1.0), 'y': (1, 1.0), 'z': (4, 1.0)}
+"""Number, and what one full deflection counts: joy_node counts left as positive."""
+JOYSTICK_BUTTONS = {
+    'dead_man': (4, 'button that has to be held for anything to move'),
+    'emergency_stop': (1, 'button that turns the emergency stop on'),
+    'reset': (7, 'button that turns the emergency stop off; pressed again, it resumes'),
+    'mode': (6, 'button that changes between bending a segment and moving the tip'),
+    'next_segment': (5, 'button that chooses the next segment'),
+    'soften': (0, 'button that softens the chosen segment, and stiffens the others'),
+    'stiffen': (2, 'button that stiffens the chosen segment'),
+}
+"""Number, as joy_node counts the buttons of an Xbox pad, and meaning of every button."""
+NEEDED_BUTTONS = ('dead_man', 'emergency_stop')
 
 NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     TENDON_ACTUATION: (
@@ -231,7 +244,16 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
                   'motion ends', 0.05, 2.0, unit='s'),
         Parameter('teleop.unchanged_timeout', 5.0, 'time after which motion ends because nothing '
                   'changes in the messages', 1.0, 60.0, unit='s'),
-        *PAD_PARAMETERS,
+        *(Parameter(f'teleop.{axis}_axis', number, f'number of the axis that moves along {axis}; '
+                    '-1: none', -1, 100) for axis, (number, _) in JOYSTICK_AXES.items()),
+        *(Parameter(f'teleop.{axis}_scale', scale, f'part of full speed at 1 of the {axis} axis; '
+                    'negative: the other way', -1.0, 1.0)
+          for axis, (_, scale) in JOYSTICK_AXES.items()),
+        *(Parameter(f'teleop.{name}_button', number,
+                    meaning if name in NEEDED_BUTTONS else f'{meaning}; -1: none',
+                    0 if name in NEEDED_BUTTONS else -1, 100)
+          for name, (number, meaning) in JOYSTICK_BUTTONS.items()),
+        Parameter('teleop.dead_zone', 0.15, 'deflection up to which a stick is at rest', 0.0, 0.9),
     ),
     SHAPE_SEQUENCER: (
         *ARM_PARAMETERS, SHAPE_NAMES, FRAME, PULL_LIMITS, TENSION_LIMIT, STALE_AFTER, AMBIENT,
