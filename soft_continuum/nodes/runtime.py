@@ -34,6 +34,7 @@ from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX, VAC
 from soft_continuum.ros.enclaves import with_enclave
 from soft_continuum.ros.executor import BestExecutor
 from soft_continuum.ros.logs import discard_old_logs, require_log_folder
+from soft_continuum.ros.names import RECORDER, TELEOP
 from soft_continuum.ros.network import (
     PARENT,
     reachable_addresses,
@@ -48,13 +49,16 @@ MEMORY = 2**30  # bytes that a node may use beyond those of its start; it needs 
 
 DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
 SHAPES = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)
+ELSEWHERE = {RECORDER: 'recordings.recorder', TELEOP: 'teleop.node'}
+"""The modules of nodes that use the arm as its clients do."""
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 
 
 def node_class(name: str) -> type[Any]:
     """Return the class of the node called ``name``: ShapeSequencer for shape_sequencer."""
     class_name = name.title().replace('_', '')
-    found: type[Any] = getattr(import_module(f'soft_continuum.nodes.{name}'), class_name)
+    module = ELSEWHERE.get(name, f'nodes.{name}')
+    found: type[Any] = getattr(import_module(f'soft_continuum.{module}'), class_name)
     return found
 
 

@@ -13,7 +13,6 @@ from soft_continuum.nodes.entries import repeat, subscribe
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
-from soft_continuum.nodes.steered_arm import BENDING, SteeredArm
 from soft_continuum.ros.names import TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.text import plain
@@ -28,6 +27,7 @@ from soft_continuum.teleop.pad import (
     SOFTEN,
     STIFFEN,
 )
+from soft_continuum.teleop.steered_arm import BENDING, SteeredArm
 from soft_continuum_interfaces.msg import TeleopState
 
 JOY = 'joy'
