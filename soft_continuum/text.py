@@ -11,6 +11,8 @@ import stat
 
 MAX_TEXT = 1000
 """Characters of a message that are shown."""
+MAX_PLAIN = 100
+"""Characters of what other nodes send that are repeated."""
 MAX_NAME = 60
 """Characters of a name that are shown."""
 MAX_ITEMS = 100
@@ -34,6 +36,18 @@ def _escaped(text: str) -> str:
     if text.isprintable():
         return text
     return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
+
+
+def plain(text: str) -> str:
+    """Return what other nodes send as ``printable`` does, shorter."""
+    return printable(text, MAX_PLAIN)
+
+
+def name_problem(name: str) -> str:
+    """Return why a name that somebody chose is not taken, empty for a good one."""
+    if len(name) <= MAX_PLAIN and name.isprintable():
+        return ''
+    return f'"{printable(name, 20)}"; allowed: {MAX_PLAIN} characters that print'
 
 
 def read_bytes(path: str | Path, most: int) -> bytes:

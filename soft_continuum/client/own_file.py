@@ -24,7 +24,7 @@ import os
 from pathlib import Path
 import shutil
 from time import monotonic, sleep
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import yaml
 
@@ -47,10 +47,6 @@ from soft_continuum.parameters.overrides import MAX_SIZE
 from soft_continuum.parameters.parameter import name_hint, ParameterError
 from soft_continuum.text import MAX_NAME, printable, write_whole
 from soft_continuum.user_files import saved_shapes
-from soft_continuum_interfaces.action import RunShapeSequence
-
-if TYPE_CHECKING:
-    from soft_continuum.client.requests import Requests
 
 LOCK_TIMEOUT, LOCK_PERIOD = 10.0, 0.05  # s, to wait for another program that writes
 VERSION = 1
@@ -83,14 +79,6 @@ def read_saved() -> Saved:
         problems.append(f'{min(both)} is a shape and a sequence')
         sequences = {name: one for name, one in sequences.items() if name not in both}
     return Saved(shapes, sequences, f'{path}: {"; ".join(problems[:3])}' if problems else '')
-
-
-async def look_up_saved(goal: RunShapeSequence.Goal, requests: 'Requests') -> None:
-    """Replace the names in a goal that something was saved by, and the library does not have."""
-    saved = read_saved()
-    if any(shape.name in saved.names for shape in goal.shapes):
-        library = await requests.shapes(await requests.description())
-        goal.shapes = saved.replaced(goal.shapes, library)
 
 
 # Changes.  Each returns what was done, for the user to read.

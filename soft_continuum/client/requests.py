@@ -50,8 +50,7 @@ class Requests(Operations):
         from soft_continuum.client.sequence import goal, RunningSequence
         message = goal(shapes, hold, aim)
         if saved_shapes().exists():
-            from soft_continuum.client.own_file import look_up_saved
-            await look_up_saved(message, self)
+            await self._look_up_saved(message)
         await self.found(self._action.server_is_ready, 'the action run_shape_sequence',
                          SHAPE_SEQUENCER)
         sequence = RunningSequence()
@@ -66,6 +65,14 @@ class Requests(Operations):
         sequence.begin(lambda: self.node.executor.create_task(handle.cancel_goal_async),
                        self.start(self._follow(handle)))
         return sequence
+
+    async def _look_up_saved(self, goal: Any) -> None:
+        """Replace names in a goal that something was saved by, and the library does not have."""
+        from soft_continuum.client.own_file import read_saved
+        saved = read_saved()
+        if any(shape.name in saved.names for shape in goal.shapes):
+            library = await self.shapes(await self.description())
+            goal.shapes = saved.replaced(goal.shapes, library)
 
     async def _handle(self, message: Any, on_feedback: Any) -> Any:
         """

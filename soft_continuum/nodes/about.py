@@ -15,7 +15,7 @@ from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.names import ABOUT, INSTANCE
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import stamp_of
-from soft_continuum.ros.text import plain
+from soft_continuum.text import plain, printable
 from soft_continuum_interfaces import srv
 from soft_continuum_interfaces.msg import NodeInstance
 
@@ -54,7 +54,7 @@ class Instance:
         """Read a message."""
         return cls(plain(message.process), plain(message.version), plain(message.description),
                    plain(message.host), seconds(message.stamp),
-                   plain(message.conflict, MAX_CONFLICT))
+                   printable(message.conflict, MAX_CONFLICT))
 
 
 class About:

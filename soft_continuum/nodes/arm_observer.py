@@ -18,8 +18,8 @@ from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import RosTime
-from soft_continuum.ros.text import plain
 from soft_continuum.sequencing.arm_port import Failure, Observation
+from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
 
 VACUUM_ROUNDING = 1.0  # Pa

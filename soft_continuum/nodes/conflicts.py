@@ -19,7 +19,7 @@ from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.names import INSTANCE, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
-from soft_continuum.ros.text import plain
+from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import NodeInstance
 
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended

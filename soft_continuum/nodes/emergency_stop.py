@@ -13,7 +13,7 @@ from std_msgs.msg import Bool
 from soft_continuum.nodes.entries import repeat, subscribe
 from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.names import TELEOP
-from soft_continuum.ros.text import plain
+from soft_continuum.text import plain
 
 TOPIC = 'emergency_stop'
 PERIOD = 0.1  # s between two looks at who publishes it

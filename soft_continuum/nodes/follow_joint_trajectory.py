@@ -29,7 +29,7 @@ from soft_continuum.nodes.motion_requests import MAX_POINTS
 from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
 from soft_continuum.ros.ros_time import duration_to_ros, RosTime
-from soft_continuum.ros.text import plain
+from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import MotionRequest, TendonTrajectory
 
 Result = FollowJointTrajectory.Result

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from soft_continuum.nodes.parameter_table import default_frame, FRAME
 from soft_continuum.parameters.parameter import Parameter, ParameterError
-from soft_continuum.ros.text import plain
+from soft_continuum.text import printable
 
 
 class NodeParameters(Mapping[str, Any]):
@@ -78,7 +78,7 @@ class NodeParameters(Mapping[str, Any]):
                     parameter.check(change.value)
                 except ParameterError as error:
                     return SetParametersResult(
-                        successful=False, reason=plain(str(error), 500))
+                        successful=False, reason=printable(str(error), 500))
         return SetParametersResult(successful=True)
 
     def _after_set(self, changes: list[RosParameter]) -> None:

@@ -30,7 +30,6 @@ from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import Stiffness
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
-from soft_continuum.ros.text import plain
 from soft_continuum.sequencing.bending_map import BendingLimits
 from soft_continuum.sequencing.servo import (
     AngleServo,
@@ -38,6 +37,7 @@ from soft_continuum.sequencing.servo import (
     ServoSettings,
     TargetError,
 )
+from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import ShapeSequencerState, TendonActuationState
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)

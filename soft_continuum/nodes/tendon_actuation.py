@@ -41,7 +41,7 @@ from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import trajectory_from_ros
 from soft_continuum.ros.entry import LOG_PERIOD, MAX_BYTES
 from soft_continuum.ros.qos import STREAM
-from soft_continuum.ros.text import name_problem, plain
+from soft_continuum.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory
 
 MAX_HOLD_BYTES = 1000

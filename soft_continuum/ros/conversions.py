@@ -17,8 +17,8 @@ from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.ros.ros_time import duration_to_ros
-from soft_continuum.ros.text import plain
 from soft_continuum.sensing.rigid import in_plane, planar_pose
+from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
     KinematicsState,

@@ -15,7 +15,6 @@ from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.ros.names import TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
-from soft_continuum.ros.text import plain
 from soft_continuum.teleop.dead_man import DeadMan
 from soft_continuum.teleop.pad import (
     EMERGENCY_STOP,
@@ -28,6 +27,7 @@ from soft_continuum.teleop.pad import (
     STIFFEN,
 )
 from soft_continuum.teleop.steered_arm import BENDING, SteeredArm
+from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import TeleopState
 
 JOY = 'joy'

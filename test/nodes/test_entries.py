@@ -27,7 +27,7 @@ from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_ros
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
-from soft_continuum.ros.text import plain
+from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import NodeInstance
 from support.ros_rig import Rig
 

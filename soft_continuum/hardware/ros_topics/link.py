@@ -28,7 +28,7 @@ from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.ros_topics.stamps import Stamps
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.names import UNKNOWN_NODE
-from soft_continuum.ros.text import plain
+from soft_continuum.text import plain
 
 BACKLOG = 5
 """Messages that are looked at one by one; of more, as of a sender at 1 kHz, only the newest."""
