@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.cli.operate import bendings
 from soft_continuum.cli.up import nodes_of
 from soft_continuum.client.sequence import goal
-from soft_continuum.client.state import Pose, Reached
-from soft_continuum.client.state_text import reached_text
+from soft_continuum.client.state import Pose, Reached, reached_text
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.mechanics import Arm, Chain, Statics
 from soft_continuum.mechanics.arm import ArmError, Tendon
@@ -345,7 +344,7 @@ def test_what_was_reached_in_space_has_directions():
 
 
 def test_a_pose_out_of_the_plane_is_told_in_space():
-    from soft_continuum.client.state_text import _model_pose_text as text
+    from soft_continuum.client.state import _model_pose_text as text
     turned = Rotation.from_rotvec([-pi / 6, 0.0, 0.0]).as_quat()
     assert text(Pose((0.01, 0.02, 0.3), tuple(turned))) == (
         'x   +10.0 mm, y   +20.0 mm, z  +300.0 mm,   30.0 deg from the z axis')

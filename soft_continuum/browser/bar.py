@@ -24,8 +24,7 @@ from soft_continuum.browser.session import Notice
 from soft_continuum.browser.words import plain
 from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.observed import STALE_AFTER
-from soft_continuum.client.state import ArmState
-from soft_continuum.client.state_text import error_text
+from soft_continuum.client.state import ArmState, error_text
 from soft_continuum.client.tasks import HOW_TO_START
 from soft_continuum.ros.names import TENDON_ACTUATION
 

@@ -18,8 +18,7 @@ from soft_continuum.client.estimate import (
     millimetres,
     parameter_text,
 )
-from soft_continuum.client.state import ArmState, NodeReport, Pose
-from soft_continuum.client.state_text import error_text
+from soft_continuum.client.state import ArmState, error_text, NodeReport, Pose
 from soft_continuum.colours import (
     Colour,
     GHOST,

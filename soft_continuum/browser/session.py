@@ -31,8 +31,7 @@ from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.estimate_messages import anomaly_of
 from soft_continuum.client.observed import KINEMATICS_STATE, TENDON_STATE
 from soft_continuum.client.requests import Requests
-from soft_continuum.client.state import ArmState, SequenceResult
-from soft_continuum.client.state_text import reached_text
+from soft_continuum.client.state import ArmState, reached_text, SequenceResult
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import Obstacle

@@ -24,7 +24,7 @@ from soft_continuum.client.own_shapes import (
     steps_from_text,
     steps_text,
 )
-from soft_continuum.client.state_text import angles_text
+from soft_continuum.client.state import angles_text
 from soft_continuum.sequencing.progress import AIMS
 
 SET, SHOW, RUN, EDIT, RENAME, DELETE = 'set', 'show', 'run', 'edit', 'rename', 'delete'

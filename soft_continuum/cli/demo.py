@@ -25,8 +25,7 @@ from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.measured import MeasuredDisc
 from soft_continuum.client.sequence import RunningSequence
-from soft_continuum.client.state import ArmState, Pose, Progress
-from soft_continuum.client.state_text import angles_text
+from soft_continuum.client.state import angles_text, ArmState, Pose, Progress
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.extras import require
 from soft_continuum.mechanics import arm as mechanics

@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(options: argparse.Namespace) -> None:
     from soft_continuum.client.arm import Arm as RunningArm
-    from soft_continuum.client.state_text import source_text
+    from soft_continuum.client.state import source_text
     path, = reserve_outputs(options.output, [FILE], options.force)
     with RunningArm(options.namespace, timeout=options.timeout) as arm:
         estimate = arm.state.estimate
@@ -93,7 +93,7 @@ def _title(simulated: bool) -> str:
 def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
     """Return the parameters of an estimate; raises ClientError where it has none."""
     from soft_continuum.client.errors import ClientError
-    from soft_continuum.client.state_text import source_text
+    from soft_continuum.client.state import source_text
     if estimate is None:
         raise ClientError('kinematics publishes no shape, so there is nothing to learn from; see '
                           '`soft_continuum status`')

@@ -180,7 +180,7 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
 def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
     """Show a sequence; the first Ctrl-C cancels it and waits for the arm to come to rest."""
     from soft_continuum.client.errors import SequenceError
-    from soft_continuum.client.state_text import reached_text
+    from soft_continuum.client.state import reached_text
     before: Progress | None = None
     interrupted = False
     try:
@@ -209,7 +209,7 @@ def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
 def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
     from soft_continuum.client.own_file import read_saved
     from soft_continuum.client.own_shapes import sequence_text
-    from soft_continuum.client.state_text import angles_text
+    from soft_continuum.client.state import angles_text
     library = {printable(name, MAX_NAME): angles for name, angles in arm.shapes.items()}
     directions = {printable(name, MAX_NAME): values
                   for name, values in arm.shape_directions.items()}
@@ -309,7 +309,7 @@ def _jog_options(parser: Parser) -> None:
 
 
 def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
-    from soft_continuum.client.state_text import pulls_text
+    from soft_continuum.client.state import pulls_text
     arm.jog(**dict([*options.moves, *options.moves_by_option]))
     return output.done(f'pulls: {pulls_text(arm.state)}')
 
@@ -364,7 +364,7 @@ def _status(arm: 'Arm', _: Namespace, output: Output) -> int:
 
 
 def _watch(arm: 'Arm', _: Namespace, output: Output) -> int:
-    from soft_continuum.client.state_text import state_line
+    from soft_continuum.client.state import state_line
     try:
         while True:
             state = arm.state

@@ -53,7 +53,7 @@ class Output:
         if now.correction:
             text += f', correction {now.correction}'
         if now.error is not None:
-            from soft_continuum.client.state_text import error_text
+            from soft_continuum.client.state import error_text
             text += f', {error_text(now.error, now.aim)} off'
         if sys.stdout.isatty():
             full = round(BAR_LENGTH * now.fraction)
