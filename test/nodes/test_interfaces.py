@@ -17,7 +17,7 @@ from rclpy.action import (
     get_action_server_names_and_types_by_node,
 )
 
-from soft_continuum.cli.security_policy import policy
+from soft_continuum.cli.policy import policy
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.ros.interface_tables import (
     documented_nodes,

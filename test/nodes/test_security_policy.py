@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 import pytest
 
 from soft_continuum.cli.main import main
-from soft_continuum.cli.security_policy import policy
+from soft_continuum.cli.policy import policy
 from soft_continuum.client import Arm
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
