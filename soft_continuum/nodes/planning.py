@@ -3,10 +3,11 @@
 """Plans from the present state of the arm, as kinematics reports it, on a thread of their own."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from math import inf
+from threading import Event
 from typing import Any, TypeVar
 
 from soft_continuum.mechanics.arm import Arm
@@ -15,7 +16,6 @@ from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
-from soft_continuum.sequencing.background import PlanningThread
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans
 from soft_continuum.sequencing.planner import (
@@ -31,6 +31,37 @@ from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = TypeVar('Result')
+
+
+class PlanningThread:
+    """Makes one plan at a time; a plan that is no longer wanted ends after a few milliseconds."""
+
+    def __init__(self) -> None:
+        """Start the thread."""
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='planner')
+        self._abandoned = Event()
+
+    def start(self, work: Callable[[Any], Result], arm: Arm, offsets: Sequence[float],
+              settings: PlanSettings) -> 'Future[Result]':
+        """
+        Abandon the present plan and begin the next one.
+
+        work: what is to be done by a planner of ``arm``, whose tendons have ``offsets`` (tendons,)
+        m.
+        """
+        self.abandon()
+        abandoned = self._abandoned = Event()
+        return self._thread.submit(
+            lambda: work(Planner(arm, settings, abandoned.is_set, offsets)))
+
+    def abandon(self) -> None:
+        """End the present plan, if there is one, with a PlanError."""
+        self._abandoned.set()
+
+    def close(self) -> None:
+        """Abandon the present plan and end the thread."""
+        self.abandon()
+        self._thread.shutdown()
 
 
 class Planning:

@@ -23,10 +23,9 @@ from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.arm_port import ArmPort
-from soft_continuum.sequencing.ends import EndError, LeaveError
 from soft_continuum.sequencing.planner import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
-from soft_continuum.sequencing.runner import Plan, Runner
+from soft_continuum.sequencing.runner import EndError, LeaveError, Plan, Runner
 from soft_continuum.sequencing.settings import ABORT, LoopSettings, PAUSE, RunnerSettings
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more

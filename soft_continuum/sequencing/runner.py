@@ -20,7 +20,6 @@ from typing import TypeVar
 import numpy as np
 
 from soft_continuum.sequencing.arm_port import ArmPort, Failure, Observation
-from soft_continuum.sequencing.ends import EndError, LeaveError
 from soft_continuum.sequencing.planner import Move, ObstructedError, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
 from soft_continuum.sequencing.settings import ABORT, RunnerSettings
@@ -33,6 +32,18 @@ SETTLED = 0.3, 300.0
 Result = TypeVar('Result')
 Plan = Callable[[Sequence[Shape]], 'Future[list[ShapePlan]]']
 """Begins to plan shapes from the present state of the arm; the future carries what it raises."""
+
+
+class EndError(Exception):
+    """Ends the run with a code and a reason."""
+
+    def __init__(self, code: Code, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class LeaveError(EndError):
+    """The plan must not be followed any further; ends the run unless there is another one."""
 
 
 class Runner:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from soft_continuum.sequencing.monotone import monotone_cubic
+from soft_continuum.sequencing.timing import monotone_cubic
 
 
 @pytest.mark.parametrize('points', [2, 3, 9])
