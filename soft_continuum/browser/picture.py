@@ -8,10 +8,10 @@ from typing import Any
 from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import OVERLAY
 from soft_continuum.ros.qos import SENSOR
+from soft_continuum.ros.ros_time import Age
 
 MAX_BYTES = 1_000_000
 JPEG = b'\xff\xd8\xff'

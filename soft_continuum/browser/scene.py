@@ -7,6 +7,7 @@ Handles are kept and moved; only what has changed is sent.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import viser
@@ -23,7 +24,6 @@ from soft_continuum.browser.meshes import (
     SIDES,
     tube,
 )
-from soft_continuum.browser.obstacles import DrawnObstacles
 from soft_continuum.browser.points import Points
 from soft_continuum.browser.session import Description
 from soft_continuum.client.state import ArmState, Pose
@@ -34,15 +34,24 @@ from soft_continuum.colours import (
     GHOST_OPACITY,
     LOCKED,
     MEASURED,
+    OBSTACLE,
+    OBSTACLE_OPACITY,
     PREDICTED,
     segment_colour,
     tension_colour,
     UNKNOWN,
 )
+<<<<<<< HEAD
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.orientations import matrices, orientation
 from soft_continuum.obstacles import Obstacle
+=======
+from soft_continuum.mechanics.chain import Array, orientation
+from soft_continuum.mechanics.model import chain_of, State
+from soft_continuum.mechanics.spatial.orientations import matrices
+from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere
+>>>>>>> c612432a (Files that one other used join it: what tensions are checked by, drawn obstacles, sliders of an own shape, stamps of other nodes, the profile of an emulated servo; the age of messages stands with the other times: six files less)
 from soft_continuum.ros.obstacles import Key
 
 RINGS_PER_JOINT = 3
@@ -63,6 +72,7 @@ STEEL = 7850.0  # kg/m^3: a payload is drawn as a ball of it
 BALL = np.linspace(0.0, np.pi, 9)  # rad from its lower end, of its rings
 ROPE = 0.0027  # of the length of the arm: radius of a taut tendon as drawn
 AXIS = 0.25  # of the length of the arm: axes at its base
+FOLDER = '/arm/obstacles'
 
 
 def views_of(description: Description) -> dict[str, tuple[float, float, float]]:
@@ -345,3 +355,46 @@ def _placed(poses: Sequence[Pose]) -> tuple[Array, Array]:
     """Return places (k, 3), m, and frames (k, 3, 3) of poses."""
     return (np.array([pose.position for pose in poses]),
             matrices(np.array([pose.orientation for pose in poses])))
+
+
+class DrawnObstacles:
+    """What is drawn of obstacles in the frame of the base."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        """Draw nothing yet."""
+        self._scene = scene
+        self._drawn: Mapping[Key, Obstacle] = {}
+        self._handles: list[Any] = []
+
+    def show(self, obstacles: Mapping[Key, Obstacle]) -> None:
+        """Draw these and no others."""
+        if obstacles is self._drawn:
+            return
+        self._drawn = obstacles
+        for handle in self._handles:
+            handle.remove()
+        self._handles = [handle for number, obstacle in enumerate(obstacles.values())
+                         for handle in self._add(f'{FOLDER}/{number}', obstacle)]
+
+    def _add(self, name: str, obstacle: Obstacle) -> list[Any]:
+        scene, shape = self._scene, obstacle.shape
+        x, y, z, w = obstacle.orientation
+        place = np.array(obstacle.position)
+        look: dict[str, Any] = {'opacity': OBSTACLE_OPACITY, 'wxyz': (w, x, y, z),
+                                'position': place, 'cast_shadow': False}
+        if isinstance(shape, Sphere):
+            return [scene.add_icosphere(name, shape.radius, OBSTACLE, **look)]
+        if isinstance(shape, Box):
+            return [scene.add_box(name, OBSTACLE, shape.size, **look)]
+        if isinstance(shape, Mesh):
+            return [scene.add_mesh_simple(
+                name, np.asarray(shape.vertices, dtype=np.float32), np.asarray(shape.triangles),
+                color=OBSTACLE, flat_shading=True, side='double', **look)]
+        assert isinstance(shape, Cylinder)
+        drawn: list[Any] = [scene.add_cylinder(name, shape.radius, shape.length, OBSTACLE, **look)]
+        if isinstance(shape, Capsule):
+            along = obstacle.rotation[:, 2] * shape.length / 2
+            drawn += [scene.add_icosphere(f'{name}_{end}', shape.radius, OBSTACLE,
+                                          **{**look, 'position': place + sign * along})
+                      for end, sign in (('below', -1.0), ('above', 1.0))]
+        return drawn

@@ -5,14 +5,15 @@
 from collections.abc import Callable
 from functools import partial
 from html import escape
-from typing import Any
+from math import degrees, floor, radians
+from typing import Any, TYPE_CHECKING
 
 import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.controls import add_button, add_group, enable, number_of
-from soft_continuum.browser.own_shape import OwnShape
-from soft_continuum.browser.points import points_of
+from soft_continuum.browser.html import own_shape_html
+from soft_continuum.browser.points import Points, points_of
 from soft_continuum.browser.session import Description, SEQUENCE_HOLD, Session
 from soft_continuum.client import own_file
 from soft_continuum.client.own_shapes import (
@@ -25,11 +26,16 @@ from soft_continuum.client.own_shapes import (
     steps_text,
 )
 from soft_continuum.client.state import angles_text
+from soft_continuum.mechanics.model import chain_of
 from soft_continuum.sequencing.progress import AIMS
+
+if TYPE_CHECKING:
+    from soft_continuum.client.sequence import Bending
 
 SET, SHOW, RUN, EDIT, RENAME, DELETE = 'set', 'show', 'run', 'edit', 'rename', 'delete'
 MAX_SAVED = 50  # rows of shapes, and of sequences, that were saved
 NOTHING = html.caption('nothing yet')
+ROUNDING = 1e-3  # degrees: limits are written with so many digits
 
 
 class ShapesPanel:
@@ -179,3 +185,46 @@ class ShapesPanel:
             enable(control, may_run)
         enable(self._cancel, runs)
         enable(self._changes, bool(saved.names))
+
+
+class OwnShape:
+    """The shape that is chosen on the page."""
+
+    def __init__(self, gui: viser.GuiApi, description: Description,
+                 changed: Callable[[], None]) -> None:
+        """Add the sliders, all at 0; changed: called when somebody has moved one."""
+        async def moved(event: Any) -> None:
+            if event.client is not None:
+                changed()
+
+        self.chain = chain_of(description.arm)
+        self._limits = description.arm.bending_angle_limits.tolist()
+        self._angles, self._directions = [], []
+        for number, (limit, directed) in enumerate(zip(
+                self._limits, description.directed, strict=True), start=1):
+            most = max(1, floor(degrees(limit) + ROUNDING))
+            self._angles.append(gui.add_slider(
+                f'Angle {number}', 0 if directed else -most, most, 1, 0))
+            if directed:
+                self._directions.append(gui.add_slider(f'Direction {number}', -180, 180, 1, 0))
+        for slider in (*self._angles, *self._directions):
+            slider.on_update(moved)
+        gui.add_html(own_shape_html(description))
+
+    @property
+    def shape(self) -> 'tuple[Bending, ...]':
+        """What each segment bends by: its angle or, in space, angle and direction, rad."""
+        angles, directions = self._values()
+        return tuple(zip(angles, directions, strict=True)) if directions else angles
+
+    @property
+    def points(self) -> Points:
+        """Points along the backbone of that shape, x, y, z, m."""
+        return points_of(self.chain, *self._values())
+
+    def _values(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        angles, directions = (
+            tuple(radians(number_of(slider.value, -360.0, 360.0)) for slider in sliders)
+            for sliders in (self._angles, self._directions))
+        return (tuple(max(-limit, min(limit, angle))
+                      for angle, limit in zip(angles, self._limits, strict=True)), directions)

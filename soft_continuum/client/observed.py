@@ -26,9 +26,14 @@ from soft_continuum.client.state import (
     SequenceResult,
 )
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
+<<<<<<< HEAD
 from soft_continuum.mechanics.directions import bending_directions
 from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.ros.age import Age
+=======
+from soft_continuum.mechanics.spatial.directions import bending_directions
+from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
+>>>>>>> c612432a (Files that one other used join it: what tensions are checked by, drawn obstacles, sliders of an own shape, stamps of other nodes, the profile of an emulated servo; the age of messages stands with the other times: six files less)
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
     measured_pose_from_ros,
@@ -47,6 +52,7 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import MAX_NAME, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (

@@ -11,8 +11,8 @@ from uuid import uuid4
 from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError, SequenceError
 from soft_continuum.client.operations import Operations
 from soft_continuum.client.tasks import ATTEMPTS, until
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.progress import AIMS
 from soft_continuum.user_files import saved_shapes
 

@@ -9,6 +9,7 @@ Goal Current limits the current, and so the torque.  Feedforward is left out.
 """
 
 from collections.abc import Mapping
+from math import inf, sqrt
 
 from soft_continuum.emulators.dynamixel_models import (
     ACCELERATION_UNIT,
@@ -22,10 +23,12 @@ from soft_continuum.emulators.dynamixel_models import (
     VELOCITY_UNIT,
 )
 from soft_continuum.emulators.dynamixel_motor import Motor
-from soft_continuum.emulators.dynamixel_profile import Profile
 
 P_UNIT, I_UNIT, D_UNIT = 1.0 / 128.0, 1.0 / 65536.0, 1.0 / 16.0
 LOOP_TIME = 1e-3  # s of one step of the sums of the integral and the derivative; assumed
+STEP, RECTANGULAR, TRIANGULAR, TRAPEZOIDAL = range(4)
+"""As bits 4 and 5 of Moving Status have them."""
+NEAR = 0.01  # pulses
 
 
 class Control:
@@ -117,3 +120,66 @@ class Control:
             self._sum = 0.0
         return (values['Position P Gain'] * P_UNIT * error + integral * self._sum
                 + values['Position D Gain'] * D_UNIT * change) / FULL_PWM
+
+
+class Profile:
+    """
+    A desired position (pulses) and speed (pulses/s) on the way to ``goal``.
+
+    A new goal begins with the speed that there is.
+    """
+
+    def __init__(self, position: float) -> None:
+        """Stand."""
+        self.hold(position)
+
+    def hold(self, position: float) -> None:
+        """End here, at once."""
+        self.position = self.goal = position
+        self.speed = 0.0
+        self.kind = STEP
+        self._limit = self._acceleration = inf
+
+    @property
+    def ongoing(self) -> bool:
+        """Whether the goal has not been reached."""
+        return self.position != self.goal
+
+    def begin(self, goal: float, velocity: float, acceleration: float) -> None:
+        """Go to ``goal``; velocity (pulses/s) 0 is a step, acceleration (pulses/s^2) 0 endless."""
+        self.goal = goal
+        self._limit = velocity or inf
+        self._acceleration = acceleration or inf
+        if not velocity:
+            self.kind = STEP
+        elif not acceleration:
+            self.kind = RECTANGULAR
+        else:
+            reached = velocity**2 / acceleration < abs(goal - self.position)
+            self.kind = TRAPEZOIDAL if reached else TRIANGULAR
+
+    def begin_timed(self, goal: float, duration: float, ramp: float) -> None:
+        """Go to ``goal`` in ``duration`` s (0: a step), of which ``ramp`` s each to start, end."""
+        ramp = min(ramp, 0.5 * duration)
+        velocity = abs(goal - self.position) / (duration - ramp) if duration else 0.0
+        self.begin(goal, velocity, velocity / ramp if ramp else 0.0)
+
+    def advance(self, time: float) -> None:
+        """Let time (s) pass."""
+        left = self.goal - self.position
+        if self._limit == inf:
+            self.position, self.speed = self.goal, 0.0
+            return
+        if self._acceleration == inf:
+            wanted = min(self._limit, abs(left) / time)
+            self.speed = wanted if left > 0.0 else -wanted
+        else:
+            change = self._acceleration * time
+            # Of a braking in steps of time, so that it ends at the goal.
+            wanted = min(self._limit, abs(left) / time,
+                         sqrt(change**2 / 4.0 + 2.0 * self._acceleration * abs(left)) - change / 2)
+            wanted = wanted if left > 0.0 else -wanted
+            self.speed += max(-change, min(change, wanted - self.speed))
+        self.position += self.speed * time
+        if abs(self.goal - self.position) < NEAR and abs(self.speed) * time < 1.0:
+            self.position, self.speed = self.goal, 0.0

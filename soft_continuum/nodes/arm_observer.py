@@ -13,11 +13,10 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
-from soft_continuum.ros.ros_time import RosTime
+from soft_continuum.ros.ros_time import Age, RosTime
 from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState

@@ -26,11 +26,11 @@ from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import poses_from_ros, seconds, tracked_pose_to_ros
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
 from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.sensing.lens import Lens, LensError
 from soft_continuum.sensing.pictures import is_black
 from soft_continuum.sensing.ring_layout import layout_of

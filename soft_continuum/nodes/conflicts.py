@@ -15,10 +15,10 @@ from sensor_msgs.msg import JointState
 from soft_continuum.nodes.about import About, Instance, PERIOD
 from soft_continuum.nodes.entries import guarded, repeat, subscribe
 from soft_continuum.nodes.parameter_table import DESCRIBED
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.names import INSTANCE, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import NodeInstance
 

@@ -21,10 +21,10 @@ from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.scalars import as_yaml
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_to_ros
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.sensing.imu_axes import imu_rotations
 from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.tare import mount_of, straight_heights, Window

@@ -11,9 +11,9 @@ from sensor_msgs.msg import JointState
 
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.names import LOAD_CELLS
 from soft_continuum.ros.qos import SENSOR
+from soft_continuum.ros.ros_time import Age
 
 
 class LoadCells:

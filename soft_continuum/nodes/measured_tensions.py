@@ -1,14 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measured tensions of the tendons as they arrive, and those of them that the estimate uses."""
+"""Measured tensions of the tendons: those that the estimate uses, and how they fit the model."""
 
 from collections.abc import Mapping, Sequence
-from math import hypot, inf, isfinite
+from math import hypot, inf, isfinite, nan
 from typing import Any
 
 from soft_continuum.estimation.measuring import TensionMeasurement
 from soft_continuum.hardware.protocols import Accuracy
-from soft_continuum.nodes.tension_check import TensionCheck
 from soft_continuum.ros.conversions import accuracy_from_ros
 from soft_continuum_interfaces.msg import TendonActuationState
 
@@ -17,6 +16,8 @@ PERIOD = 0.1
 UNTOLD_TIME = 2.0
 """s for which the first tensions wait for how well they are known; it is told once a second."""
 SURE = 3.0  # deviations, beyond which a difference is not what the device does not know
+PATIENCE = 2.0  # s for which a difference lasts before it is reported
+SLACK = 0.1  # of what the model has: with less, a tendon carries nothing
 
 
 class MeasuredTensions:
@@ -89,3 +90,41 @@ class MeasuredTensions:
         return [max(least, SURE * hypot(deviation, relative * min(tensions.get(name, 0.0), own)))
                 for name, own, deviation, relative in zip(
                     self._tendons, model, *self._deviations(), strict=True)]
+
+
+class TensionCheck:
+    """Finds the tendons whose measured tension has long been another than that of the model."""
+
+    def __init__(self, tendons: Sequence[str]) -> None:
+        """tendons: their names."""
+        self._tendons = tendons
+        self._since: dict[str, float] = {}  # s, of those that differ
+        self._said: dict[str, str] = {}
+
+    def problem(self, now: float, measured: Mapping[str, float], model: Sequence[float],
+                tolerances: Sequence[float]) -> str:
+        """
+        Return what is wrong, empty for nothing; it stays the same while its cause does.
+
+        now: s.  measured: N, by tendon, those that are.  model: N, one per tendon, nan where
+        nothing determines it.  tolerances: N, one per tendon.
+        """
+        for name, expected, tolerance in zip(self._tendons, model, tolerances, strict=True):
+            seen = measured.get(name, nan)
+            if not abs(seen - expected) > tolerance:  # also what is not known
+                self._since.pop(name, None)
+                self._said.pop(name, None)
+            elif now - self._since.setdefault(name, now) > PATIENCE:
+                cause = _cause(seen, expected, tolerance)
+                if cause not in self._said.get(name, ''):
+                    self._said[name] = (f'the tension of {name} is {seen:.1f} N, by the model '
+                                        f'{expected:.1f} N; {cause}')
+        return '; '.join(self._said.values())
+
+
+def _cause(seen: float, expected: float, tolerance: float) -> str:
+    if seen < -tolerance:
+        return 'a tendon cannot push: is the sign or the zero of its load cell wrong?'
+    if seen < SLACK * expected:
+        return 'it is slack: off its guide, torn, or did its motor lose steps?'
+    return 'friction, contact, another payload or stiffness, or a wrong zero of the load cell?'

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What only a person can know to be right is asked for twice."""
 
-from soft_continuum.ros.age import Age
+from soft_continuum.ros.ros_time import Age
 
 ANSWER_TIMEOUT = 30.0  # s within which the same request, made again, is the answer
 

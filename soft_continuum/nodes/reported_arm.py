@@ -14,7 +14,6 @@ from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import (
     equilibrium_from_ros,
     SHAPE_FIELDS,
@@ -24,6 +23,7 @@ from soft_continuum.ros.conversions import (
 from soft_continuum.ros.estimates import Model, model_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
+from soft_continuum.ros.ros_time import Age
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 
 MAX_DISAGREEMENT = 1.0  # s for which kinematics may not know yet what jamming_valves reported

@@ -26,10 +26,10 @@ from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.nodes.threads import on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import Stiffness
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.bending_map import BendingLimits
 from soft_continuum.sequencing.servo import (
     AngleServo,

@@ -35,11 +35,11 @@ from soft_continuum.nodes.sequence_server import (
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.graph import running_nodes
 from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome

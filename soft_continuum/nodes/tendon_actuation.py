@@ -37,10 +37,10 @@ from soft_continuum.nodes.tendon_control import Device, TendonControl
 from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.ros.age import Age
 from soft_continuum.ros.conversions import trajectory_from_ros
 from soft_continuum.ros.entry import LOG_PERIOD, MAX_BYTES
 from soft_continuum.ros.qos import STREAM
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory
 

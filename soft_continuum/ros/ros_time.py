@@ -1,7 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""ROS time, which may be set, simulated or stand still, beside the steady clock of control."""
+"""
+ROS time, which may be set, simulated or stand still, beside the steady clock of control.
 
+By the latter: how long ago something was last received.
+"""
+
+from math import inf
 from time import monotonic
 
 from builtin_interfaces.msg import Duration, Time
@@ -44,3 +49,24 @@ class RosTime:
         """Return by how much ROS time went ahead of the steady clock since the last call, s."""
         before, self._offset = self._offset, self._now()
         return self._offset - before
+
+
+class Age:
+    """Time since something was last received, by a clock that nobody sets."""
+
+    def __init__(self) -> None:
+        """Start as never received."""
+        self._received = -inf
+
+    def refresh(self) -> None:
+        """Note that it was received now."""
+        self._received = monotonic()
+
+    def forget(self) -> None:
+        """Count as never received, until it is received again."""
+        self._received = -inf
+
+    @property
+    def seconds(self) -> float:
+        """Seconds since it was received; infinite before the first time."""
+        return monotonic() - self._received

@@ -41,7 +41,7 @@ class Bench:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
-        monkeypatch.setattr('soft_continuum.ros.age.monotonic', lambda: self.now)
+        monkeypatch.setattr('soft_continuum.ros.ros_time.monotonic', lambda: self.now)
         node = Mock()
         node.count_publishers.return_value = 0
         node.get_clock.return_value.now.return_value.nanoseconds = 0
@@ -218,7 +218,7 @@ def test_kinematics_with_another_description_of_the_jamming_ends_motion() -> Non
     """arm.jamming: false for kinematics alone makes every segment soft for it."""
     now = [100.0]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('soft_continuum.ros.age.monotonic', lambda: now[0])
+        patch.setattr('soft_continuum.ros.ros_time.monotonic', lambda: now[0])
         node = Mock()
         node.count_publishers.return_value = 0
         reported = ReportedArm(node, Chain(ARM), {

@@ -7,7 +7,7 @@ from math import nan
 
 import pytest
 
-from soft_continuum.nodes.tension_check import PATIENCE, TensionCheck
+from soft_continuum.nodes.measured_tensions import PATIENCE, TensionCheck
 
 NAMES = ('right_tendon', 'left_tendon')
 TOLERANCES = (5.0, 5.0)
