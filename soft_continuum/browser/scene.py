@@ -41,17 +41,10 @@ from soft_continuum.colours import (
     tension_colour,
     UNKNOWN,
 )
-<<<<<<< HEAD
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.orientations import matrices, orientation
-from soft_continuum.obstacles import Obstacle
-=======
-from soft_continuum.mechanics.chain import Array, orientation
-from soft_continuum.mechanics.model import chain_of, State
-from soft_continuum.mechanics.spatial.orientations import matrices
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere
->>>>>>> c612432a (Files that one other used join it: what tensions are checked by, drawn obstacles, sliders of an own shape, stamps of other nodes, the profile of an emulated servo; the age of messages stands with the other times: six files less)
 from soft_continuum.ros.obstacles import Key
 
 RINGS_PER_JOINT = 3

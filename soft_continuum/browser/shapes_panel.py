@@ -26,7 +26,7 @@ from soft_continuum.client.own_shapes import (
     steps_text,
 )
 from soft_continuum.client.state import angles_text
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.sequencing.progress import AIMS
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ class OwnShape:
             if event.client is not None:
                 changed()
 
-        self.chain = chain_of(description.arm)
+        self.chain = Chain(description.arm)
         self._limits = description.arm.bending_angle_limits.tolist()
         self._angles, self._directions = [], []
         for number, (limit, directed) in enumerate(zip(

@@ -26,14 +26,8 @@ from soft_continuum.client.state import (
     SequenceResult,
 )
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
-<<<<<<< HEAD
 from soft_continuum.mechanics.directions import bending_directions
 from soft_continuum.mechanics.orientations import bending_between, matrices
-from soft_continuum.ros.age import Age
-=======
-from soft_continuum.mechanics.spatial.directions import bending_directions
-from soft_continuum.mechanics.spatial.orientations import bending_between, matrices
->>>>>>> c612432a (Files that one other used join it: what tensions are checked by, drawn obstacles, sliders of an own shape, stamps of other nodes, the profile of an emulated servo; the age of messages stands with the other times: six files less)
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
     measured_pose_from_ros,
