@@ -26,8 +26,9 @@ def test_the_list_of_imports_that_point_up_only_gets_shorter():
     assert len(listed) == MOST, 'set MOST to the number of those that are left'
 
 
-KIND = re.compile(r'isinstance\([^)]*\b(Rigid|Spatial)?(Arm|Chain|Statics|Equilibrium)\b'
-                  r'|\bSpatial[A-Z]|\bRigidChain\b|in_space|\bAny(?!omal)[A-Z]\w')
+KIND = re.compile(r'isinstance\([^)]*\b(Plane|Space)?(Arm|Chain|Statics|Equilibrium)\b'
+                  r'|\bSpatial[A-Z]|\b(Plane|Space)(Chain|Statics|Linearisation)\b|in_space'
+                  r'|\bAny(?!omal)[A-Z]\w')
 
 
 def test_above_the_mechanics_nothing_asks_for_the_kind_of_an_arm():

@@ -304,7 +304,7 @@ class Arm:
 
     @cached_property
     def planar(self) -> bool:
-        """Whether it is hinges about y that a pair of like tendons bends: Chain's arm."""
+        """Whether it is hinges about y that a pair of like tendons bends: PlaneChain's arm."""
         if len(self.tendons) != len(PAIR) or self.spacers:
             return False
         right, left = self.tendons

@@ -58,7 +58,7 @@ class StandIn(Node):
 
 def joint_angles(bending_angles: Sequence[float]) -> Any:
     """Return the joint angles of constant curvature, rad."""
-    each = CHAIN.joints // len(bending_angles)
+    each = CHAIN.bodies // len(bending_angles)
     return np.repeat(np.array(bending_angles) / each, each)
 
 
