@@ -20,22 +20,13 @@ from soft_continuum.hardware.simulated_jamming import (
     SimulatedJamming,
     SimulatedRegulators,
 )
+from support.virtual_clock import ToldClock
 
 SETTINGS = JammingSettings()
 AMBIENT = SETTINGS.ambient_pressure
 STIFF, RELEASE = SETTINGS.stiff_vacuum, SETTINGS.release_vacuum
 START, STOP = SETTINGS.pump_start_vacuum, SETTINGS.pump_stop_vacuum
 ORDER = ('release_vacuum', 'stiff_vacuum', 'pump_start_vacuum', 'pump_stop_vacuum')
-
-
-class Clock:
-    """A clock that goes on only when told."""
-
-    def __init__(self):
-        self.now = 1000.0
-
-    def __call__(self):
-        return self.now
 
 
 class ScriptedJamming:
@@ -72,7 +63,7 @@ def scripted(*vacuum, pump=False):
 
 def timed(*vacuum):
     """A scripted driver and its controller, on a clock that goes on only when told."""
-    driver, clock = ScriptedJamming(*vacuum), Clock()
+    driver, clock = ScriptedJamming(*vacuum), ToldClock()
     return clock, driver, JammingController(driver, len(vacuum), SETTINGS, clock)
 
 
@@ -84,7 +75,7 @@ def after(clock, controller, seconds):
 
 
 def simulated(initially_stiff, segments=3, plant=None):
-    clock = Clock()
+    clock = ToldClock()
     driver = SimulatedJamming(clock, segments, plant or JammingPlant(), initially_stiff)
     return clock, driver, JammingController(driver, segments, SETTINGS, clock)
 
@@ -430,7 +421,7 @@ def test_an_evacuated_segment_becomes_stiff_whatever_was_switched_before(script)
 
 @pytest.mark.parametrize('vented', [0.4, 4.0])
 def test_a_sensor_that_did_not_notice_a_venting_is_not_believed_when_it_ends(vented):
-    driver, clock = ScriptedJamming(80e3), Clock()
+    driver, clock = ScriptedJamming(80e3), ToldClock()
     controller = JammingController(driver, 1, SETTINGS, clock)
     controller.update()
     assert controller.stiff == [True]
@@ -452,7 +443,7 @@ def test_a_sensor_that_did_not_notice_a_venting_is_not_believed_when_it_ends(ven
 
 
 def test_a_segment_that_is_evacuated_again_before_it_became_soft_is_stiff_by_its_pressure():
-    driver, clock = ScriptedJamming(80e3), Clock()
+    driver, clock = ScriptedJamming(80e3), ToldClock()
     controller = JammingController(driver, 1, SETTINGS, clock)
     controller.update()
     for vented, vacuum in ((0.05, 75e3), (0.4, 70e3)):
@@ -469,7 +460,7 @@ def test_a_segment_that_is_evacuated_again_before_it_became_soft_is_stiff_by_its
 @pytest.mark.parametrize(
     ('vented', 'read'), [(0.0, True), (0.1, True), (0.1, False), (2.0, False)])
 def test_a_venting_too_short_for_the_sensor_to_show_is_made_up_for_by_the_pump(vented, read):
-    driver, clock = ScriptedJamming(90e3), Clock()
+    driver, clock = ScriptedJamming(90e3), ToldClock()
     controller = JammingController(driver, 1, SETTINGS, clock)
     controller.update()
     for _ in range(2):
@@ -492,7 +483,7 @@ def test_a_venting_too_short_for_the_sensor_to_show_is_made_up_for_by_the_pump(v
 
 
 def test_a_stuck_sensor_is_found_by_quick_toggles_as_by_one_slow_one():
-    driver, clock = ScriptedJamming(80e3), Clock()
+    driver, clock = ScriptedJamming(80e3), ToldClock()
     controller = JammingController(driver, 1, SETTINGS, clock)
     controller.update()
     for _ in range(4):
@@ -509,7 +500,7 @@ def test_a_stuck_sensor_is_found_by_quick_toggles_as_by_one_slow_one():
 
 
 def test_a_sensor_that_was_stuck_before_the_start_is_not_believed():
-    driver, clock = ScriptedJamming(85e3), Clock()
+    driver, clock = ScriptedJamming(85e3), ToldClock()
     driver.evacuated[0] = False  # it is vented, and shows nothing of it
     controller = JammingController(driver, 1, SETTINGS, clock)
     for _ in range(30):
@@ -552,7 +543,7 @@ class ScriptedRegulators:
 
 def regulated(*vacuum):
     """Regulators that have followed their set-points, and their controller."""
-    driver, clock = ScriptedRegulators(*vacuum), Clock()
+    driver, clock = ScriptedRegulators(*vacuum), ToldClock()
     controller = JammingController(driver, len(vacuum), SETTINGS, clock)
     controller.update()
     return clock, driver, controller
@@ -568,7 +559,7 @@ def test_a_regulated_segment_is_stiff_by_the_same_thresholds_as_one_with_a_valve
 @given(st.lists(st.tuples(st.integers(0, 1), st.floats(0.0, 90e3), st.floats(0.0, 2.0)),
                 min_size=1, max_size=12))
 def test_whatever_is_set_a_segment_is_stiff_only_with_a_vacuum_that_makes_it_so(script):
-    clock = Clock()
+    clock = ToldClock()
     driver = SimulatedRegulators(clock, 2, JammingPlant(), True)
     controller = JammingController(driver, 2, SETTINGS, clock)
     for segment, vacuum, duration in script:

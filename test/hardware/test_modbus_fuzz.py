@@ -22,7 +22,7 @@ from soft_continuum.hardware.modbus import bus as modbus_bus
 from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
-from support.modbus_line import AMBIENT, driver_of, emulated, eventually, receive
+from support.modbus_line import AMBIENT, connected, emulated, eventually, receive
 
 CASES = int(os.environ.get('FUZZ_CASES', '300'))
 EXCHANGES = {
@@ -117,9 +117,7 @@ def test_a_right_reply_is_taken(monkeypatch):
 
 
 def test_the_driver_survives_any_bytes_on_a_real_line_and_reads_again_afterwards():
-    with emulated() as emulator:
-        driver = driver_of(emulator, timeout=0.02)
-        eventually(emulator, lambda: driver.open() or True)
+    with emulated() as emulator, connected(emulator, timeout=0.02) as driver:
 
         @settings(max_examples=min(CASES, 40), deadline=None, derandomize=True)
         @given(streams(), st.booleans())
@@ -142,7 +140,6 @@ def test_the_driver_survives_any_bytes_on_a_real_line_and_reads_again_afterwards
         emulator.transform = None
         reading = eventually(emulator, driver.read)
         assert reading.pressures == (AMBIENT,) * 3 and not any(reading.evacuated)
-        driver.close()
 
 
 @settings(max_examples=min(CASES, 50), deadline=None, derandomize=True)

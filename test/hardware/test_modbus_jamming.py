@@ -24,7 +24,16 @@ from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.modbus.jamming import COILS_INTERVAL, ModbusJamming
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
-from support.modbus_line import AMBIENT, driver_of, emulated, eventually, parameters, TIMEOUT
+from support.modbus_line import (
+    AMBIENT,
+    connected,
+    driver_of,
+    emulated,
+    eventually,
+    parameters,
+    TIMEOUT,
+)
+from support.virtual_clock import ToldClock
 
 READ_COILS, READ_REGISTERS, WRITE_COIL = 1, 4, 5
 
@@ -37,10 +46,8 @@ def emulator(tmp_path):
 
 @pytest.fixture
 def driver(emulator):
-    jamming = driver_of(emulator)
-    eventually(emulator, lambda: jamming.open() or True)
-    yield jamming
-    jamming.close()
+    with connected(emulator) as jamming:
+        yield jamming
 
 
 def functions(emulator):
@@ -70,10 +77,8 @@ def fail(call, *arguments):
 @pytest.mark.parametrize('stiff', [True, False])
 def test_opening_reads_the_rig_and_switches_nothing(stiff):
     with emulated(initially_stiff=stiff) as emulator:
-        driver = driver_of(emulator)
-        eventually(emulator, lambda: driver.open() or True)
-        reading = eventually(emulator, driver.read)
-        driver.close()
+        with connected(emulator) as driver:
+            reading = eventually(emulator, driver.read)
         assert reading.evacuated == (stiff,) * 3 and reading.pump == stiff
         assert WRITE_COIL not in functions(emulator)
         assert emulator.coils == (stiff,) * 4
@@ -93,9 +98,8 @@ def test_closing_and_opening_again_leaves_pump_and_valves_as_they_are(emulator, 
 def test_a_closed_driver_says_so_and_does_not_open_the_port(emulator, driver):
     driver.close()
     assert 'not open' in fail(driver.read)
-    other = driver_of(emulator)
-    eventually(emulator, lambda: other.open() or True)
-    other.close()
+    with connected(emulator):
+        pass
 
 
 @pytest.mark.parametrize('segment', [0, 1, 2])
@@ -131,45 +135,36 @@ def test_an_evacuated_segment_shows_the_vacuum_that_it_has(emulator, driver):
 
 
 def test_coils_and_registers_may_be_in_any_order(emulator):
-    driver = driver_of(emulator, pump_coil=2, valve_coils=(3.0, 0.0, 1.0),
-                       pressure_registers=(2.0, 0.0, 1.0))
-    eventually(emulator, lambda: driver.open() or True)
-    for segment, current in zip(emulator.segments, (4000, 12000, 20000), strict=True):
-        segment.stuck_at = current
-    driver.set_evacuated(0, True)
-    driver.set_pump(True)
-    reading = eventually(emulator, driver.read)
-    driver.close()
+    with connected(emulator, pump_coil=2, valve_coils=(3.0, 0.0, 1.0),
+                   pressure_registers=(2.0, 0.0, 1.0)) as driver:
+        for segment, current in zip(emulator.segments, (4000, 12000, 20000), strict=True):
+            segment.stuck_at = current
+        driver.set_evacuated(0, True)
+        driver.set_pump(True)
+        reading = eventually(emulator, driver.read)
     assert emulator.coils == (False, False, True, True)
     assert reading.evacuated == (True, False, False) and reading.pump
     assert reading.pressures == pytest.approx((AMBIENT - 100e3, AMBIENT, AMBIENT - 50e3))
 
 
 def test_a_valve_may_be_plumbed_to_evacuate_without_power(emulator):
-    driver = driver_of(emulator, energised_valve_evacuates=False)
-    eventually(emulator, lambda: driver.open() or True)
-    assert eventually(emulator, driver.read).evacuated == (True, True, True)
-    driver.set_evacuated(1, False)
-    assert emulator.coils == (False, False, True, False)
-    assert eventually(emulator, driver.read).evacuated == (True, False, True)
-    driver.close()
+    with connected(emulator, energised_valve_evacuates=False) as driver:
+        assert eventually(emulator, driver.read).evacuated == (True, True, True)
+        driver.set_evacuated(1, False)
+        assert emulator.coils == (False, False, True, False)
+        assert eventually(emulator, driver.read).evacuated == (True, False, True)
 
 
 def test_a_transmitter_may_be_scaled_either_way_round(emulator):
-    driver = driver_of(emulator, vacuum_at_4_ma=100e3, vacuum_at_20_ma=0.0)
-    eventually(emulator, lambda: driver.open() or True)
-    emulator.segments[0].stuck_at = 4000
-    assert eventually(emulator, driver.read).pressures[0] == pytest.approx(AMBIENT - 100e3)
-    driver.close()
+    with connected(emulator, vacuum_at_4_ma=100e3, vacuum_at_20_ma=0.0) as driver:
+        emulator.segments[0].stuck_at = 4000
+        assert eventually(emulator, driver.read).pressures[0] == pytest.approx(AMBIENT - 100e3)
 
 
 def test_a_rig_of_one_segment_works():
-    with emulated(1) as emulator:
-        driver = driver_of(emulator)
-        eventually(emulator, lambda: driver.open() or True)
+    with emulated(1) as emulator, connected(emulator) as driver:
         driver.set_evacuated(0, True)
         assert eventually(emulator, driver.read).evacuated == (True,)
-        driver.close()
 
 
 def test_an_idle_line_carries_the_pressures_and_now_and_then_the_relays(emulator, driver):
@@ -195,29 +190,16 @@ def test_a_current_that_no_transmitter_gives_is_no_pressure(emulator, driver, cu
 
 
 def test_a_broken_wire_is_a_fault_that_names_its_segment_and_is_not_stiff():
-    with emulated(initially_stiff=True) as emulator:
-        driver = driver_of(emulator)
-        eventually(emulator, lambda: driver.open() or True)
+    with emulated(initially_stiff=True) as emulator, connected(emulator) as driver:
         controller = JammingController(driver, 3, JammingSettings())
         emulator.segments[1].broken_wire = True
         eventually(emulator, controller.update)
         assert controller.stiff == [True, False, True]
         assert 'segment 2' in controller.faults[1] and 'wire' in controller.faults[1]
-        driver.close()
-
-
-class Clock:
-    """A clock that goes on only when told."""
-
-    def __init__(self):
-        self.now = 1000.0
-
-    def __call__(self):
-        return self.now
 
 
 def test_a_leak_is_a_fault_that_names_its_segment(emulator, driver):
-    clock = Clock()
+    clock = ToldClock()
     controller = JammingController(driver, 3, JammingSettings(), clock)
     emulator.segments[1].set_leak(200e3)
     for segment in range(3):
@@ -232,10 +214,8 @@ def test_a_leak_is_a_fault_that_names_its_segment(emulator, driver):
 
 
 def test_a_stuck_sensor_is_a_fault_and_its_segment_not_stiff_until_it_moves_again():
-    clock = Clock()
-    with emulated(initially_stiff=True) as emulator:
-        driver = driver_of(emulator)
-        eventually(emulator, lambda: driver.open() or True)
+    clock = ToldClock()
+    with emulated(initially_stiff=True) as emulator, connected(emulator) as driver:
         controller = JammingController(driver, 3, JammingSettings(), clock)
         emulator.stick_sensor(1)
         controller.set_stiff(1, False)
@@ -251,7 +231,6 @@ def test_a_stuck_sensor_is_a_fault_and_its_segment_not_stiff_until_it_moves_agai
         eventually(emulator, lambda: controller.update() and controller.faults[1], lambda f: not f)
         controller.set_stiff(1, True)
         eventually(emulator, lambda: controller.update() and controller.stiff[1], bool)
-        driver.close()
 
 
 @pytest.mark.parametrize('coil, name, switch', [
@@ -269,13 +248,10 @@ def test_a_coil_that_does_not_follow_is_named(emulator, driver, coil, name, swit
 
 
 def test_relays_that_fell_off_are_noticed_and_not_switched_again():
-    with emulated(initially_stiff=True) as emulator:
-        driver = driver_of(emulator)
-        eventually(emulator, lambda: driver.open() or True)
+    with emulated(initially_stiff=True) as emulator, connected(emulator) as driver:
         emulator.power_cycle()
         eventually(emulator, driver.read, lambda r: not r.pump and r.evacuated == (False,) * 3)
         assert WRITE_COIL not in functions(emulator)
-        driver.close()
 
 
 # The line.
@@ -348,15 +324,14 @@ def test_a_write_that_was_not_acknowledged_is_an_error_and_is_not_repeated(emula
 
 
 def test_relays_that_cannot_be_read_back_are_not_known(emulator):
-    driver = driver_of(emulator, timeout=0.05)
-    eventually(emulator, lambda: driver.open() or True)
-    eventually(emulator, driver.read)
-    refused = bytes([1, 0x81, 4])
-    emulator.transform = lambda reply: (
-        refused + crc(refused) if reply[:2] == b'\1\1' else reply)
-    for call in (lambda: driver.set_evacuated(0, True), driver.read):
-        eventually(emulator, lambda call=call: fail(call), lambda words: 'failed inside' in words)
-    driver.close()
+    with connected(emulator, timeout=0.05) as driver:
+        eventually(emulator, driver.read)
+        refused = bytes([1, 0x81, 4])
+        emulator.transform = lambda reply: (
+            refused + crc(refused) if reply[:2] == b'\1\1' else reply)
+        for call in (lambda: driver.set_evacuated(0, True), driver.read):
+            eventually(emulator, lambda call=call: fail(call),
+                       lambda words: 'failed inside' in words)
 
 
 def test_an_unplugged_adapter_is_an_error_and_heals_when_plugged_in_again(emulator, driver):
@@ -387,9 +362,8 @@ def test_a_dead_device_is_an_error_on_open_and_leaves_the_port_free(emulator):
     driver = driver_of(emulator)
     assert 'does not answer' in fail(driver.open)
     emulator.hang = False
-    other = driver_of(emulator)
-    eventually(emulator, lambda: other.open() or True)
-    other.close()
+    with connected(emulator):
+        pass
 
 
 @pytest.mark.parametrize('part', [4096, 4])
@@ -549,20 +523,18 @@ def test_bytes_after_a_reply_are_forgotten(emulator, driver):
 
 @pytest.mark.parametrize('fault', ['drop', 'garble'])
 def test_what_is_read_over_a_bad_line_is_true(emulator, fault):
-    driver = driver_of(emulator, timeout=0.05)
-    eventually(emulator, lambda: driver.open() or True)
-    for segment, current in zip(emulator.segments, (5000, 9000, 17000), strict=True):
-        segment.stuck_at = current
-    truth = eventually(emulator, driver.read)
-    setattr(emulator, fault, 0.1)
-    failures = 0
-    for _ in range(150):
-        try:
-            assert driver.read() == truth
-        except HardwareError:
-            failures += 1
-    assert failures
-    driver.close()
+    with connected(emulator, timeout=0.05) as driver:
+        for segment, current in zip(emulator.segments, (5000, 9000, 17000), strict=True):
+            segment.stuck_at = current
+        truth = eventually(emulator, driver.read)
+        setattr(emulator, fault, 0.1)
+        failures = 0
+        for _ in range(150):
+            try:
+                assert driver.read() == truth
+            except HardwareError:
+                failures += 1
+        assert failures
 
 
 # Replies that come too late.
@@ -575,9 +547,7 @@ LATENESS = [1.2, 2.9, 3.05, 3.2, 3.6, 6.0]
 @pytest.mark.parametrize('segments', [1, 3])
 def test_a_late_pressure_is_never_taken_for_a_new_one(lateness, segments):
     timeout = 0.1
-    with emulated(segments) as emulator:
-        driver = driver_of(emulator, timeout=timeout)
-        eventually(emulator, lambda: driver.open() or True)
+    with emulated(segments) as emulator, connected(emulator, timeout=timeout) as driver:
         emulator.segments[0].stuck_at = 20000
         eventually(emulator, lambda: driver.read().pressures[0], lambda p: p < AMBIENT - 99e3)
         emulator.late = lateness * timeout
@@ -590,15 +560,13 @@ def test_a_late_pressure_is_never_taken_for_a_new_one(lateness, segments):
             with suppress(HardwareError):
                 assert driver.read().pressures[0] == AMBIENT
         assert eventually(emulator, driver.read).pressures[0] == AMBIENT
-        driver.close()
 
 
 @pytest.mark.parametrize('lateness', LATENESS)
 def test_a_late_state_of_the_relays_is_never_taken_for_a_new_one(lateness):
     timeout = 0.1
-    with emulated(initially_stiff=True) as emulator:
-        driver = driver_of(emulator, timeout=timeout)
-        eventually(emulator, lambda: driver.open() or True)
+    with (emulated(initially_stiff=True) as emulator,
+          connected(emulator, timeout=timeout) as driver):
         eventually(emulator, driver.read)
         emulator.clock.sleep(COILS_INTERVAL)  # the relays are read next
         emulator.late = lateness * timeout
@@ -611,14 +579,12 @@ def test_a_late_state_of_the_relays_is_never_taken_for_a_new_one(lateness):
             with suppress(HardwareError):
                 assert not any(driver.read().evacuated)
         assert not any(eventually(emulator, driver.read).evacuated)
-        driver.close()
 
 
 def test_a_late_state_is_not_taken_though_the_other_board_answers_between():
     timeout = 0.2
-    with emulated(initially_stiff=True) as emulator:
-        driver = driver_of(emulator, timeout=timeout)
-        eventually(emulator, lambda: driver.open() or True)
+    with (emulated(initially_stiff=True) as emulator,
+          connected(emulator, timeout=timeout) as driver):
         eventually(emulator, driver.read)
         emulator.clock.sleep(COILS_INTERVAL)
         relays_late = [3.5 * timeout, 0.8 * timeout]
@@ -636,7 +602,6 @@ def test_a_late_state_is_not_taken_though_the_other_board_answers_between():
                 assert not any(driver.read().evacuated)
             emulator.clock.sleep(0.01)
         assert not any(eventually(emulator, driver.read).evacuated)
-        driver.close()
 
 
 def test_a_late_acknowledgement_is_never_taken_for_that_of_another_command(emulator, driver):
@@ -654,9 +619,7 @@ def test_no_pressure_is_older_than_its_reading_however_late_replies_come(seed):
     # The device answers in order, each time as late as it likes; every request measures anew.
     timeout = 0.03
     latenesses = random.Random(seed)
-    with emulated(2) as emulator:
-        driver = driver_of(emulator, timeout=timeout)
-        eventually(emulator, lambda: driver.open() or True)
+    with emulated(2) as emulator, connected(emulator, timeout=timeout) as driver:
 
         def measure(reply=b''):
             emulator.late = timeout * latenesses.choice([0.0] * 6 + [0.5, 1.1, 1.7, 2.9, 3.1, 4.0])
@@ -678,7 +641,6 @@ def test_no_pressure_is_older_than_its_reading_however_late_replies_come(seed):
                 continue
             good += 1
             assert round(vacuum / 100e3 * 16000) >= asked_before
-        driver.close()
 
 
 # Configuration.

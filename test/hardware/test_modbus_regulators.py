@@ -12,14 +12,20 @@ from soft_continuum.hardware.jamming_controller import (
     JammingSettings,
     RESPONSE_TIME,
 )
-from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.modbus.jamming import ModbusJamming
 from soft_continuum.hardware.modbus.regulators import ModbusRegulators, Outputs
-from soft_continuum.hardware.modbus.transmitters import Transmitters
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
 from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.parameters.parameter import ParameterError
-from support.modbus_line import AMBIENT, emulated, eventually, parameters, receive, TIMEOUT
+from support.modbus_line import (
+    AMBIENT,
+    connected,
+    emulated,
+    eventually,
+    parameters,
+    receive,
+    TIMEOUT,
+)
 
 READ_OUTPUTS, READ_INPUTS, WRITE_OUTPUT = 3, 4, 6
 
@@ -30,19 +36,10 @@ def emulator():
         yield rig
 
 
-def driver_of(emulator):
-    """A driver, not opened, of an emulated rig, in its time."""
-    values = parameters(emulator.port, regulators=True)
-    return ModbusRegulators(ModbusBus(values['modbus.port'], 115200, TIMEOUT, emulator.clock),
-                            Outputs.from_parameters(values), Transmitters.from_parameters(values))
-
-
 @pytest.fixture
 def driver(emulator):
-    regulators = driver_of(emulator)
-    eventually(emulator, lambda: regulators.open() or True)
-    yield regulators
-    regulators.close()
+    with connected(emulator, regulators=True) as regulators:
+        yield regulators
 
 
 def writes(emulator):
@@ -69,10 +66,8 @@ def test_the_emulated_output_board_answers_as_the_standard_has_it(emulator, requ
 
 def test_opening_reads_the_set_points_and_sets_none():
     with emulated(regulators=True, initially_stiff=True) as emulator:
-        driver = driver_of(emulator)
-        eventually(emulator, lambda: driver.open() or True)
-        reading = eventually(emulator, driver.read)
-        driver.close()
+        with connected(emulator, regulators=True) as driver:
+            reading = eventually(emulator, driver.read)
         assert reading.vacuums == pytest.approx((80e3,) * 3) and all(reading.evacuated)
         assert reading.pressures == pytest.approx((AMBIENT - 80e3,) * 3, abs=500.0)
         assert not writes(emulator) and emulator.outputs == (16800,) * 3

@@ -13,24 +13,15 @@ from soft_continuum.hardware.simulated_jamming import (
     SimulatedJamming,
     SimulatedRegulators,
 )
+from support.virtual_clock import ToldClock
 
 PLANT = JammingPlant()
 AMBIENT, ULTIMATE = PLANT.ambient_pressure, PLANT.ultimate_vacuum
 SEGMENTS = 3
 
 
-class Clock:
-    """A clock that goes on only when told."""
-
-    def __init__(self):
-        self.now = 1000.0
-
-    def __call__(self):
-        return self.now
-
-
 def rig(initially_stiff=True, plant=PLANT):
-    clock = Clock()
+    clock = ToldClock()
     return clock, SimulatedJamming(clock, SEGMENTS, plant, initially_stiff)
 
 
@@ -194,7 +185,7 @@ def test_pressures_are_continuous_whatever_is_switched(script, stiff):
 
 
 def regulators(initially_stiff=False):
-    clock = Clock()
+    clock = ToldClock()
     return clock, SimulatedRegulators(clock, SEGMENTS, PLANT, initially_stiff, dead_band=500.0)
 
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 import pytest
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons, TIME_STEP
+from support.virtual_clock import ToldClock
 
 TENDONS = ('right_tendon', 'left_tendon')
 SPEED, ACCELERATION, STEP = 0.03, 0.3, 5e-6
@@ -22,18 +23,8 @@ intervals = st.one_of(
     st.floats(0.05, 5.0))
 
 
-class Clock:
-    """A clock that goes on only when told."""
-
-    def __init__(self):
-        self.now = 1000.0
-
-    def __call__(self):
-        return self.now
-
-
 def rig():
-    clock = Clock()
+    clock = ToldClock()
     return clock, SimulatedTendons(clock, TENDONS, SPEED, ACCELERATION, STEP)
 
 

@@ -19,22 +19,13 @@ from soft_continuum.hardware.tendon_controller import (
     TendonController,
     TendonLimits,
 )
+from support.virtual_clock import ToldClock
 
 SPEED, ACCELERATION, STEP = 0.03, 0.3, 5e-6
 TENDONS = ('right_tendon', 'left_tendon')
 LIMITS = TendonLimits(TENDONS, (-0.02, 0.04), SPEED)
 INTERVAL = 0.02  # s between updates
 BRAKING = SPEED**2 / (2 * ACCELERATION)  # m
-
-
-class Clock:
-    """A clock that goes on only when told."""
-
-    def __init__(self):
-        self.now = 1000.0
-
-    def __call__(self):
-        return self.now
 
 
 class ObedientDriver:
@@ -92,7 +83,7 @@ class Rig:
     """A controller on a driver, and its clock."""
 
     def __init__(self, simulated=True):
-        self.clock = Clock()
+        self.clock = ToldClock()
         self.driver = WatchedTendons(self.clock) if simulated else ObedientDriver()
         self.controller = TendonController(self.driver, LIMITS)
 
@@ -307,7 +298,7 @@ def test_a_motion_at_the_speed_limit_is_accepted_however_time_is_counted(rig, ep
 
 @pytest.mark.parametrize('names', [('a',), ('a', 'b', 'c')])
 def test_any_number_of_tendons_is_moved_and_named(names):
-    clock = Clock()
+    clock = ToldClock()
     driver = SimulatedTendons(clock, names, SPEED, ACCELERATION, STEP)
     controller = TendonController(driver, TendonLimits(names, LIMITS.pull_limits, SPEED))
     goal = np.linspace(0.01, 0.005, len(names))

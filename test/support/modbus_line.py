@@ -2,9 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the tests of the Modbus driver share: emulated rigs and their drivers."""
 
+from contextlib import contextmanager
+
 from soft_continuum.emulators.modbus_rig import ModbusEmulator
 from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.modbus.jamming import ModbusJamming, registers_from_parameters
+from soft_continuum.hardware.modbus.regulators import ModbusRegulators, Outputs
+from soft_continuum.hardware.modbus.transmitters import Transmitters
 from soft_continuum.hardware.protocols import HardwareError
 from support.virtual_clock import VirtualClock
 
@@ -35,7 +39,21 @@ def driver_of(emulator, **changes):
     values = parameters(emulator.link or emulator.port, len(emulator.segments), **changes)
     bus = ModbusBus(values['modbus.port'], values['modbus.baud_rate'], values['modbus.timeout'],
                     emulator.clock)
+    if values['modbus.regulators']:
+        return ModbusRegulators(
+            bus, Outputs.from_parameters(values), Transmitters.from_parameters(values))
     return ModbusJamming(bus, registers_from_parameters(values))
+
+
+@contextmanager
+def connected(emulator, **changes):
+    """An open driver of an emulated rig."""
+    driver = driver_of(emulator, **changes)
+    eventually(emulator, lambda: driver.open() or True)
+    try:
+        yield driver
+    finally:
+        driver.close()
 
 
 def receive(emulator, line, size, timeout=20.0):
