@@ -12,12 +12,17 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_description
 from soft_continuum.sequencing.arm_port import Failure, Observation
-from soft_continuum.sequencing.planner import PlanSettings, Shape
+from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.progress import Code, Phase, Progress
+from soft_continuum.sequencing.run_settings import RunnerSettings
+from soft_continuum.sequencing.runner import Runner
 from support.flat_arm import of_segments
 from support.virtual_rig import (
     ARM,
+    DESCRIPTION,
     LIBRARY,
     one_soft_at_most_and_none_moved_stiff,
     PLAN_SETTINGS,
@@ -640,6 +645,71 @@ def test_a_segment_that_loses_its_vacuum_while_a_shape_is_held_is_noticed():
     rig.leaking.add(1)
     outcome = rig.run(most=10.0)
     assert outcome.code is Code.HARDWARE_FAULT and outcome.shapes_completed == 0
+
+
+# An arm without jamming.
+
+
+class Tendons:
+    """Nine tendons that are where they were sent last; nothing can be switched."""
+
+    def __init__(self):
+        self.pulls, self.holds, self.sent = (0.0,) * 9, 0, []
+
+    def set_stiff(self, segment, stiff):
+        raise AssertionError(f'segment {segment} of an arm without jamming was switched')
+
+    def follow(self, motion, start, times, pulls):
+        self.sent.append(start + times[0])
+        self.pulls = tuple(pulls[-1])
+
+    def hold(self):
+        self.holds += 1
+
+
+def run_of(tendons, **settings):
+    values = load_description(DESCRIPTION.with_name('tendon_arm.yaml'), node='shape_sequencer')
+    planner = Planner(arm_from_parameters(values), PlanSettings.of(values))
+
+    def plan(shapes):
+        future = Future()
+        future.set_result(planner.plan(
+            planner.statics.chain.straight(), tendons.pulls, shapes))
+        return future
+    return Runner([Shape('bow', (0.8, 0.5, 0.4))], plan, tendons,
+                  RunnerSettings(jamming=False, **settings), tuple('abcdefghi'))
+
+
+def tick(runner, tendons, until, cancel_at=None):
+    """Tick every 50 ms; return the phases seen."""
+    phases, now = [], 0.0
+    while runner.outcome is None and now < until:
+        runner.tick(now, Observation(tendons.pulls, False, (False,) * 3, (float('nan'),) * 3))
+        phases.append((runner.progress.phase, runner.progress.segment))
+        now += 0.05
+        if cancel_at is not None and phases[-1][0] == Phase.MOVING and now > cancel_at:
+            runner.cancel(Code.CANCELED, 'canceled')
+    return phases
+
+
+def test_an_arm_without_jamming_moves_as_a_whole_and_switches_nothing():
+    tendons = Tendons()
+    runner = run_of(tendons, piece_period=0.2)
+    phases = set(tick(runner, tendons, 60.0))
+    assert runner.outcome.code is Code.SUCCESSFUL
+    assert phases <= {(Phase.PREPARING, 0), (Phase.MOVING, 0), (Phase.HOLDING, 0)}
+    assert (Phase.MOVING, 0) in phases
+    assert len(tendons.sent) > 2
+    assert np.diff(tendons.sent).min() > 0.1  # pieces are not sent with every tick
+
+
+def test_a_canceled_run_of_an_arm_without_jamming_holds_the_tendons():
+    tendons = Tendons()
+    runner = run_of(tendons)
+    phases = tick(runner, tendons, 60.0, cancel_at=0.2)
+    assert runner.outcome.code is Code.CANCELED
+    assert tendons.holds == 1
+    assert Phase.STIFFENING not in {phase for phase, _ in phases}
 
 
 # Any event at any moment.
