@@ -5,7 +5,7 @@
 from contextlib import suppress
 from dataclasses import replace
 from itertools import count, permutations, product
-from math import inf, nan, pi, radians
+from math import cos, inf, nan, pi, radians, sin
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,11 @@ import pytest
 
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
+from soft_continuum.mechanics.model import statics_of
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
-from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import load_arm, load_description
+from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, WHOLE_ARM
 from soft_continuum.sequencing.reach import (
     budget,
     follow,
@@ -27,7 +29,8 @@ from soft_continuum.sequencing.reach import (
 from soft_continuum.sequencing.reach.passage import BlockedError, moved, Passages
 from support.flat_arm import of_segments
 
-ARM = load_arm(Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml')
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+ARM = load_arm(CONFIG / 'manipulator.yaml')
 HANGING = replace(ARM, gravity=mounted(pi))
 TWO = of_segments(HANGING, range(2))
 PATIENT = ReachSettings(time_limit=inf)  # the machine's speed must not matter
@@ -37,15 +40,16 @@ MARGIN = PATIENT.margin
 class Query:
     """A search from the straight arm."""
 
-    def __init__(self, goal, obstacles=(), arm=ARM, settings=PATIENT, **limits):
+    def __init__(self, goal, obstacles=(), arm=ARM, settings=PATIENT, limits=None, **changes):
         self.arm, self.goal, self.settings = arm, goal, settings
-        self.limits = PlanSettings(**limits)
+        self.limits = limits or PlanSettings(**changes)
         self.surroundings = Surroundings(arm, obstacles)
         self.planner = Planner(arm, self.limits)
         self.start = self.planner.statics.chain.straight()
+        self.pulls = [0.0] * len(arm.tendon_names)
 
     def all(self, function=reach):
-        return function(self.planner, self.start, (0.0, 0.0), self.goal, self.surroundings,
+        return function(self.planner, self.start, self.pulls, self.goal, self.surroundings,
                         self.settings)
 
     def first(self):
@@ -57,10 +61,10 @@ class Query:
 
     def run(self, found, between=4):
         """The states of new statics that follow the pulls of a plan, more densely than it did."""
-        statics, state = Statics(self.arm), self.start
+        statics, state = statics_of(self.arm), self.start
         states = []
         for move in found.plan.moves:
-            soft = [s == move.segment for s in range(len(self.arm.segments))]
+            soft = [move.segment in (s, WHOLE_ARM) for s in range(len(self.arm.segments))]
             parts = np.linspace(0.0, len(move.pulls) - 1, between * (len(move.pulls) - 1) + 1)
             for part in parts:
                 pulls = [np.interp(part, range(len(move.pulls)), pull) for pull in move.pulls.T]
@@ -362,3 +366,54 @@ def test_turns_are_told_in_degrees():
     found = Query(at(0.0, ARM.length, rotation=flat, kind='pose'), settings=QUICK).last()
     assert 'degrees' in found.why
     assert found.turn_error > radians(2.0)
+
+
+# In space, with jamming and without it.
+
+
+def described(name):
+    """What a query takes of a description: the arm and its limits."""
+    values = load_description(CONFIG / f'{name}.yaml', node='shape_sequencer')
+    return {'arm': arm_from_parameters(values), 'limits': PlanSettings.of(values)}
+
+
+def test_segments_in_space_reach_around_what_stands_in_the_way():
+    query = Query(TipGoal((0.1, 0.08, 0.27), position_tolerance=2e-3),
+                  [Obstacle('ball', Sphere(0.02), (0.075, 0.05, 0.31))],
+                  **described('spatial_jamming'))
+    found = query.first()
+    assert not found.why
+    assert found.softenings <= 3
+    states = query.run(found, 2)
+    assert np.linalg.norm(states[-1].tip - query.goal.position) <= query.goal.position_tolerance
+    least = min(near.distance for near in query.surroundings.clearances(states))
+    assert MARGIN <= found.clearance[0] <= least
+    assert not any(state.jumped for state in states)
+
+
+def test_an_arm_without_jamming_points_where_it_should_in_one_move():
+    lean, towards = radians(40.0), radians(70.0)
+    axis = np.array([sin(lean) * cos(towards), sin(lean) * sin(towards), cos(lean)])
+    side = np.cross([0.0, 0.0, 1.0], axis) / sin(lean)
+    query = Query(TipGoal((0.03, 0.07, 0.24), np.column_stack([side, np.cross(axis, side), axis]),
+                          'direction'), **described('tendon_arm'))
+    found = query.first()
+    assert not found.why
+    assert [move.segment for move in found.plan.moves] == [WHOLE_ARM]
+    end = query.run(found, 2)[-1]
+    assert np.linalg.norm(end.tip - query.goal.position) <= query.goal.position_tolerance
+    assert np.arccos(end.orientations[-1][:, 2] @ axis) <= query.goal.angle_tolerance
+
+
+def test_an_arm_without_jamming_follows_a_line_within_what_it_says():
+    line = np.linspace((0.05, 0.0, 0.245), (0.03, 0.05, 0.245), 4)
+    query = Query([TipGoal(place, position_tolerance=2e-3) for place in line],
+                  **described('tendon_arm'))
+    found = next(query.all(follow))
+    assert not found.why
+    assert found.softenings == 1
+    tips = np.array([state.tip for state in query.run(found, 2)])
+    nearest = np.array([np.linalg.norm(tips - place, axis=1).min() for place in line])
+    assert nearest.max() <= 2e-3
+    assert np.linalg.norm(tips[-1] - line[-1]) <= found.tip_error + 1e-6
+    assert found.tip_error <= 2e-3
