@@ -43,9 +43,9 @@ SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation
         'mechanics/test_inverse_problems.py', 'mechanics/test_kernel.py',
         'mechanics/test_mujoco.py', 'mechanics/test_spatial_tip.py', 'sensing/test_printing.py',
         'sensing/test_ring_camera.py', 'sensing/test_tag_camera.py', 'sequencing/test_aiming.py',
-        'sequencing/test_aiming_in_space.py', 'sequencing/test_angle_servo.py',
-        'sequencing/test_closed_loop.py', 'sequencing/test_held_shapes.py',
-        'sequencing/test_reach.py', 'sequencing/test_tip_runs.py', 'study', 'twin')
+        'sequencing/test_angle_servo.py', 'sequencing/test_closed_loop.py',
+        'sequencing/test_held_shapes.py', 'sequencing/test_reach.py',
+        'sequencing/test_tip_runs.py', 'study', 'twin')
 """
 Tests below these start nodes, devices, programs or other solvers, draw many pictures, search for
 tips, plans and causes of faults, or run whole analyses and whole sequences with measurements.

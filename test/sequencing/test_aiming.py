@@ -3,13 +3,18 @@
 """Angles at which stiff segments that give are to be locked, so that the shape ends right."""
 
 from dataclasses import replace
+from math import pi
 
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics import pulls_for_bending, Statics, StaticsError
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.statics import PRETENSIONS
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.aiming import (
     Aim,
     angles_to_set,
@@ -18,15 +23,28 @@ from soft_continuum.sequencing.aiming import (
     predicted,
     worth_setting_again,
 )
-from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings
-from support.virtual_rig import ARM
+from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, WHOLE_ARM
+from support.flat_arm import about_y
+from support.virtual_rig import ARM, DESCRIPTION
 
-ELASTIC = replace(ARM, bodies_per_segment=4, segments=tuple(
-    replace(s, jam=Jam(15.0)) for s in ARM.segments))
+
+def elastic(arm, bodies, ratio=15.0):
+    """An arm of few bodies with jams that give."""
+    return replace(arm, bodies_per_segment=bodies, segments=tuple(
+        replace(s, jam=Jam(ratio)) for s in arm.segments))
+
+
+def arm_in_space(name='spatial_jamming'):
+    return load_arm(DESCRIPTION.with_name(f'{name}.yaml'))
+
+
+ELASTIC = elastic(ARM, 4)
 SETTINGS = PlanSettings(angle_step=np.radians(6.0))
 ALL = (0, 1, 2)
 C_FORM, S_FORM = np.radians([30.0, 30.0, 30.0]), np.radians([25.0, -25.0, 25.0])
 LOCK_IN = 0.006
+ANGLES, DIRECTIONS = np.radians([25.0, 20.0, 25.0]), (0.6, 2.5, -1.0)  # in space
+FALLS = -0.109, -0.178  # rad: where the least tensions leave segment 2 free to fall
 
 
 @pytest.fixture(scope='module')
@@ -64,26 +82,38 @@ def again_of(statics, state, *arguments):
                                *arguments)
 
 
-@pytest.mark.parametrize('angles', [C_FORM, S_FORM, -C_FORM], ids=['C', 'S', 'mirrored C'])
-def test_the_angles_are_right_after_the_last_segment_was_set(statics, angles):
-    straight = statics.chain.straight()
-    wanted = aim_at(angles)
-    found, after = angles_to_set(statics, straight, ALL, wanted)
-    there = walk(statics, straight, ALL, found)
-    naive = walk(statics, straight, ALL, angles)
-    assert np.abs(there.bending_angles - angles).max() < np.radians(0.1)
-    assert np.abs(naive.bending_angles - angles).max() > np.radians(0.9)
-    assert after.joint_angles == pytest.approx(there.joint_angles, abs=1e-9)
-    assert wanted.error(there) == pytest.approx(np.abs(there.bending_angles - angles).max())
+@pytest.fixture(scope='module')
+def spatial():
+    return SpatialStatics(elastic(arm_in_space(), 3))
 
 
-def test_the_tip_is_right_after_the_last_segment_was_set(statics):
-    straight, aim = statics.chain.straight(), aim_at(C_FORM, on_tip=True)
-    found, _ = angles_to_set(statics, straight, ALL, aim)
-    there, naive = (walk(statics, straight, ALL, a) for a in (found, C_FORM))
-    assert np.linalg.norm(there.backbone[-1] - aim.tip) < 1e-4
-    assert np.linalg.norm(naive.backbone[-1] - aim.tip) > 2e-3
-    assert np.abs(there.bending_angles - C_FORM).max() < np.radians(5.0)  # of that kind of shape
+@pytest.fixture(scope='module')
+def bending(spatial):
+    return bending_vectors(spatial.chain.arm, ANGLES.tolist(), DIRECTIONS)
+
+
+@pytest.mark.parametrize(('wanted', 'on_tip'), [
+    (C_FORM, False), (C_FORM, True), (S_FORM, False), (-C_FORM, False), (None, False),
+    (None, True)])
+def test_the_angles_or_the_tip_are_right_after_the_last_segment_was_set(
+        statics, spatial, bending, wanted, on_tip):
+    in_space = wanted is None
+    statics, wanted = (spatial, bending) if in_space else (statics, about_y(wanted))
+    chain = statics.chain
+    aim = Aim(wanted, chain.uniform(wanted).backbone[-1], on_tip)
+    found, after = angles_to_set(statics, chain.straight(), ALL, aim)
+    there, naive = (predicted(statics, chain.straight(), ALL, one) for one in (found, wanted))
+    assert after.coordinates == pytest.approx(there.coordinates, abs=1e-9)
+    off, far = (np.linalg.norm(one.bending - wanted, axis=1).max() for one in (there, naive))
+    miss, wide = (np.linalg.norm(one.backbone[-1] - aim.tip) for one in (there, naive))
+    assert aim.error(there) == pytest.approx(miss if on_tip else off)
+    if on_tip:
+        assert miss < 1e-4
+        assert wide > (1e-3 if in_space else 2e-3)
+        assert off < np.radians(5.0)  # of that kind of shape
+    else:
+        assert off < np.radians(0.1)
+        assert far > np.radians(0.5 if in_space else 0.9)
 
 
 def test_the_later_segments_bring_the_tip_where_it_belongs_past_a_wrong_first_one(statics):
@@ -124,9 +154,9 @@ def test_mirrored_aims_have_mirrored_angles(statics):
 
 def test_prediction_is_one_segment_after_the_other(statics):
     straight = statics.chain.straight()
-    bending = np.array([[0.0, 0.3], [0.0, -0.2]])
-    there = walk(statics, straight, (2, 0), bending)
-    found = predicted(statics, straight, (2, 0), bending)
+    bending = about_y([0.3, -0.2, 0.1])
+    there = walk(statics, straight, (2, 0, 1), bending)
+    found = predicted(statics, straight, (2, 0, 1), bending)
     assert np.array_equal(found.joint_angles, there.joint_angles)
 
 
@@ -253,3 +283,49 @@ def test_a_jam_that_seems_to_yield_is_not_set_to_an_angle_again(good):
         off = shifted(weak, replace(state, chain=weak.chain), 0, 0.05)
         assert again_of(weak, off, ALL, aim, LOCK_IN) == again
         assert again_of(weak, off, ALL, replace(aim, on_tip=True), LOCK_IN)
+
+
+# In space.
+
+
+def test_a_segment_that_would_fall_over_is_held_by_all_tendons():
+    arm = arm_in_space()
+    soft_one = replace(arm.segments[1], **{name: 0.7 * getattr(arm.segments[1], name)
+                                           for name in ('stiffness_x', 'stiffness_y')})
+    statics = SpatialStatics(replace(arm, bodies_per_segment=4, payload=0.03, segments=(
+        arm.segments[0], soft_one, arm.segments[2])))
+    wanted, soft = np.full((3, 2), np.nan), (False, True, False)
+    wanted[1] = FALLS
+    with pytest.raises(StaticsError, match='on the way'):
+        pulls_for_bending(statics, statics.chain.straight(), wanted, soft)
+    fit = statics.hold(statics.chain.straight(), wanted, soft)
+    assert fit.state.bending[1] == pytest.approx(FALLS, abs=1e-8)
+    assert fit.state.tensions.min() >= PRETENSIONS[1] - 1e-6
+
+
+def test_what_is_not_wanted_any_more_ends(spatial, bending):
+    planner = Planner(spatial.chain.arm, PlanSettings(), lambda: True)
+    with pytest.raises(PlanError, match='abandoned'):
+        worth_setting_again(planner, spatial.chain.straight(), [0.0] * 3, ALL,
+                            Aim(bending, np.zeros(3)), 0.006)
+
+
+def test_the_error_of_a_bending_counts_in_every_direction(spatial, bending):
+    aim = Aim(bending, np.zeros(3))
+    turned = bending_vectors(spatial.chain.arm, ANGLES.tolist(), (0.6, 2.5 + pi / 2, -1.0))
+    assert aim.error(spatial.chain.uniform(turned)) == pytest.approx(
+        np.sqrt(2.0) * ANGLES[1], rel=1e-6)
+
+
+def test_an_arm_without_jamming_is_set_as_a_whole():
+    arm = arm_in_space('tendon_arm')
+    planner = Planner(arm, PlanSettings(jamming=False, angle_step=0.3))
+    goal = bending_vectors(arm, (0.2, 0.1, 0.2), (0.5, 2.0, -1.0))
+    state = planner.statics.solve(planner.statics.chain.straight(), np.zeros(9), (True,) * 3)
+    step = next_step(planner, state, np.zeros(9), (WHOLE_ARM,), Aim(goal, np.zeros(3)), 5e-5)
+    assert step.move.segment == WHOLE_ARM
+    assert step.predicted < np.radians(0.1) < step.error
+    there = planner.statics.solve(state, step.move.pulls[-1], (True,) * 3)
+    assert there.bending == pytest.approx(goal, abs=np.radians(0.5))
+    assert next_step(planner, there, step.move.pulls[-1], (WHOLE_ARM,),
+                     Aim(there.bending, np.zeros(3)), 5e-5).move is None
