@@ -19,13 +19,12 @@ from soft_continuum.hardware.dynamixel.reference import (
     marked_zero,
     zero_within_turn,
 )
-from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.state import ServoState, Written
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
 from support.driver_waits import at_rest
-from support.dynamixel_rig import driver, RADIUS, refusal, rig, servos, TENDONS
-from support.dynamixel_slave import packet, Slave
+from support.dynamixel_rig import driver, RADIUS, refusal, rig, servos, spools
+from support.dynamixel_slave import Bus, packet, Slave
 
 EXAMPLE = Path(__file__).parents[2] / 'config/dynamixel_rig.yaml'
 TORQUE = 64
@@ -77,11 +76,6 @@ def test_servos_without_fast_sync_read_do(tmp_path):
         tendons.close()
 
 
-GOOD = {'tendons': TENDONS, 'ids': (1, 2), 'radii': (RADIUS,) * 2, 'signs': (1.0, 1.0),
-        'tension_limits': (20.0, 20.0), 'torque_constants': (0.0, 0.0), 'speed_limit': 0.03,
-        'acceleration_limit': 0.3, 'pull_limits': (-0.06, 0.06)}
-
-
 @pytest.mark.parametrize(('change', 'words'), [
     ({'radii': (10.0, 10.0)}, 'spool_radii has 10 m; allowed: 0.001 to 0.1 m; 10 mm are 0.01 m'),
     ({'radii': (1e-5, 0.01)}, 'spool_radii has 1e-05 m'),
@@ -92,7 +86,7 @@ GOOD = {'tendons': TENDONS, 'ids': (1, 2), 'radii': (RADIUS,) * 2, 'signs': (1.0
 ])
 def test_parameters_that_cannot_be_right(change, words):
     with pytest.raises(ParameterError) as error:
-        Spools(**GOOD | change)
+        spools(**change)
     assert words in str(error.value)
 
 
@@ -193,10 +187,8 @@ def test_no_damaged_packet_is_taken_for_a_reply(tmp_path):
 @pytest.fixture
 def real(tmp_path, monkeypatch):
     """Servos in real time, the file of a rig for them, and its parameters."""
-    from support.dynamixel_slave import serving
-
     monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path))
-    with serving((Slave(1), Slave(2, _11=3, _9=250)), STEADY) as bus:
+    with Bus((Slave(1), Slave(2, _11=3, _9=250)), STEADY) as bus:
         file = tmp_path / 'rig.yaml'
         file.write_text(f"""/**:
   ros__parameters:

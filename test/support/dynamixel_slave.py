@@ -8,7 +8,7 @@ They share nothing with the driver, the SDK of the maker or the emulator: packet
 written here once more, from the protocol page of the e-Manual.
 """
 
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 import os
 import struct
 import termios
@@ -143,7 +143,7 @@ class Slave:
 
 
 class Bus:
-    """Servos at ``port``, on a clock; lose, garble, late: what happens to the next replies."""
+    """Servos at ``port``, on a clock; lose, garble: how many of the next replies."""
 
     def __init__(self, slaves, clock, baud=1000000):
         self.slaves, self.clock, self.baud = slaves, clock, baud
@@ -222,7 +222,7 @@ class Bus:
                     slave.refresh(self._time)
                     parts.append((slave, bytes(slave.table[address:address + length])))
             if len({s.id for s, _ in parts}) < len(data[4:]):
-                parts = parts[:[s.id for s, _ in parts].index(data[4])] if False else parts[:0]
+                parts = []
             if instruction == 0x82:
                 replies = [self._status(s, part) for s, part in parts]
             elif parts:
@@ -283,9 +283,6 @@ class Bus:
         with suppress(OSError):
             os.write(self._fd, reply)
 
-    def unplug(self):
-        os.close(self._fd)
-
     def __enter__(self):
         self._thread.start()
         return self
@@ -297,10 +294,3 @@ class Bus:
         for fd in (self._fd, self._end):
             with suppress(OSError):
                 os.close(fd)
-
-
-@contextmanager
-def serving(slaves, clock, **options):
-    """Servos behind a port."""
-    with Bus(slaves, clock, **options) as bus:
-        yield bus
