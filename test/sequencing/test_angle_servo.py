@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A segment follows a moving target, of an arm that is not the model of the servo."""
 
+from cmath import exp
 from dataclasses import replace
 from math import degrees, inf, nan, pi, radians, sin, sqrt
 
@@ -11,9 +12,16 @@ import pytest
 from benchmarks.servo_loop import follow, Measuring, StaticPlant, TwinPlant
 from soft_continuum.mechanics import Jam, Statics, StaticsError
 from soft_continuum.mechanics.arm import mounted
+from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.spatial.directions import bending_vectors
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.bending_map import bending_map, BendingLimits, LINE_STEP
+from soft_continuum.sequencing.bending_map import (
+    bending_map,
+    bending_of,
+    BendingLimits,
+    LINE_STEP,
+)
 from soft_continuum.sequencing.servo import (
     AngleServo,
     HeldSegmentMovedError,
@@ -22,12 +30,19 @@ from soft_continuum.sequencing.servo import (
 )
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.user_files import description_file
+from support.spatial_arms import in_space
 
 ARM = load_arm(description_file())
 TYPICAL = read_differences(description_file().with_name('twin.yaml'), 'typical')
 STATICS = Statics(ARM)
 SETTINGS = ServoSettings()
 STRAIGHT = STATICS.chain.straight()
+SPATIAL_ARM = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),
+                      bodies_per_segment=4)
+SPATIAL = SpatialStatics(SPATIAL_ARM)
+SEGMENT = 1  # of those in space, and of those that follow what bends by a rule
+SOFT = [False, True, False]
+DEGREE = radians(1.0)
 
 
 def new_servo(segment=1, **changes):
@@ -78,29 +93,35 @@ def test_it_settles_with_wrong_stiffness_delay_and_friction(stiffness, delay, st
     assert overshoot < 8.0
 
 
+def followed(servo, chain, arm, target, end, delay=0.0):
+    """Return times, and where an arm goes that bends as ``arm`` says of the pulls it gets."""
+    rows, pending, at = [], [], 0j
+    for now in np.arange(0.0, end, SETTINGS.period):
+        servo.set_angle(target(now), now)
+        piece = servo.advance(now, np.zeros(len(chain.arm.tendon_names)))
+        if piece is not None:
+            pending = list(zip(now + piece.times, piece.pulls, strict=True))
+        sent = next((pulls for time, pulls in pending if time >= now + SETTINGS.period - 1e-9),
+                    pending[-1][1])
+        at += (arm(sent) - at) * (1.0 - np.exp(-SETTINGS.period / 0.06))
+        rows.append((now + SETTINGS.period, at))
+        seen = [row for row in rows if row[0] <= now + SETTINGS.period - delay + 1e-9]
+        if seen:
+            time, bending = seen[-1]
+            measured = chain.uniform(bending_vectors(
+                chain.arm, [0.0, abs(bending), 0.0], [0.0, float(np.angle(bending)), 0.0]))
+            servo.observe(measured, time, time, now + SETTINGS.period)
+    return np.array([time for time, _ in rows]), np.array([bending for _, bending in rows])
+
+
 @pytest.mark.parametrize('gain', [0.5, 1.0, 2.0])
 @pytest.mark.parametrize('delay', [0.0, 0.15, 0.4])
 def test_it_settles_where_the_arm_turns_half_or_twice_as_far_as_the_model(gain, delay):
-    servo = new_servo()
-    past, angle, end = [], 0.0, 12.0
-    pending = []
-    for step in range(round(end / SETTINGS.period)):
-        now = step * SETTINGS.period
-        servo.set_angle(radians(15.0), now)
-        piece = servo.advance(now, np.zeros(2))
-        if piece is not None:
-            pending = list(zip(now + piece.times, piece.pulls, strict=True))
-        sent = next((p for t, p in pending if t >= now + SETTINGS.period - 1e-9),
-                    pending[-1][1])
-        wanted = gain * servo.map.angle_for_pulls(sent, 0.1).real
-        angle += (wanted - angle) * (1.0 - np.exp(-SETTINGS.period / 0.06))
-        past.append((now + SETTINGS.period, angle))
-        seen = [(t, a) for t, a in past if t <= now + SETTINGS.period - delay + 1e-9]
-        if seen:
-            time, measured = seen[-1]
-            servo.observe(bent(0.0, degrees(measured), 0.0), time, time, now + SETTINGS.period)
-    last = np.degrees([a for t, a in past if t > end - 2.0])
-    assert np.abs(last - 15.0).max() < 0.5
+    servo = new_servo(SEGMENT)
+    times, found = followed(
+        servo, STATICS.chain, lambda pulls: gain * servo.map.angle_for_pulls(pulls, 0.1).real,
+        lambda _: radians(15.0), 12.0, delay)
+    assert np.abs(found[times > 10.0] - radians(15.0)).max() < 0.5 * DEGREE
 
 
 @pytest.mark.parametrize('segment', [2])  # the worst; ./run bench --only servo has all
@@ -358,3 +379,137 @@ def test_the_map_always_leaves_the_slack_between_both_tendons():
 def test_a_horizon_too_short_to_brake_is_refused():
     with pytest.raises(ValueError, match='too short for a period'):
         ServoSettings(period=0.05, horizon=0.1)
+
+
+# In space.
+
+
+def towards(angle, direction):
+    """Return a bending of the segment, of degrees."""
+    return radians(angle) * exp(1j * radians(direction))
+
+
+@pytest.fixture(scope='module')
+def disc():
+    return bending_map(SPATIAL, SPATIAL.chain.straight(), SEGMENT, BendingLimits())
+
+
+@pytest.fixture
+def servo(disc, monkeypatch):
+    monkeypatch.setattr('soft_continuum.sequencing.servo.bending_map', lambda *_: disc)
+    return AngleServo(SPATIAL, SETTINGS, SPATIAL.chain.straight(), SEGMENT)
+
+
+@pytest.mark.parametrize(('gain', 'askew', 'delay'), [
+    (0.5, 35.0, 0.3), (1.5, -35.0, 0.0), (1.5, 35.0, 0.3)])
+def test_it_settles_where_the_arm_turns_too_far_or_in_another_direction(
+        servo, disc, gain, askew, delay):
+    """The proof asks for gain < 2 cos(askew)."""
+    def arm(pulls):
+        return gain * exp(1j * radians(askew)) * disc.angle_for_pulls(pulls, 0.1j)
+    times, found = followed(servo, SPATIAL.chain, arm, lambda _: towards(15.0, 120.0), 9.0, delay)
+    assert np.abs(found[times > 7.5] - towards(15.0, 120.0)).max() < 0.5 * DEGREE
+
+
+def worn_spatial_arm():
+    """Return an arm with other springs, guides that are off, and tendons at wrong angles."""
+    springs = tuple(replace(s, stiffness_x=0.7 * s.stiffness_x, stiffness_y=0.6 * s.stiffness_y)
+                    for s in SPATIAL_ARM.segments)
+    tendons = tuple(
+        replace(t, angle=t.angle + askew, offset=tuple(0.94 * offset for offset in t.offset))
+        for t, askew in zip(SPATIAL_ARM.tendons, (0.1, -0.1, 0.15), strict=True))
+    return replace(SPATIAL_ARM, segments=springs, tendons=tendons)
+
+
+def test_an_arm_that_is_not_its_model_goes_where_it_is_to_go(servo):
+    plant = SpatialStatics(worn_spatial_arm())
+    state = [plant.chain.straight()]
+
+    def arm(pulls):
+        state[0] = plant.solve(state[0], pulls, SOFT)
+        return bending_of(state[0].bending, SEGMENT)
+    goals = [towards(25.0, 40.0), towards(25.0, -140.0)]
+    times, found = followed(servo, SPATIAL.chain, arm, lambda t: goals[int(t >= 4.0)], 8.0, 0.1)
+    for goal, since in zip(goals, (3.0, 7.0), strict=True):
+        then = (times > since) & (times < since + 0.9)
+        assert np.abs(found[then] - goal).max() < 1.0 * DEGREE
+    open_loop = arm(servo.map.pulls_at(goals[1]))
+    assert abs(open_loop - goals[1]) > 2.0 * DEGREE  # else it would not have been corrected
+
+
+def test_what_is_interpolated_is_where_the_statics_have_the_arm(disc):
+    random = np.random.default_rng(1)
+    for _ in range(10):
+        wanted = random.uniform(0.2, 0.95) * exp(2j * pi * random.uniform())
+        state = SPATIAL.chain.straight()
+        for part in (0.5, 1.0):
+            state = SPATIAL.solve(state, disc.pulls_at(part * wanted), SOFT)
+        assert abs(bending_of(state.bending, SEGMENT) - wanted) < 1.0 * DEGREE
+        x, y, z = state.tip
+        assert abs(disc.angle_for_tip(x, z, y) - wanted) < 1.5 * DEGREE
+
+
+def test_beyond_the_edge_it_stays_on_it_and_says_why(servo):
+    with pytest.raises(TargetError, match='allowed by bending_angle_limits'):
+        servo.set_angle(towards(70.0, 33.0), 10.0)
+    strong = bending_map(SPATIAL, SPATIAL.chain.straight(), SEGMENT,
+                         BendingLimits(pull_limits=(-0.1, 0.008)))
+    assert 'pull_limits' in strong.end(towards(59.0, 33.0))
+    edge = strong.clipped(towards(59.0, 33.0))
+    assert np.angle(edge) == pytest.approx(radians(33.0))
+    assert np.isfinite(strong.pulls_at(edge)).all()
+    assert strong.pulls_at(edge).max() <= 0.008
+
+
+def test_it_is_no_faster_than_the_tendons_may_be(servo):
+    pulls = []
+    for now in np.arange(10.0, 14.0, SETTINGS.period):
+        servo.set_angle(towards(40.0, 70.0 if now < 12.0 else 200.0), now)
+        piece = servo.advance(now, np.zeros(3))
+        if piece is not None:
+            speeds = np.diff(piece.pulls, axis=0) / np.diff(piece.times)[:, None]
+            pulls.append(np.abs(speeds).max(initial=0.0))
+            assert piece.times[-1] <= SETTINGS.horizon
+    assert 0.5 * SETTINGS.speed < max(pulls) <= 1.001 * SETTINGS.speed
+
+
+@pytest.mark.parametrize('bad', [complex(nan, 0.0), complex(0.0, inf)])
+def test_a_bad_target_in_space_is_refused(servo, bad):
+    with pytest.raises(TargetError, match='finite'):
+        servo.set_angle(bad, 10.0)
+    with pytest.raises(TargetError, match='finite'):
+        servo.set_tip(0.1, 0.2, 10.0, nan)
+
+
+def test_another_segment_that_moves_in_space_ends_it(servo):
+    moved = SPATIAL.chain.uniform([[0.0, 0.0], [0.0, 0.0], [0.2, 0.0]])
+    with pytest.raises(HeldSegmentMovedError, match='segment 3 is'):
+        servo.observe(moved, 10.0, None, 10.0)
+
+
+def test_without_jamming_tendons_hold_the_other_segments():
+    arm = load_arm(description_file().with_name('tendon_arm.yaml'))
+    arm = replace(arm, spacers=1, bodies_per_segment=2, segments=tuple(
+        replace(segment, bending_angle_limit=0.65) for segment in arm.segments))
+    statics = SpatialStatics(arm)
+    limits = BendingLimits(tension_limit=10.0)
+    start = statics.chain.straight()
+    disc = bending_map(statics, start, 0, limits, jamming=False)
+    state = start
+    for part in (0.5, 1.0):
+        state = statics.solve(state, disc.pulls_at(part * 0.6j), [True] * 3)
+    assert abs(bending_of(state.bending, 0) - 0.6j) < 1.0 * DEGREE
+    assert np.abs(state.bending[1:]).max() < 2.0 * DEGREE
+
+
+def test_a_hinge_bends_as_in_the_plane_and_to_no_other_side():
+    statics = SpatialStatics(in_space(ARM))
+    limits = BendingLimits(tension_limit=20.0)
+    found, wanted = (bending_map(each, each.chain.straight(), 0, limits)
+                     for each in (statics, STATICS))
+    for bending in np.linspace(wanted.clipped(-9.0).real, wanted.clipped(9.0).real, 15):
+        assert found.pulls_at(bending) == pytest.approx(wanted.pulls_at(bending), abs=1e-6)
+    assert found.end(1.0) == wanted.end(1.0)
+    servo = AngleServo(statics, ServoSettings(limits), statics.chain.straight(), 0)
+    with pytest.raises(TargetError, match='of 0.2 rad towards y; allowed: 0, since this arm'):
+        servo.set_angle(0.1 + 0.2j, 10.0)
