@@ -13,9 +13,8 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
-from soft_continuum.mechanics import Statics
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
-from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.estimates import (
     estimate_to_ros,
@@ -28,24 +27,34 @@ from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 from support.flat_arm import of_segments
 
-ARM = replace(load_arm(description_file()), bodies_per_segment=3)
+ARM, SPATIAL = (replace(load_arm(description_file().with_name(f'{name}.yaml')),
+                        bodies_per_segment=3) for name in ('manipulator', 'spatial_jamming'))
 VALUES = {'stiffness_factor_1': 0.8, 'stiffness_factor_2': 1.2, 'stiffness_factor_3': 1.5,
           'stiff_ratio_1': 12.0, 'stiff_ratio_2': 20.0, 'stiff_ratio_3': 40.0,
           'offset_right_tendon': 1e-3, 'offset_left_tendon': -6e-3, 'payload': 0.05}
 
 
-@pytest.fixture
-def estimator():
-    """Return an estimate whose values are those above."""
-    found = Estimator(ARM, Statics(ARM).chain.straight(), Prior(), Drift())
-    values = list(VALUES.values())
+SPATIAL_VALUES = dict(list(VALUES.items())[:6]) | {
+    'offset_tendon_1': 1e-3, 'offset_tendon_2': -2e-3, 'offset_tendon_3': 0.0, 'payload': 0.05}
+
+
+def estimate_of(arm, values, bending=((0.0, 0.0),) * 3):
+    """Return an estimate of a bent arm whose parameters have values."""
+    found = Estimator(arm, Chain(arm).uniform(np.array(bending)), Prior(), Drift())
+    values = list(values.values())
     found.values[found.layout.parameters] = [*np.log(values[:6]), *values[6:]]
     return found
 
 
-def published(estimator):
+@pytest.fixture
+def estimator():
+    return estimate_of(ARM, VALUES)
+
+
+def published(estimator, covariances=None):
     message = KinematicsState()
-    estimate_to_ros(estimator, estimator.pose_covariances(), parameters_to_ros(estimator), message)
+    covariances = estimator.pose_covariances() if covariances is None else covariances
+    estimate_to_ros(estimator, covariances, parameters_to_ros(estimator), message)
     return message
 
 
@@ -54,29 +63,33 @@ def parameters(values=VALUES):
             for name, value in values.items()]
 
 
-def test_an_estimate_is_published_in_units_and_by_name(estimator):
-    message = published(estimator)
+@pytest.mark.parametrize(('arm', 'values'), [(ARM, VALUES), (SPATIAL, SPATIAL_VALUES)],
+                         ids=['planar', 'in space'])
+def test_an_estimate_is_published_in_units_and_by_name_and_others_make_the_same_model_of_it(
+        arm, values):
+    message = published(estimate_of(arm, values))
     assert message.source == KinematicsState.ESTIMATED
-    assert {p.name: p.value for p in message.parameters} == pytest.approx(VALUES)
+    assert parameter_names(arm) == tuple(values)
+    assert {p.name: p.value for p in message.parameters} == pytest.approx(values)
     deviations = {p.name: p.deviation for p in message.parameters}
     assert deviations['stiffness_factor_2'] == pytest.approx(1.2 * Prior().stiffness)
     assert deviations['stiff_ratio_1'] == pytest.approx(12.0 * Prior().ratio)
-    assert deviations['offset_left_tendon'] == pytest.approx(Prior().offset)
+    offsets = {name: value for name, value in values.items() if name.startswith('offset')}
+    assert [deviations[name] for name in offsets] == pytest.approx([Prior().offset] * len(offsets))
     assert not any(p.determined for p in message.parameters)
     assert (message.measured.sec, message.measured.nanosec) == (0, 0)
-
-
-def test_the_model_that_others_make_of_it_is_the_estimated_one(estimator):
-    model = model_from_ros(published(estimator).parameters, ARM)
-    for segment, described, n in zip(model.chain.arm.segments, ARM.segments, (1, 2, 3),
+    model = model_from_ros(message.parameters, arm)
+    for segment, described, n in zip(model.chain.arm.segments, arm.segments, (1, 2, 3),
                                      strict=True):
-        assert segment.stiffness_y == pytest.approx(
-            described.stiffness_y * VALUES[f'stiffness_factor_{n}'])
-        assert segment.jam.ratio == pytest.approx(VALUES[f'stiff_ratio_{n}'])
-    assert model.offsets == pytest.approx([1e-3, -6e-3])
-    assert model.offset_deviations == pytest.approx([Prior().offset] * 2)
+        for name in ('stiffness_x', 'stiffness_y'):
+            assert getattr(segment, name) == pytest.approx(
+                getattr(described, name) * values[f'stiffness_factor_{n}'])
+        assert segment.jam.ratio == pytest.approx(values[f'stiff_ratio_{n}'])
+    assert model.offsets == pytest.approx(list(offsets.values()))
+    assert model.offset_deviations == pytest.approx([Prior().offset] * len(offsets))
     assert model.chain.arm.payload == pytest.approx(0.05)
-    assert model.chain.arm.tendons[0].axial_stiffness < float('inf')
+    assert all(model.chain.arm.compliance > 0.0)
+    assert model_from_ros(message.parameters[1:], arm).chain.arm == arm
 
 
 def test_parameters_may_come_in_any_order():
@@ -138,46 +151,30 @@ def test_names_are_those_of_the_arms_segments_and_tendons():
 def test_the_deviation_of_the_tip_counts_the_lever_of_the_last_disc(estimator):
     covariances = np.zeros((4, 6, 6))
     covariances[1:] = np.diag([1e-3, 0.0, 1e-3, 0.0, 0.02, 0.0])**2
-    message = KinematicsState()
-    estimate_to_ros(estimator, covariances, parameters_to_ros(estimator), message)
+    message = published(estimator, covariances)
     height = ARM.discs[-1].height  # upright: it leans sideways, and does not get longer
     assert np.reshape(message.tip_covariance, (6, 6)).diagonal() == pytest.approx(
         np.square([np.hypot(1e-3, 0.02 * height), 0.0, 1e-3, 0.0, 0.02, 0.0]))
     assert len(message.angle_deviations) == 3
 
 
-def test_an_arm_in_space_is_published_and_planned_with_alike():
-    arm = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),
-                  bodies_per_segment=3)
-    estimator = Estimator(arm, SpaceChain(arm).uniform(
-        [[0.0, 0.0], [0.0, 0.0], [pi / 2, 0.0]]), Prior(), Drift())
-    values = {name: VALUES[name] for name in list(VALUES)[:6]} | {
-        'offset_tendon_1': 1e-3, 'offset_tendon_2': -2e-3, 'offset_tendon_3': 0.0,
-        'payload': 0.05}
-    assert parameter_names(arm) == tuple(values)
-    where = estimator.layout.parameters
-    estimator.values[where] = [*np.log(list(values.values())[:6]), *list(values.values())[6:]]
-    covariances = np.tile(np.diag([1e-3, 2e-3, 3e-3, 0.02, 0.03, 0.04])**2, (4, 1, 1))
-    message = KinematicsState()
-    estimate_to_ros(estimator, covariances, parameters_to_ros(estimator), message)
-    height = arm.discs[-1].height  # the last disc leans towards -y: a turn about z moves it in x
+def test_the_lever_of_the_last_disc_counts_where_it_leans_in_space():
+    estimator = estimate_of(SPATIAL, SPATIAL_VALUES, ((0.0, 0.0), (0.0, 0.0), (pi / 2, 0.0)))
+    message = published(estimator, np.tile(
+        np.diag([1e-3, 2e-3, 3e-3, 0.02, 0.03, 0.04])**2, (4, 1, 1)))
+    height = SPATIAL.discs[-1].height  # it leans towards -y: a turn about z moves it in x
     assert np.reshape(message.tip_covariance, (6, 6)).diagonal() == pytest.approx(np.square(
         [np.hypot(1e-3, 0.04 * height), 2e-3, np.hypot(3e-3, 0.02 * height), 0.02, 0.03, 0.04]))
     assert message.angle_deviations == pytest.approx([np.hypot(0.02, 0.03)] * 3)
-    model = model_from_ros(message.parameters, arm)
-    for segment, described, n in zip(model.chain.arm.segments, arm.segments, (1, 2, 3),
-                                     strict=True):
-        assert (segment.stiffness_x, segment.stiffness_y) == pytest.approx(
-            np.array([described.stiffness_x, described.stiffness_y])
-            * values[f'stiffness_factor_{n}'])
-        assert segment.jam.ratio == pytest.approx(values[f'stiff_ratio_{n}'])
-    assert model.offsets == pytest.approx([1e-3, -2e-3, 0.0])
-    assert model.chain.arm.payload == pytest.approx(0.05)
-    assert all(model.chain.arm.compliance > 0.0)
-    assert model_from_ros(message.parameters[1:], arm).chain.arm == arm
+
+
+def test_of_an_arm_without_jamming_no_ratio_is_published():
+    estimator = estimate_of(SPATIAL, SPATIAL_VALUES)
     without = parameters_to_ros(estimator, jamming=False)
-    assert [p.name for p in without] == [n for n in values if not n.startswith('stiff_ratio')]
-    loose = model_from_ros(without, arm)
+    assert [p.name for p in without] == [
+        name for name in SPATIAL_VALUES if not name.startswith('stiff_ratio')]
+    model, loose = (model_from_ros(p, SPATIAL)
+                    for p in (published(estimator).parameters, without))
     assert np.array_equal(loose.offsets, model.offsets)
     assert loose.chain.arm.segments[0].stiffness_x == model.chain.arm.segments[0].stiffness_x
 
