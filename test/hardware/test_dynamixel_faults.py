@@ -7,7 +7,6 @@ Whatever fails on Dynamixel servos or their bus, no wrong position is believed, 
 """
 
 from random import Random
-import threading
 
 import pytest
 
@@ -27,7 +26,7 @@ from support.servo_rig import (
     trial,
     WITHIN_TURN,
 )
-from support.virtual_clock import VirtualClock
+from support.virtual_clock import LateClock
 
 RAN_ON = 0.02  # m that a tendon may go on, until watchdog or driver have ended the motion
 GOES_ON = 0.0012
@@ -109,7 +108,9 @@ def test_load_friction_inertia_and_a_late_computer_do_not_look_like_a_servo_that
     model = ('XM430-W350', 'XL330-M288')[seed % 2]
     monkeypatch.setattr(dynamixel_motor, 'TIME_CONSTANT', random.choice([0.005, 0.02]))
     monkeypatch.setattr(dynamixel_motor, 'LOAD_FRICTION', random.choice([0.05, 0.3]))
-    monkeypatch.setattr(servo_rig, 'VirtualClock', lambda: LateClock(random))
+    monkeypatch.setattr(servo_rig, 'VirtualClock', lambda: LateClock(
+        'dynamixel_tendons', lambda _: random.choice([0.002, 0.01, 0.04])
+        if random.random() < 0.2 else 0.0))
     with rig(tmp_path, tendons=2, model=model) as made:
         for servo in made.emulator.servos:
             servo.motor.tendon.stiffness = random.uniform(0.0, 500.0) * tension_limit(model) / 60.0
@@ -119,20 +120,6 @@ def test_load_friction_inertia_and_a_late_computer_do_not_look_like_a_servo_that
             goal, now = somewhere(random, 2), made.driver.read().pulls
             way = max(abs(a - b) for a, b in zip(goal, now, strict=True))
             made.follow(goal, max(0.3, way / random.uniform(0.005, 0.029)))
-
-
-class LateClock(VirtualClock):
-    """Time on a computer that now and then lets the thread of the driver wait for up to 40 ms."""
-
-    def __init__(self, random):
-        super().__init__()
-        self._random = random
-
-    def wait(self, files, timeout):
-        found = super().wait(files, timeout)
-        if threading.current_thread().name == 'dynamixel_tendons' and self._random.random() < 0.2:
-            super().wait((), self._random.choice([0.002, 0.01, 0.04]))
-        return found
 
 
 def test_a_second_program_cannot_open_the_port(tmp_path):

@@ -12,7 +12,7 @@ from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
 from support.driver_waits import at_rest, failed, until
 from support.grbl_rig import board, driver, in_motion, rig, settled, standing, STEP, steps
-from support.virtual_clock import VirtualClock
+from support.virtual_clock import LateClock
 
 QUEUE = 0.2 * 0.03 / STEP  # steps that may still be made
 
@@ -24,28 +24,29 @@ def unreferenced(tendons):
     return at_rest(tendons)
 
 
-def test_a_cable_pulled_out_at_rest_is_reported():
+@pytest.mark.parametrize('moving', [False, True])
+@pytest.mark.parametrize(('fault', 'words'), [
+    (lambda emulator: emulator.unplug(), 'lost'),
+    (lambda emulator: setattr(emulator, 'hang', True), 'has not answered')],
+    ids=['cable pulled out', 'firmware hangs'])
+def test_a_board_that_is_lost_is_reported_and_goes_on_by_the_queue_at_most(fault, words, moving):
     with rig() as (emulator, tendons):
-        emulator.unplug()
-        assert 'lost' in failed(tendons)
-
-
-def test_a_cable_pulled_out_in_motion_leaves_only_the_queue_to_run():
-    with rig() as (emulator, tendons):
-        in_motion(emulator, tendons)
+        if moving:
+            in_motion(emulator, tendons)
         with emulator.lock:
             before = emulator.motors
-            emulator.unplug()
-        assert 'lost' in failed(tendons)
+            fault(emulator)
+        assert words in failed(tendons)
         after = standing(emulator)
-        assert all(abs(b - a) <= QUEUE for a, b in zip(before, after, strict=True))
+        assert all(abs(b - a) <= QUEUE * moving for a, b in zip(before, after, strict=True))
+        emulator.hang = False
+        emulator.clock.sleep(0.2)
+        assert emulator.motors == after
+        failed(tendons)
 
 
 def test_a_cable_put_back_moves_nothing_before_open_and_the_position_is_known(tmp_path):
-    with board(link=str(tmp_path / 'port')) as emulator:
-        tendons = driver(emulator)
-        tendons.open()
-        tendons.reference()
+    with rig(link=str(tmp_path / 'port')) as (emulator, tendons):
         in_motion(emulator, tendons)
         emulator.unplug()
         failed(tendons)
@@ -60,14 +61,10 @@ def test_a_cable_put_back_moves_nothing_before_open_and_the_position_is_known(tm
         assert reading.referenced and steps(reading.pulls) == where[:2]
         emulator.clock.sleep(0.2)
         assert emulator.motors == where
-        tendons.close()
 
 
 def test_a_board_that_lost_power_while_unplugged_is_not_believed(tmp_path):
-    with board(link=str(tmp_path / 'port')) as emulator:
-        tendons = driver(emulator)
-        tendons.open()
-        tendons.reference()
+    with rig(link=str(tmp_path / 'port')) as (emulator, tendons):
         in_motion(emulator, tendons)
         emulator.unplug()
         failed(tendons)
@@ -76,7 +73,6 @@ def test_a_board_that_lost_power_while_unplugged_is_not_believed(tmp_path):
         tendons.close()
         tendons.open()
         assert not tendons.read().referenced
-        tendons.close()
 
 
 @pytest.mark.parametrize('moving', [False, True])
@@ -184,26 +180,6 @@ def test_a_reset_whose_banner_is_lost_shows_in_the_position(moving):
         after = standing(emulator)
         # A jog that was on its way starts from a position that is wrong until it is noticed.
         assert all(abs(b - a) <= 2 * QUEUE * moving for a, b in zip(where, after, strict=True))
-
-
-def test_firmware_that_hangs_at_rest_is_reported():
-    with rig() as (emulator, tendons):
-        emulator.hang = True
-        assert 'has not answered' in failed(tendons)
-
-
-def test_firmware_that_hangs_in_motion_is_reported_and_goes_on_by_the_queue_at_most():
-    with rig() as (emulator, tendons):
-        in_motion(emulator, tendons)
-        with emulator.lock:
-            emulator.hang, before = True, emulator.motors
-        failed(tendons)
-        after = standing(emulator)
-        assert all(abs(b - a) <= QUEUE for a, b in zip(before, after, strict=True))
-        emulator.hang = False
-        emulator.clock.sleep(0.2)
-        assert emulator.motors == after
-        failed(tendons)
 
 
 def test_an_acknowledgement_that_is_lost_ends_the_motion():
@@ -353,20 +329,13 @@ def test_a_second_program_cannot_open_the_port():
         assert tendons.read().referenced
 
 
-def test_a_missing_port_is_named_and_what_there_is_listed(tmp_path):
-    with pytest.raises(HardwareError, match='nowhere: does not exist; .*port'):
-        driver(tmp_path / 'nowhere').open()
-
-
-def test_a_port_is_asked_for_when_none_is_configured():
-    with pytest.raises(HardwareError, match='no serial port is configured'):
-        driver('').open()
-
-
-def test_a_file_that_is_no_serial_port_is_refused(tmp_path):
+@pytest.mark.parametrize(('port', 'words'), [
+    ('nowhere', 'nowhere: does not exist; .*port'), ('file', 'cannot be opened'),
+    ('', 'no serial port is configured')])
+def test_a_port_that_is_none_is_refused_with_words(tmp_path, port, words):
     (tmp_path / 'file').touch()
-    with pytest.raises(HardwareError, match='cannot be opened'):
-        driver(tmp_path / 'file').open()
+    with pytest.raises(HardwareError, match=words):
+        driver(port and tmp_path / port).open()
 
 
 def test_a_port_that_does_not_answer_is_reported(monkeypatch):
@@ -486,33 +455,12 @@ def test_an_opening_that_is_reset_again_and_again_ends():
         assert emulator.time - begin < 6.1
 
 
-class LateClock(VirtualClock):
-    """Time on a computer so busy that a program goes on 3 s after what it waited for came."""
-
-    def __init__(self):
-        super().__init__()
-        self._late = threading.current_thread()
-
-    def wait(self, files, timeout):
-        found = super().wait(files, timeout)
-        if threading.current_thread() is self._late:
-            super().wait((), 3.0)
-        return found
-
-
 @pytest.mark.parametrize('seed', range(4))
 def test_a_driver_that_goes_on_late_reads_what_waits_before_it_calls_a_board_silent(seed):
     busy = random.Random(seed)
-
-    class Late(VirtualClock):
-        def wait(self, files, timeout):
-            found = super().wait(files, timeout)
-            late = timeout > 0.0 and threading.current_thread().name == 'grbl_tendons'
-            if late and busy.random() < 0.03:
-                super().wait((), busy.choice([0.3, 1.0, 2.5]))
-            return found
-
-    with GrblEmulator(clock=Late()) as emulator:
+    clock = LateClock('grbl_tendons', lambda timeout: busy.choice([0.3, 1.0, 2.5])
+                      if timeout > 0.0 and busy.random() < 0.03 else 0.0)
+    with GrblEmulator(clock=clock) as emulator:
         tendons = driver(emulator)
         tendons.open()
         tendons.reference()
@@ -524,7 +472,8 @@ def test_a_driver_that_goes_on_late_reads_what_waits_before_it_calls_a_board_sil
 
 
 def test_a_computer_that_is_late_is_not_taken_for_a_board_that_does_not_answer():
-    with GrblEmulator(clock=LateClock()) as emulator:
+    clock = LateClock(threading.current_thread().name, lambda _: 3.0)
+    with GrblEmulator(clock=clock) as emulator:
         tendons = driver(emulator)
         tendons.open()
         tendons.close()

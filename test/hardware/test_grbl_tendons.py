@@ -220,27 +220,21 @@ def test_closing_in_motion_stops_and_holds():
         assert 'configure' in failed(tendons)
 
 
-def test_a_restarted_driver_knows_the_position_if_the_board_was_not_reset():
+@pytest.mark.parametrize('reset', [False, True])
+def test_a_restarted_driver_knows_the_position_if_the_board_was_not_reset(reset):
     with rig() as (emulator, tendons):
         tendons.move((0.003, -0.001), 0.2)
         at_rest(tendons)
         tendons.close()
+        if reset:
+            emulator.reset()
         begin = emulator.clock()
         tendons.open()
-        assert emulator.clock() - begin < 0.4
         reading = tendons.read()
-        assert reading.referenced
-        assert reading.pulls == pytest.approx((0.003, -0.001), abs=1e-9)
-
-
-def test_a_restarted_driver_does_not_believe_a_board_that_was_reset():
-    with rig() as (emulator, tendons):
-        tendons.move((0.003, -0.001), 0.2)
-        at_rest(tendons)
-        tendons.close()
-        emulator.reset()
-        tendons.open()
-        assert not tendons.read().referenced
+        assert reading.referenced is not reset
+        if not reset:
+            assert emulator.clock() - begin < 0.4
+            assert reading.pulls == pytest.approx((0.003, -0.001), abs=1e-9)
 
 
 def test_a_restarted_driver_knows_the_position_after_a_stop():

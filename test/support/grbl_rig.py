@@ -36,9 +36,9 @@ def board(**options):
 
 
 @contextmanager
-def rig(referenced=True, settings=None, **changes):
+def rig(referenced=True, settings=None, link='', switches=(), **changes):
     """An emulated board and an open driver at zero pull."""
-    with board(settings=settings) as emulator:
+    with board(settings=settings, link=link, switches=switches) as emulator:
         tendons = driver(emulator, **changes)
         tendons.open()
         if referenced:

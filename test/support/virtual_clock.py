@@ -103,3 +103,17 @@ class VirtualClock(Clock):
             select(files, [], [], 0.0)
             return False
         return True
+
+
+class LateClock(VirtualClock):
+    """Time on a computer so busy that one thread goes on late, by ``lateness`` s of a timeout."""
+
+    def __init__(self, thread, lateness):
+        super().__init__()
+        self._thread, self._lateness = thread, lateness
+
+    def wait(self, files, timeout):
+        found = super().wait(files, timeout)
+        if threading.current_thread().name == self._thread:
+            super().wait((), self._lateness(timeout))
+        return found
