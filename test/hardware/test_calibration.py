@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 from math import inf, nan
+import threading
 
 import pytest
 
@@ -16,13 +17,13 @@ from soft_continuum.hardware.calibration import (
     SPEED,
     TendonBench,
 )
-from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.drives import corrected_steps
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.hardware.tendon_controller import TendonLimits
+from support.virtual_clock import LateClock, VirtualClock
 
 SETTINGS = JammingSettings()
 SOFT = 10e3  # Pa of vacuum
@@ -30,22 +31,9 @@ TENDONS = ('right_tendon', 'left_tendon')
 GOOD = SegmentVacuum(0, 0.3, 94e3, 0.4, 500.0, 0.6)
 
 
-class Time(Clock):
-    """Time that passes only while somebody sleeps."""
-
-    def __init__(self):
-        self.now = 100.0
-
-    def __call__(self):
-        return self.now
-
-    def sleep(self, seconds):
-        self.now += seconds
-
-
 @pytest.fixture
 def time():
-    return Time()
+    return VirtualClock()
 
 
 def bench_of(time, tendons=None, initially_stiff=False):
@@ -119,9 +107,9 @@ def test_travel_that_cannot_be_is_refused(measured):
 
 def test_tendons_move_slowly_and_by_what_was_asked_for(time):
     tendons, _, bench = bench_of(time)
-    begin = time.now
+    begin = time()
     assert bench.move((0.004, -0.002)).pulls == pytest.approx((0.004, -0.002), abs=1e-5)
-    assert time.now - begin >= 0.004 / SPEED
+    assert time() - begin >= 0.004 / SPEED
     assert not tendons.read().moving
 
 
@@ -173,13 +161,6 @@ def test_steppers_that_do_not_arrive_are_an_error(time):
     assert tendons.stopped
 
 
-class LateTime(Time):
-    """Time on a computer so busy that each sleep takes 1 s."""
-
-    def sleep(self, seconds):
-        super().sleep(max(seconds, 1.0))
-
-
 class SlowSteppers(SimulatedTendons):
     """Steppers that are seen to move a number of times."""
 
@@ -192,7 +173,7 @@ class SlowSteppers(SimulatedTendons):
 
 
 def test_a_computer_that_is_late_is_not_taken_for_motors_that_do_not_rest():
-    time = LateTime()
+    time = LateClock(threading.current_thread().name, lambda timeout: max(1.0 - timeout, 0.0))
     tendons, _, bench = bench_of(time, SlowSteppers(time, TENDONS, 0.03, 0.3, 5e-6))
     tendons.looks = 30
     assert bench.move((0.004, 0.0)).pulls[0] == pytest.approx(0.004, abs=1e-5)

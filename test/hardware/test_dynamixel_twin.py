@@ -13,7 +13,7 @@ from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import read_differences
 from soft_continuum.twin.rig import TwinRig
 from soft_continuum.user_files import description_file
-from support.servo_rig import SPEED, spools
+from support.servo_rig import go, SPEED, spools
 from support.virtual_clock import VirtualClock
 
 STALL_TORQUE = 4.1  # N m, of an XM430-W350 at 12 V
@@ -44,27 +44,17 @@ def twin(tmp_path, monkeypatch, jams, **changes):
         driver.close()
 
 
-def go(driver, clock, goal, meanwhile=lambda: None, speed=0.5 * SPEED):
+def moved(driver, clock, goal, meanwhile=lambda: None):
     """Move as the node does; return the reading at rest."""
-    begin = driver.read().pulls
-    seconds = max(abs(a - b) for a, b in zip(begin, goal, strict=True)) / speed
-    start = clock()
-    while (part := (clock() - start) / seconds) < 1.0:
-        driver.move(tuple(a + part * (b - a) for a, b in zip(begin, goal, strict=True)), 0.02)
-        clock.sleep(0.02)
-        meanwhile()
-        driver.read()
-    driver.move(goal, 0.02)
-    while driver.read().moving:
-        clock.sleep(0.02)
-        meanwhile()
+    way = max(abs(a - b) for a, b in zip(driver.read().pulls, goal, strict=True))
+    go(driver, clock, goal, way / (0.5 * SPEED), lambda: (meanwhile(), driver.read()))
     clock.sleep(0.5)
     return driver.read()
 
 
 def test_the_tension_of_a_bent_arm_shows_in_the_present_current(tmp_path, monkeypatch):
     with twin(tmp_path, monkeypatch, jams=False) as (rig, driver, clock):
-        reading = go(driver, clock, (0.01, -0.015))
+        reading = moved(driver, clock, (0.01, -0.015))
         assert reading.pulls == pytest.approx((0.01, -0.015), abs=2e-4)
         assert reading.pulls == pytest.approx(rig.motors.pulls(), abs=5e-5)
         with rig.lock:
@@ -86,7 +76,7 @@ def test_a_stiff_arm_stalls_a_servo_at_its_tension_limit(tmp_path, monkeypatch):
                 tensions.append(rig.plant.tensions[0])
 
         with pytest.raises(HardwareError, match=r'first.*tension_limits 15 N'):
-            go(driver, clock, (0.012, -0.012), look)
+            moved(driver, clock, (0.012, -0.012), look)
         # It comes with momentum, and bounces: the limit does not know that.
         assert 5.0 < max(tensions) < 4.0 * limit
         assert rig.motors.pulls()[0] < 0.008

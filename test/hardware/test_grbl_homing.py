@@ -3,13 +3,13 @@
 """Homing: tendons are let out to limit switches, and pulled from there to zero."""
 
 import contextlib
-from contextlib import contextmanager
 
 import pytest
 
 from soft_continuum.hardware.grbl.states import State
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
+from support import grbl_rig
 from support.driver_waits import at_rest, failed, until
 from support.grbl_rig import board, driver, standing
 
@@ -18,16 +18,10 @@ SWITCHES = (-2400.0, -2000.0)  # steps
 HOMES = {22: 1, 23: 3, 130: 20000, 131: 20000}
 
 
-@contextmanager
-def rig(**options):
+def rig(switches=SWITCHES, settings=HOMES, **changes):
     """A board that is locked until it is homed, and an open driver that knows how to."""
-    with board(switches=SWITCHES, settings=HOMES, **options) as emulator:
-        tendons = driver(emulator, homed_pulls=HOMED)
-        tendons.open()
-        try:
-            yield emulator, tendons
-        finally:
-            tendons.close()
+    return grbl_rig.rig(referenced=False, settings=settings, switches=switches,
+                        **{'homed_pulls': HOMED, **changes})
 
 
 def home(tendons):
@@ -60,12 +54,9 @@ def test_homing_finds_the_same_zero_from_anywhere():
 
 
 def test_a_motor_that_turns_the_other_way_is_let_out_the_other_way():
-    with board(switches=(2400.0, -2000.0), settings={**HOMES, 23: 2}) as emulator:
-        tendons = driver(emulator, homed_pulls=HOMED, signs=(-1.0, 1.0))
-        tendons.open()
+    with rig((2400.0, -2000.0), {**HOMES, 23: 2}, signs=(-1.0, 1.0)) as (emulator, tendons):
         assert home(tendons).pulls == (0.0, 0.0)
         assert emulator.motors == (0, 0, 0)
-        tendons.close()
 
 
 def test_nothing_homes_or_moves_by_itself():
@@ -217,12 +208,9 @@ def test_a_status_that_was_on_its_way_does_not_end_homing_before_it_began():
 
 
 def test_switches_that_are_not_found_are_an_alarm_and_no_zero():
-    with board(settings=HOMES) as emulator:
-        tendons = driver(emulator, homed_pulls=HOMED)
-        tendons.open()
+    with rig(switches=()) as (_, tendons):
         tendons.reference()
         assert 'ALARM:9' in failed(tendons)
-        tendons.close()
 
 
 @pytest.mark.parametrize(('settings', 'homed', 'words'), [

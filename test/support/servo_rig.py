@@ -18,6 +18,7 @@ from soft_continuum.emulators.dynamixel import make_servos
 from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
 from soft_continuum.emulators.dynamixel_models import PULSE
 from soft_continuum.emulators.dynamixel_packets import Instruction
+from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
@@ -100,27 +101,33 @@ class ServoRig:
     def follow(self, goal: tuple[float, ...], seconds: float,
                meanwhile: Callable[[], object] = lambda: None) -> None:
         """Send set-points to a goal, as the node does, until the tendons rest."""
-        clock, begin = self.emulator.clock, self.driver.read().pulls
-        start = clock()
-        while (part := (clock() - start) / seconds) < 1.0:
-            self.driver.move(tuple(a + part * (b - a) for a, b in zip(begin, goal, strict=True)),
-                             CYCLE)
-            clock.sleep(CYCLE)
+        def look() -> None:
             meanwhile()
             self.check()
-        self.driver.move(goal, CYCLE)
-        while self.driver.read().moving:
-            clock.sleep(CYCLE)
-            meanwhile()
-            self.check()
-            if clock() > start + seconds + TIMEOUT:
-                raise WrongStateError('the motion never ends')
+
+        go(self.driver, self.emulator.clock, goal, seconds, look)
 
     def reopen(self) -> None:
         """Connect anew, as the node does by itself."""
         self.driver.close()
         self.driver.open()
         self.look()
+
+
+def go(driver: DynamixelTendons, clock: Clock, goal: tuple[float, ...], seconds: float,
+       meanwhile: Callable[[], object]) -> None:
+    """Send set-points to a goal, as the node does, until the tendons rest."""
+    begin, start = driver.read().pulls, clock()
+    while (part := (clock() - start) / seconds) < 1.0:
+        driver.move(tuple(a + part * (b - a) for a, b in zip(begin, goal, strict=True)), CYCLE)
+        clock.sleep(CYCLE)
+        meanwhile()
+    driver.move(goal, CYCLE)
+    while driver.read().moving:
+        clock.sleep(CYCLE)
+        meanwhile()
+        if clock() > start + seconds + TIMEOUT:
+            raise WrongStateError('the motion never ends')
 
 
 def spools(tendons: int = len(TENDONS), **changes: object) -> Spools:
