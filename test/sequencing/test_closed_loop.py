@@ -10,17 +10,13 @@ import pytest
 
 from soft_continuum.sequencing.planner import Shape
 from soft_continuum.sequencing.progress import Code, Phase
-from support.measured_rig import (
+from support.measured_rig import LOOP, MeasuredRig, REACHED, SHAPE
+from support.virtual_rig import (
     asked_to_soften,
     at_rest_and_stiff,
-    LOOP,
-    MeasuredRig,
-    REACHED,
-    SHAPE,
-)
-from support.virtual_rig import (
     one_soft_at_most_and_none_moved_stiff,
     PLAN_SETTINGS,
+    reaches,
     STEP,
     TICK_STEPS,
 )
@@ -31,8 +27,7 @@ GO_ON = replace(LOOP, abort_when_lost=False)
 def measuring(segment=1, **changes):
     """Return a rig that measures a soft segment (1-based)."""
     rig = MeasuredRig((SHAPE,), **changes)
-    rig.run(until=lambda rig: rig.runner.progress.phase == Phase.MEASURING
-            and rig.runner.progress.segment == segment)
+    rig.run(until=reaches(Phase.MEASURING, segment))
     assert rig.runner.outcome is None
     return rig
 
@@ -153,7 +148,7 @@ def test_several_shapes_are_set_one_after_the_other():
 def held(**changes):
     """Return a rig that still holds the shape, after it drifted."""
     rig = MeasuredRig((replace(SHAPE, hold_time=8.0),), **changes)
-    rig.run(until=lambda rig: rig.runner.progress.phase == Phase.HOLDING)
+    rig.run(until=reaches(Phase.HOLDING))
     rig.softened = len(asked_to_soften(rig))
     rig.go_on(3.0)
     assert rig.runner.warning == ''
@@ -284,7 +279,7 @@ def test_an_anomaly_may_pause_it_until_somebody_says_go_on():
 @pytest.mark.parametrize('on_anomaly', ['pause', 'abort'])
 def test_nothing_is_softened_any_more_after_an_anomaly(on_anomaly):
     rig = MeasuredRig((SHAPE,), loop=replace(LOOP, on_anomaly=on_anomaly))
-    rig.run(until=lambda rig: rig.runner.progress.phase == Phase.STIFFENING)
+    rig.run(until=reaches(Phase.STIFFENING))
     rig.anomaly, before = 'the right tendon slipped', asked_to_soften(rig)
     rig.go_on(5.0)
     assert asked_to_soften(rig) == before == [0]

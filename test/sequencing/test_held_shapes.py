@@ -20,8 +20,14 @@ from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.settings import ABORT
 from soft_continuum.sequencing.shape_plans import plan_shapes
 from soft_continuum.user_files import description_file
-from support.measured_rig import asked_to_soften, LOOP, MeasuredRig, OffsetStatics
-from support.virtual_rig import PLAN_SETTINGS, RUNNER_SETTINGS, VirtualRig
+from support.measured_rig import LOOP, MeasuredRig, OffsetStatics
+from support.virtual_rig import (
+    asked_to_soften,
+    PLAN_SETTINGS,
+    reaches,
+    RUNNER_SETTINGS,
+    VirtualRig,
+)
 
 DEGREE = np.radians(1.0)
 VACUUMS = (30e3, 80e3, 60e3)
@@ -107,7 +113,7 @@ def test_a_shape_is_set_stiff_then_held_with_its_vacuums_and_left_stiff_for_the_
         if rig.tendons.following:
             moved.append(sum(v < 77e3 for v in told))
 
-    rig.run(check, until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    rig.run(check, until=reaches(Phase.HOLDING))
     assert rig.vacuum == pytest.approx(VACUUMS, abs=3e3)
     rig.go_on(0.3, check)
     assert rig.angles == pytest.approx(HELD.bending_angles, abs=0.3 * DEGREE)
@@ -120,6 +126,13 @@ def test_a_shape_is_set_stiff_then_held_with_its_vacuums_and_left_stiff_for_the_
     assert rig.angles == pytest.approx(planned, abs=0.3 * DEGREE)
 
 
+def holding():
+    """A rig that holds the shape for long."""
+    rig = VirtualRig(arm=ARM, shapes=[replace(HELD, hold_time=60.0)], regulators=True)
+    rig.run(until=reaches(Phase.HOLDING))
+    return rig
+
+
 def test_a_run_that_ends_with_vacuums_leaves_them():
     rig = VirtualRig(arm=ARM, shapes=[HELD], regulators=True)
     assert rig.run().code is Code.SUCCESSFUL
@@ -128,16 +141,14 @@ def test_a_run_that_ends_with_vacuums_leaves_them():
 
 
 def test_canceled_while_it_is_held_a_shape_ends_with_every_segment_stiff():
-    rig = VirtualRig(arm=ARM, shapes=[replace(HELD, hold_time=60.0)], regulators=True)
-    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    rig = holding()
     rig.runner.cancel(Code.CANCELED, 'canceled')
     assert rig.run().code is Code.CANCELED
     assert all(rig.jamming.stiff) and min(rig.vacuum) > 77e3
 
 
 def test_a_stop_while_it_is_held_leaves_the_vacuums():
-    rig = VirtualRig(arm=ARM, shapes=[replace(HELD, hold_time=60.0)], regulators=True)
-    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    rig = holding()
     rig.tendons.stop('a stop')
     assert rig.run().code is Code.STOPPED
     rig.go_on(2.0)
@@ -153,8 +164,7 @@ def test_a_regulator_that_does_not_follow_ends_the_run():
 
 
 def test_a_vacuum_that_is_lost_while_a_shape_is_held_ends_the_run():
-    rig = VirtualRig(arm=ARM, shapes=[replace(HELD, hold_time=60.0)], regulators=True)
-    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    rig = holding()
     rig.jamming.set_vacuum(2, 45e3)  # by somebody else; the pressure alone would keep it stiff
     outcome = rig.run()
     assert outcome.code is Code.HARDWARE_FAULT and 'segment 3 lost its vacuum' in outcome.message
@@ -198,7 +208,7 @@ def test_an_obstacle_that_comes_is_in_the_way_until_the_vacuums_are_lowered():
 def test_an_obstacle_that_comes_while_vacuums_are_lowered_leaves_the_arm_stiff():
     rig = VirtualRig(arm=ARM, shapes=[HELD], regulators=True,
                      settings=replace(RUNNER_SETTINGS, on_obstacle=ABORT))
-    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.RELAXING)
+    rig.run(until=reaches(Phase.RELAXING))
     rig.obstructed = 'a ball is in the way'
     outcome = rig.run()
     assert (outcome.code, outcome.message) == (Code.OBSTRUCTED, 'a ball is in the way')
@@ -293,7 +303,7 @@ def test_a_shape_that_is_worse_after_it_was_set_again_is_not_set_a_third_time():
 
 def test_a_camera_that_is_lost_leaves_a_shape_held_as_predicted():
     rig = measured(loop=replace(LOOP, abort_when_lost=False))
-    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.RELAXING)
+    rig.run(until=reaches(Phase.RELAXING))
     rig.lost_after = rig.now - rig.begin
     outcome = rig.run()
     assert (outcome.code, outcome.measured) == (Code.SUCCESSFUL, False)

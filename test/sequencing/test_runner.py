@@ -22,10 +22,12 @@ from soft_continuum.sequencing.runner import Runner
 from support.flat_arm import of_segments
 from support.virtual_rig import (
     ARM,
+    at_rest_and_stiff,
     DESCRIPTION,
     LIBRARY,
     one_soft_at_most_and_none_moved_stiff,
     PLAN_SETTINGS,
+    reaches,
     RUNNER_SETTINGS,
     STEP,
     TICK_STEPS,
@@ -57,16 +59,6 @@ def check_progress(rig):
     assert re.fullmatch(r'p?((smt)*h?p?)*(smt?|s|t)?t?', phase_letters(rig))
 
 
-def reaches(phase, segment=None):
-    """Whether a run is in a phase, as a condition."""
-
-    def reached(rig):
-        progress = rig.runner.progress
-        return progress.phase == phase and segment in (None, progress.segment)
-
-    return reached
-
-
 def running(phase, segment=None, **rig):
     """A rig in the middle of a phase of its run."""
     rig = VirtualRig((BOW, C_FORM), **rig)
@@ -76,23 +68,13 @@ def running(phase, segment=None, **rig):
     return rig
 
 
-def check_at_rest_and_stiff(rig, without=()):
-    """The state of the arm after every ending but a stop, also later on."""
-    commands = list(rig.commands)
-    for _ in range(3):
-        assert not rig.moving and not rig.tendons.following
-        assert all(s for i, s in enumerate(rig.jamming.stiff) if i not in without)
-        rig.go_on(0.5)
-    assert rig.commands == commands
-
-
 def check_ends(rig, code, message=''):
     """The run ends soon, with a code and a reason, and leaves the arm at rest and stiff."""
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff, most=10.0)
     assert outcome.code is code
     assert message in outcome.message
     check_progress(rig)
-    check_at_rest_and_stiff(rig)
+    at_rest_and_stiff(rig)
     return outcome
 
 
@@ -148,7 +130,7 @@ def test_a_run_asks_for_one_segment_after_the_other(undisturbed):
 
 
 def test_a_finished_run_leaves_the_arm_at_rest_and_stiff(undisturbed):
-    check_at_rest_and_stiff(undisturbed)
+    at_rest_and_stiff(undisturbed)
 
 
 def test_motions_are_sent_no_further_ahead_than_the_horizon(undisturbed):
@@ -388,7 +370,7 @@ def test_a_cancel_right_after_softening_was_asked_for_ends_stiff(latency, late):
     rig.runner.cancel(Code.CANCELED, '')
     rig.run(one_soft_at_most_and_none_moved_stiff)
     rig.go_on(2 * latency)
-    check_at_rest_and_stiff(rig)
+    at_rest_and_stiff(rig)
 
 
 @pytest.mark.parametrize('phase', WORKING_PHASES)
@@ -481,44 +463,30 @@ def test_a_segment_that_never_stiffens_ends_the_run_with_the_tendons_holding():
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff, most=10.0)
     assert outcome.code is Code.TIMEOUT
     assert 'segment 1 did not become stiff within 3 s' in outcome.message
-    check_at_rest_and_stiff(rig, without=[0])
+    at_rest_and_stiff(rig, without=[0])
 
 
-@pytest.mark.parametrize('phase', WORKING_PHASES)
-def test_a_segment_that_loses_its_vacuum_ends_the_run(phase):
-    rig = running(phase)
-    rig.leaking.add(2)
+@pytest.mark.parametrize(('phase', 'segment', 'leak'), [
+    *((phase, None, 2) for phase in WORKING_PHASES), (Phase.MOVING, 3, 0)])
+def test_a_segment_that_loses_its_vacuum_ends_the_run_and_keeps_no_other_one_soft(
+        phase, segment, leak):
+    rig = running(phase, segment)
+    rig.leaking.add(leak)
     outcome = rig.run(most=20.0)
     assert outcome.code is Code.HARDWARE_FAULT
-    assert 'segment 3 lost its stiffness' in outcome.message
-    check_at_rest_and_stiff(rig, without=[2])
+    assert f'segment {leak + 1} lost its stiffness' in outcome.message
+    at_rest_and_stiff(rig, without=[leak])
 
 
-def test_a_segment_that_cannot_be_stiffened_does_not_keep_the_others_soft():
-    rig = running(Phase.MOVING, segment=3)
-    rig.leaking.add(0)
-    outcome = rig.run(most=20.0)
-    assert outcome.code is Code.HARDWARE_FAULT
-    assert 'segment 1 lost its stiffness' in outcome.message
-    check_at_rest_and_stiff(rig, without=[0])
-
-
-def test_a_segment_that_is_stiffened_by_others_during_its_motion_ends_the_run():
+@pytest.mark.parametrize(('segment', 'stiff', 'message'), [
+    (0, True, 'segment'), (1, False, 'segment 2 lost its stiffness')])
+def test_a_segment_that_others_switch_during_a_motion_ends_the_run_stiff(segment, stiff, message):
     rig = running(Phase.MOVING, plan_settings=PlanSettings())
-    rig.jamming.set_stiff(0, True)
+    rig.jamming.set_stiff(segment, stiff)
     outcome = rig.run(most=10.0)
     assert outcome.code is Code.HARDWARE_FAULT
-    assert 'segment' in outcome.message
-    check_at_rest_and_stiff(rig)
-
-
-def test_a_segment_that_is_softened_by_others_is_stiffened_again():
-    rig = running(Phase.MOVING, plan_settings=PlanSettings())
-    rig.jamming.set_stiff(1, False)
-    outcome = rig.run(most=10.0)
-    assert outcome.code is Code.HARDWARE_FAULT
-    assert 'segment 2 lost its stiffness' in outcome.message
-    check_at_rest_and_stiff(rig)
+    assert message in outcome.message
+    at_rest_and_stiff(rig)
 
 
 def test_a_refused_motion_ends_the_run_with_the_reason():
@@ -779,7 +747,7 @@ def test_any_event_at_any_moment_ends_a_run_in_a_defined_state(event, latency):
         faulty = {segment} if name in ('a valve breaks', 'a segment leaks') else set()
         # What others soften after the end is not the run's.
         late = {segment} if name == 'someone softens' and outcome.code is Code.SUCCESSFUL else ()
-        check_at_rest_and_stiff(rig, without=faulty.union(late))
+        at_rest_and_stiff(rig, without=faulty.union(late))
 
 
 @property_test

@@ -16,8 +16,14 @@ from soft_continuum.sequencing.planner import ObstructedError, PlanError, Planne
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
 from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
-from support.measured_rig import at_rest_and_stiff, MeasuredRig
-from support.virtual_rig import one_soft_at_most_and_none_moved_stiff, TICK_STEPS
+from support.measured_rig import MeasuredRig
+from support.virtual_rig import (
+    ARM,
+    at_rest_and_stiff,
+    one_soft_at_most_and_none_moved_stiff,
+    PLAN_SETTINGS,
+    TICK_STEPS,
+)
 
 MARGIN, DEPARTURE = 0.005, 0.02  # m
 PLACE = np.array([0.15, 0.0, 0.22])
@@ -75,17 +81,19 @@ class TipRig(MeasuredRig):
 @cache
 def plan():
     """Return a plan of the described arm: segment 2, then segment 3."""
-    from support.virtual_rig import ARM, PLAN_SETTINGS
-    planner = Planner(ARM, PLAN_SETTINGS)
-    around = Surroundings(ARM)
-    found, = plan_shapes(planner, Chain(ARM).straight(), (0.0, 0.0), [tip_shape(PLACE)],
-                         around, SETTINGS, first=True)
-    return plan_of(found, tip_shape(PLACE))
+    return plan_of(found_from_straight(tip_shape(PLACE), first=True), tip_shape(PLACE))
+
+
+def found_from_straight(shape, *obstacles, **options):
+    """Return what is found for a shape of the straight arm."""
+    found, = plan_shapes(Planner(ARM, PLAN_SETTINGS), Chain(ARM).straight(), (0.0, 0.0),
+                         [shape], Surroundings(ARM, obstacles), SETTINGS, **options)
+    return found
 
 
 def watch(*obstacles):
     watching = PlanWatch(plan(), MARGIN, DEPARTURE)
-    watching.look(Surroundings(plan().state.chain.arm, obstacles))
+    watching.look(Surroundings(ARM, obstacles))
     return watching
 
 
@@ -144,12 +152,11 @@ def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
                      np.linalg.norm(pair[0].backbone[-1] - pair[1].backbone[-1]))
     coarse = replace(plan(), ways=((one, other), plan().ways[1]))
     middle = plan().state.chain.state((one.joint_angles + other.joint_angles) / 2)
-    arm = plan().state.chain.arm
     sideways = middle.rotations[-1, :, 2]
 
     def at(distance):
         x, _, z = middle.backbone[-1] + distance * sideways
-        return Surroundings(arm, [ball(x, z, 0.001)])
+        return Surroundings(ARM, [ball(x, z, 0.001)])
 
     near = next(around for around in map(at, np.linspace(0.0, 0.05, 200))
                 if around.clearance(middle).distance > 0.5 * MARGIN)
@@ -160,15 +167,13 @@ def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
 
 
 def test_an_arm_that_is_nearer_than_the_margin_may_go_away():
-    arm = plan().state.chain.arm
-    start = Chain(arm).straight()
+    start = Chain(ARM).straight()
     side = start.backbone[-1]
-    around = next(found for found in (Surroundings(arm, [ball(x, side[2])])
+    around = next(found for found in (Surroundings(ARM, [ball(x, side[2])])
                                       for x in np.arange(-0.03, -0.08, -2e-4))
                   if found.clearance(start).distance > 0.4 * MARGIN)
     assert around.clearance(start).distance < MARGIN
-    found, = plan_shapes(Planner(arm, plan_settings()), start, (0.0, 0.0), [tip_shape(PLACE)],
-                         around, SETTINGS, first=True)
+    found = found_from_straight(tip_shape(PLACE), *around.obstacles, first=True)
     watching = PlanWatch(plan_of(found, tip_shape(PLACE)), MARGIN, DEPARTURE)
     assert not watching.looked
     watching.look(around)
@@ -179,32 +184,20 @@ def test_an_arm_that_is_nearer_than_the_margin_may_go_away():
 
 
 def test_angles_are_set_in_another_order_where_an_obstacle_is_in_the_way_of_the_first():
-    arm = plan().state.chain.arm
-    planner = Planner(arm, plan_settings())
     shape = Shape('hook', tuple(np.radians([0.0, 41.2, 59.9])))
-    arguments = planner, Chain(arm).straight(), (0.0, 0.0), [shape]
-    free, = plan_shapes(*arguments, Surroundings(arm), SETTINGS)
+    free = found_from_straight(shape)
     assert [move.segment for move in free.plan.moves] == [1, 2]
-    around = Surroundings(arm, [ball(0.09, 0.33)])
-    found, = plan_shapes(*arguments, around, SETTINGS)
+    found = found_from_straight(shape, ball(0.09, 0.33))
     assert [move.segment for move in found.plan.moves] == [2, 1]
     assert found.clearance[0] >= MARGIN
-    shut = Surroundings(arm, [ball(0.15, 0.22)])
-    blocked, = plan_shapes(*arguments, shut, SETTINGS)
+    blocked = found_from_straight(shape, ball(0.15, 0.22))
     with pytest.raises(ObstructedError, match='ball is in the way.*no other order'):
         plan_of(blocked, shape)
 
 
-def plan_settings():
-    from support.virtual_rig import PLAN_SETTINGS
-    return PLAN_SETTINGS
-
-
 def test_what_is_out_of_reach_is_no_obstacle_s_fault():
-    arm = plan().state.chain.arm
-    around, shape = Surroundings(arm, [ball(-0.2, 0.3)]), tip_shape([0.5, 0.0, 0.5])
-    found, = plan_shapes(Planner(arm, plan_settings()), Chain(arm).straight(), (0.0, 0.0),
-                         [shape], around, SETTINGS)
+    shape = tip_shape([0.5, 0.0, 0.5])
+    found = found_from_straight(shape, ball(-0.2, 0.3))
     with pytest.raises(PlanError, match='tip: .*out of reach') as caught:
         plan_of(found, shape)
     assert not isinstance(caught.value, ObstructedError)

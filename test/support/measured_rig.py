@@ -132,17 +132,3 @@ class MeasuredRig(VirtualRig):
         """By how much the worst segment is off, rad."""
         wanted = np.array(self.runner._shapes[-1].bending_angles)
         return float(np.abs(self.angles - wanted).max())
-
-
-def at_rest_and_stiff(rig):
-    commands = list(rig.commands)
-    for _ in range(2):
-        assert not rig.moving and not rig.tendons.following
-        assert all(rig.jamming.stiff)
-        rig.go_on(0.3)
-    assert rig.commands == commands
-
-
-def asked_to_soften(rig):
-    return [command[2] for command in rig.commands if command[1:2] + command[3:] == (
-        'set_stiff', False)]

@@ -253,3 +253,29 @@ def one_soft_at_most_and_none_moved_stiff(rig):
     assert len(soft) <= 1
     if rig.moving or rig.tendons.following:
         assert soft and rig.vacuum[soft[0]] <= rig.settings.soft_vacuum
+
+
+def reaches(phase, segment=None):
+    """Whether a run is in a phase, of a segment (1-based) or of any, as a condition."""
+
+    def reached(rig):
+        progress = rig.runner.progress
+        return progress.phase == phase and segment in (None, progress.segment)
+
+    return reached
+
+
+def at_rest_and_stiff(rig, without=()):
+    """Claim the state of the arm after every ending but a stop, also later on."""
+    commands = list(rig.commands)
+    for _ in range(3):
+        assert not rig.moving and not rig.tendons.following
+        assert all(s for i, s in enumerate(rig.jamming.stiff) if i not in without)
+        rig.go_on(0.5)
+    assert rig.commands == commands
+
+
+def asked_to_soften(rig):
+    """Return the segments (0-based) that the runner asked to soften, one after the other."""
+    return [command[2] for command in rig.commands if command[1:2] + command[3:] == (
+        'set_stiff', False)]
