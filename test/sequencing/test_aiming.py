@@ -10,9 +10,9 @@ import pytest
 
 from soft_continuum.mechanics import pulls_for_bending, Statics, StaticsError
 from soft_continuum.mechanics.arm import mounted
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.laws import Jam
-from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.mechanics.statics import PRETENSIONS
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.aiming import (
@@ -84,7 +84,7 @@ def again_of(statics, state, *arguments):
 
 @pytest.fixture(scope='module')
 def spatial():
-    return SpatialStatics(elastic(arm_in_space(), 3))
+    return SpaceStatics(elastic(arm_in_space(), 3))
 
 
 @pytest.fixture(scope='module')
@@ -292,7 +292,7 @@ def test_a_segment_that_would_fall_over_is_held_by_all_tendons():
     arm = arm_in_space()
     soft_one = replace(arm.segments[1], **{name: 0.7 * getattr(arm.segments[1], name)
                                            for name in ('stiffness_x', 'stiffness_y')})
-    statics = SpatialStatics(replace(arm, bodies_per_segment=4, payload=0.03, segments=(
+    statics = SpaceStatics(replace(arm, bodies_per_segment=4, payload=0.03, segments=(
         arm.segments[0], soft_one, arm.segments[2])))
     wanted, soft = np.full((3, 2), np.nan), (False, True, False)
     wanted[1] = FALLS

@@ -12,8 +12,8 @@ import pytest
 from benchmarks.servo_loop import follow, Measuring, StaticPlant, TwinPlant
 from soft_continuum.mechanics import Jam, Statics, StaticsError
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.mechanics.spatial import SpatialStatics
-from soft_continuum.mechanics.spatial.directions import bending_vectors
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.bending_map import (
@@ -39,7 +39,7 @@ SETTINGS = ServoSettings()
 STRAIGHT = STATICS.chain.straight()
 SPATIAL_ARM = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),
                       bodies_per_segment=4)
-SPATIAL = SpatialStatics(SPATIAL_ARM)
+SPATIAL = SpaceStatics(SPATIAL_ARM)
 SEGMENT = 1  # of those in space, and of those that follow what bends by a rule
 SOFT = [False, True, False]
 DEGREE = radians(1.0)
@@ -422,7 +422,7 @@ def worn_spatial_arm():
 
 
 def test_an_arm_that_is_not_its_model_goes_where_it_is_to_go(servo):
-    plant = SpatialStatics(worn_spatial_arm())
+    plant = SpaceStatics(worn_spatial_arm())
     state = [plant.chain.straight()]
 
     def arm(pulls):
@@ -491,7 +491,7 @@ def test_without_jamming_tendons_hold_the_other_segments():
     arm = load_arm(description_file().with_name('tendon_arm.yaml'))
     arm = replace(arm, spacers=1, bodies_per_segment=2, segments=tuple(
         replace(segment, bending_angle_limit=0.65) for segment in arm.segments))
-    statics = SpatialStatics(arm)
+    statics = SpaceStatics(arm)
     limits = BendingLimits(tension_limit=10.0)
     start = statics.chain.straight()
     disc = bending_map(statics, start, 0, limits, jamming=False)
@@ -503,7 +503,7 @@ def test_without_jamming_tendons_hold_the_other_segments():
 
 
 def test_a_hinge_bends_as_in_the_plane_and_to_no_other_side():
-    statics = SpatialStatics(in_space(ARM))
+    statics = SpaceStatics(in_space(ARM))
     limits = BendingLimits(tension_limit=20.0)
     found, wanted = (bending_map(each, each.chain.straight(), 0, limits)
                      for each in (statics, STATICS))

@@ -15,7 +15,6 @@ import pytest
 from soft_continuum.mechanics import Jam, LEFT, RIGHT, Statics
 from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.goals import shape_library
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description

@@ -13,7 +13,6 @@ import pytest
 
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.mechanics.model import statics_of
 from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
@@ -61,7 +60,7 @@ class Query:
 
     def run(self, found, between=4):
         """The states of new statics that follow the pulls of a plan, more densely than it did."""
-        statics, state = statics_of(self.arm), self.start
+        statics, state = Statics(self.arm), self.start
         states = []
         for move in found.plan.moves:
             soft = [move.segment in (s, WHOLE_ARM) for s in range(len(self.arm.segments))]

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import MomentCurvature, pulls_for_bending, set_shape, Statics
 from soft_continuum.mechanics.arm import Arm, Disc, mounted, Segment, Tendon, Wrench
-from soft_continuum.mechanics.spatial import SpatialStatics
+from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.differences import Obstacle, read_differences, TwinError
 from soft_continuum.twin.plant import Plant
@@ -199,7 +199,7 @@ def everything():
 @pytest.mark.parametrize(('payload', 'pretension'), [(0.0, 0.0), (0.05, 0.5)])
 def test_segments_set_in_space_rest_where_the_statics_say(payload, pretension):
     arm = few(gravity=SIDEWAYS, payload=payload)
-    found, statics = plant(arm), SpatialStatics(arm)
+    found, statics = plant(arm), SpaceStatics(arm)
     state, pulls, slack = statics.chain.straight(), ZERO, False
     run(found, pulls, pulls, STIFF, 0.2)
     for segment, bending in enumerate([(0.3, 0.35), (-0.4, 0.1), (0.2, -0.3)]):
@@ -223,7 +223,7 @@ def test_segments_set_in_space_rest_where_the_statics_say(payload, pretension):
 
 def test_an_arm_with_everything_rests_where_the_statics_say():
     arm, goal = everything(), np.array([0.004, -0.003, 0.002, -0.02])
-    found, statics = plant(arm), SpatialStatics(arm)
+    found, statics = plant(arm), SpaceStatics(arm)
     run(found, np.zeros(4), goal, SOFT, 4.0)
     state = statics.solve(statics.chain.straight(), goal, [True] * 3)
     assert np.count_nonzero(state.tensions) in (2, 3)
