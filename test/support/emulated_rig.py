@@ -52,7 +52,7 @@ class Rig:
 
 
 @contextmanager
-def emulated_rig(folder, settings=None, real_time=False):
+def emulated_rig(folder, real_time=False):
     """
     A rig that is soft, without a reference, as after it was switched on.
 
@@ -63,7 +63,7 @@ def emulated_rig(folder, settings=None, real_time=False):
           patch.object(grbl_session, 'MAX_UNANSWERED_QUERIES', PATIENCE),
           patch.object(grbl_session, 'PROGRESS_TIMEOUT', DEADLINE),
           patch.object(grbl_session, 'ACKNOWLEDGEMENT_TIMEOUT', DEADLINE),
-          GrblEmulator(str(folder / 'grbl'), settings=settings) as grbl,
+          GrblEmulator(str(folder / 'grbl')) as grbl,
           ModbusEmulator(link=folder / 'modbus') as modbus):
         rig = Rig(grbl, modbus, folder / 'rig.yaml')
         rig.file.write_text('/**:\n  ros__parameters: {}\n')
