@@ -5,15 +5,12 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
-from soft_continuum.mechanics import Jam
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
-from support.true_arm import Session
+from support.true_arm import Session, TrueArm
 
 ARM = replace(load_arm(description_file().with_name('spatial_jamming.yaml')),
               bodies_per_segment=4)
@@ -22,46 +19,25 @@ COVARIANCE = np.diag(DEVIATIONS**2)
 PRIOR, DRIFT = Prior(), Drift()
 
 
-class SpatialTruth:
-    """The arm as it is: other stiffness, jams and tendons that give, of another length, a load."""
+class SpatialTruth(TrueArm):
+    """An arm in space as it is, of so many bodies in each segment."""
+
+    DEVIATIONS, COVARIANCE = DEVIATIONS, COVARIANCE
 
     def __init__(self, arm=ARM, factors=1.0, ratio=30.0, offsets=0.0, payload=0.0, bodies=8):
-        """Begin straight and stiff, with as many bodies in each segment."""
-        factors = np.broadcast_to(factors, len(arm.segments))
-        self.statics = SpaceStatics(replace(
-            arm.with_compliant_tendons(2e-5), payload=payload,
-            bodies_per_segment=bodies * (arm.spacers + 1),
-            segments=tuple(replace(
-                s, stiffness_x=s.stiffness_x * f, stiffness_y=s.stiffness_y * f,
-                torsional_stiffness=s.torsional_stiffness * f, jam=Jam(ratio))
-                for s, f in zip(arm.segments, factors, strict=True))))
-        self.offsets = np.broadcast_to(offsets, len(arm.tendons))
-        self.state = self.statics.chain.straight()
+        self.bodies = bodies
+        super().__init__(factors, ratio, offsets, payload, arm)
 
-    def follow(self, pulls, soft):
-        """Let the motors go to ``pulls``."""
-        self.state = self.statics.solve(self.state, np.asarray(pulls) + self.offsets, soft)
-
-    def seen(self, rng=None, bias=None, own=0.3, discs=(1, 2, 3), covariance=COVARIANCE):
-        """Return what is measured: off by a bias (discs, 6) in all, and by noise of its own."""
-        found = []
-        for n in discs:
-            pose, error = self.state.poses[2 * n].copy(), np.zeros(6)
-            if bias is not None:
-                error += bias[n]
-            if rng is not None:
-                error += own * DEVIATIONS * rng.standard_normal(6)
-            pose[:3] += error[:3]
-            pose[3:] = (Rotation.from_rotvec(error[3:]) * Rotation.from_quat(pose[3:])).as_quat()
-            found.append(DiscMeasurement(n, pose, covariance))
-        return found
+    def as_built(self, arm):
+        return replace(arm.with_compliant_tendons(2e-5),
+                       bodies_per_segment=self.bodies * (arm.spacers + 1))
 
 
 class SpatialSession(Session):
     """A true arm in space and its estimator, moved together; and the prediction beside it."""
 
     def __init__(self, truth, arm=ARM, prior=PRIOR, drift=DRIFT, seed=0, jamming=True, **seen):
-        """Begin with a straight arm; seen: arguments of SpatialTruth.seen."""
+        """Begin with a straight arm; seen: arguments of TrueArm.seen."""
         self.statics = SpaceStatics(arm)
         self.predicted = self.statics.chain.straight()
         super().__init__(truth, arm, prior, drift, seed, (not jamming,) * len(arm.segments),

@@ -5,17 +5,19 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
-from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sensing.rigid import in_plane
+from soft_continuum.sensing.rigid import UNKNOWN
 from soft_continuum.user_files import description_file
+from support.paper_arm import only
 
 ARM = replace(load_arm(description_file()), bodies_per_segment=4)
 DEVIATIONS = np.array([3e-4, 3e-4, 2e-3])  # m, m, rad: of the camera
@@ -30,22 +32,25 @@ def commands(time, pulls, soft):
     return Commands(time, pulls, tuple(not s for s in soft))
 
 
-def only(segment):
-    """Return the mask in which one segment (0-based) is soft."""
-    return tuple(s == segment for s in range(3))
-
-
 class TrueArm:
     """The arm as it is: other stiffness, jams that give, tendons of another length, a payload."""
 
-    def __init__(self, factors=(1.0, 1.0, 1.0), ratio=30.0, offsets=(0.0, 0.0), payload=0.0,
-                 arm=ARM):
+    DEVIATIONS, COVARIANCE = DEVIATIONS, COVARIANCE
+
+    def __init__(self, factors=1.0, ratio=30.0, offsets=0.0, payload=0.0, arm=ARM):
         """Begin straight and stiff; ratio: K; the others are those of an Estimator."""
         self.statics = Statics(replace(
-            arm.with_tendons(axial_stiffness=2e4), payload=payload, segments=tuple(
-                replace(s, stiffness_y=s.stiffness_y * f, jam=Jam(ratio))
-                for s, f in zip(arm.segments, factors, strict=True))))
-        self.offsets, self.state = np.array(offsets), self.statics.chain.straight()
+            self.as_built(arm), payload=payload, segments=tuple(replace(
+                s, stiffness_x=s.stiffness_x * f, stiffness_y=s.stiffness_y * f,
+                torsional_stiffness=s.torsional_stiffness * f, jam=Jam(ratio))
+                for s, f in zip(arm.segments, np.broadcast_to(factors, len(arm.segments)),
+                                strict=True))))
+        self.axes, self.offsets = arm.pose_axes, np.broadcast_to(offsets, len(arm.tendons))
+        self.state = self.statics.chain.straight()
+
+    def as_built(self, arm):
+        """Return an arm with the tendons that it has."""
+        return arm.with_tendons(axial_stiffness=2e4)
 
     def follow(self, pulls, soft):
         """Let the motors go to ``pulls``."""
@@ -56,18 +61,27 @@ class TrueArm:
         """Poses of the bottoms of all discs."""
         return self.state.points[::2]
 
-    def seen(self, rng=None, bias=None, own=0.3, discs=(1, 2, 3), covariance=COVARIANCE):
-        """Return what is measured: off by a bias (4, 3) in all, and by noise of its own."""
+    def seen(self, rng=None, bias=None, own=0.3, discs=(1, 2, 3), covariance=None):
+        """
+        Return what is measured: off by a bias in all, and by noise of its own.
+
+        bias (discs, axes) and covariance (axes, axes): of the axes along and about which discs
+        of the arm move.
+        """
+        measured = UNKNOWN * np.eye(6)
+        measured[np.ix_(self.axes, self.axes)] = (
+            self.COVARIANCE if covariance is None else covariance)
         found = []
         for n in discs:
-            pose = self.discs[n].copy()
+            pose, error = self.state.poses[2 * n].copy(), np.zeros(6)
             if bias is not None:
-                pose += bias[n]
+                error[self.axes] += bias[n]
             if rng is not None:
-                pose += own * DEVIATIONS * rng.standard_normal(3)
-            found.append(DiscMeasurement(n, *in_plane(pose, covariance)))
+                error[self.axes] += own * self.DEVIATIONS * rng.standard_normal(self.axes.sum())
+            pose[:3] += error[:3]
+            pose[3:] = (Rotation.from_rotvec(error[3:]) * Rotation.from_quat(pose[3:])).as_quat()
+            found.append(DiscMeasurement(n, pose, measured))
         return found
-
 
     def pulled(self, deviation=0.1, error=0.0):
         """Return what load cells show of the tensions, off by an error (N)."""
@@ -79,7 +93,7 @@ class Session:
     """A true arm, planar or spatial, and its estimator, moved together."""
 
     def __init__(self, truth, arm=ARM, prior=PRIOR, drift=DRIFT, seed=0, soft=STIFF, **seen):
-        """Begin with a straight arm; seen: arguments of TrueArm.seen, or SpatialTruth.seen."""
+        """Begin with a straight arm; seen: arguments of TrueArm.seen."""
         self.truth, self.seen = truth, seen
         self.estimator = Estimator(arm, Chain(arm).straight(), prior, drift)
         self.rng = np.random.default_rng(seed)
