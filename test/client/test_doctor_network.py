@@ -9,7 +9,6 @@ from builtin_interfaces.msg import Time
 import pytest
 
 from soft_continuum import version
-from soft_continuum.cli import doctor
 from soft_continuum.cli.doctor_network import Answers, judged
 from soft_continuum_interfaces.srv import About
 
@@ -86,14 +85,3 @@ def test_a_node_that_runs_twice_or_not_at_all_is_named() -> None:
     nobody, = judged({}, {}, '/left')
     assert nobody.status == 'FAIL'
     assert 'no node answers in namespace /left' in nobody.message
-
-
-@pytest.mark.parametrize('options', [
-    ['--network', '--sensors'], ['--network', '--params-file', 'my.yaml'],
-    ['--network', '--duration', '5']])
-def test_options_that_do_not_go_together_are_refused(
-        options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        doctor.main(options)
-    assert end.value.code == 2
-    assert '--sensors' in capsys.readouterr().err

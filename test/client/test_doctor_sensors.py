@@ -182,12 +182,3 @@ def test_an_imu_that_is_remapped_is_listened_to(
     finally:
         listener.destroy_node()
     assert 'FAIL  /imu/data_raw: 1.00 m/s^2, at rest it is 9.81' in capfd.readouterr().out
-
-
-@pytest.mark.parametrize('arguments', [
-    ['--duration', '2'], ['--sensors', '--params-file', 'my_rig.yaml'],
-    ['--sensors', '--duration', '0']])
-def test_options_that_do_not_belong_together_are_a_usage_error(arguments: list[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        doctor.main(arguments)
-    assert ended.value.code == 2

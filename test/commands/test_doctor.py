@@ -90,10 +90,17 @@ def test_there_is_one_line_per_step_and_a_summary(rig, capsys):
     assert (empty, summary) == ('', '17 checks: 1 failed, 1 to be looked at')
 
 
-def test_an_unknown_option_is_a_usage_error(capsys):
+@pytest.mark.parametrize(('options', 'named'), [
+    ('--parameters x', '--parameters'), ('--duration 2', '--duration'),
+    ('--sensors --params-file my_rig.yaml', '--params-file'), ('--sensors --duration 0', "'0'"),
+    ('--network --sensors', '--sensors'), ('--network --params-file my.yaml', '--sensors'),
+    ('--network --duration 5', '--sensors')])
+def test_options_that_there_are_not_or_do_not_go_together_are_a_usage_error(
+        capsys, options, named):
     with pytest.raises(SystemExit) as ended:
-        doctor.main(['--parameters', 'x'])
+        doctor.main(options.split())
     assert ended.value.code == 2
+    assert named in capsys.readouterr().err
 
 
 def test_a_parameter_file_that_is_missing_or_wrong_is_named(rig, ask, tmp_path):
