@@ -23,10 +23,10 @@ from support.rig_fixtures import (
     domain,
     make_rig,
     module_domain,
+    module_rig,
     rig,
     take_domain,
 )
-from support.ros_rig import Rig
 
 NAMESPACE = '/arm_under_test'  # of the rigs
 TIMEOUT = 60.0  # s, on a loaded machine
@@ -41,12 +41,10 @@ QUICK = {'tendon_speed': 0.03, 'tendon_acceleration': 0.3, 'tendon_rate': 10.0,
 
 
 @pytest.fixture(scope='module')
-def arm_of_module(module_domain: int) -> Iterator[Any]:
+def arm_of_module(module_rig: Any) -> Any:
     """Return the four nodes of a quick arm that the tests of a module share."""
-    rig = Rig(module_domain)
-    rig.start_arm(**QUICK)
-    yield rig
-    rig.close()
+    module_rig.start_arm(**QUICK)
+    return module_rig
 
 
 @pytest.fixture

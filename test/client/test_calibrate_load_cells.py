@@ -3,7 +3,7 @@
 
 """The zero and the scale of load cells are found, whichever way they are mounted."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -21,10 +21,10 @@ MASS, WEIGHT = 2.0, 2.0 * 9.80665
 
 
 @pytest.fixture(scope='module')
-def cells(module_domain: int) -> Iterator[dict[str, float]]:
+def cells(module_rig: Rig) -> dict[str, float]:
     """Publish raw numbers of two cells; return the tensions that they carry, N, to be changed."""
-    rig, tensions = Rig(module_domain), dict.fromkeys(NAMES, 0.0)
-    publisher = rig.observer.create_publisher(JointState, 'load_cells', STREAM)
+    tensions = dict.fromkeys(NAMES, 0.0)
+    publisher = module_rig.observer.create_publisher(JointState, 'load_cells', STREAM)
     noise = cycle((0.5, -0.5))
 
     def publish() -> None:
@@ -33,9 +33,8 @@ def cells(module_domain: int) -> Iterator[dict[str, float]]:
             zero + tension / scale + more
             for zero, scale, tension in zip(ZEROS, SCALES, tensions.values(), strict=False)]))
 
-    rig.observer.create_timer(0.01, publish)
-    yield tensions
-    rig.close()
+    module_rig.observer.create_timer(0.01, publish)
+    return tensions
 
 
 @pytest.fixture

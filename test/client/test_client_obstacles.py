@@ -11,7 +11,6 @@ import pytest
 from soft_continuum.client import Arm, ClientError, RefusedError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
 from soft_continuum.obstacles.files import load_obstacles
-from support.ros_rig import Rig
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'config' / 'obstacles_example.yaml'
 TETRAHEDRON = Mesh(np.array([[0.2, 0, 0], [0.3, 0, 0], [0.2, 0.1, 0], [0.2, 0, 0.1]]),
@@ -21,12 +20,10 @@ PIPE = Obstacle('pipe', Capsule(0.01, 0.3), (-0.2, 0.0, 0.2))
 
 
 @pytest.fixture(scope='module')
-def arm(module_domain):
+def arm(module_rig):
     """Return a sequencer alone."""
-    rig = Rig(module_domain)
-    rig.start('shape_sequencer')
-    yield rig
-    rig.close()
+    module_rig.start('shape_sequencer')
+    return module_rig
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from support.rig_fixtures import (
     domain,
     make_rig,
     module_domain,
+    module_rig,
     processes,
     rig,
     shared_arm,

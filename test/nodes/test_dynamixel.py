@@ -7,7 +7,6 @@ from pathlib import Path
 import sys
 
 import pytest
-from std_srvs.srv import SetBool
 
 from support.processes import Processes
 from support.ros_rig import ALL, QUICK, Rig
@@ -31,8 +30,7 @@ def test_a_node_that_is_killed_in_motion_knows_where_its_servos_are_and_sets_the
     rig.wait_until_ready(*ALL)
     rig.wait_for(lambda: 'without power' in rig.statuses['tendon_actuation'].last.message,
                  'why the position is not referenced')
-    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
-    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    rig.stiffen()
     assert rig.trigger('tendon_actuation/reference').success
     rig.wait_for_shape()
     goal = rig.goal_in_motion(BEND)

@@ -77,13 +77,10 @@ def test_a_callback_that_fails_in_mid_motion_ends_the_goal_and_nothing_else(
     goal = rig.goal((0.0, 0.0, 0.5), hold=60.0)
     rig.wait_for(lambda: rig.pulls[0] > 0.001, 'a pull')
     monkeypatch.setattr(ShapeSequencer, '_go_on', fail)
-    status, result = goal.result()
-    assert status == 'ABORTED'
-    assert 'ZeroDivisionError: half a shape' in result.error_string
+    goal.assert_ended('ABORTED', 'ZeroDivisionError: half a shape')
     rig.wait_for(lambda: any('half a shape' in s.message
                              for s in rig.statuses['shape_sequencer']), 'the error')
-    rig.wait_for(lambda: rig.at_rest, 'rest')
-    rig.assert_rests()
+    rig.come_to_rest()
     monkeypatch.undo()
     assert rig.goal((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
 

@@ -110,14 +110,12 @@ SLOW = ('obstacles of 6000 triangles', 'obstacles that come and go',
 
 
 @pytest.fixture(scope='module')
-def hardy_arm(module_domain: int) -> Iterator[Rig]:
+def hardy_arm(module_rig: Rig) -> Rig:
     """Return the four nodes, tendon_actuation on a thread of its own as it is in a process."""
-    rig = Rig(module_domain)
-    rig.start('jamming_valves', 'kinematics', 'shape_sequencer')
-    rig.start('tendon_actuation')
-    rig.wait_for_shape()
-    yield rig
-    rig.close()
+    module_rig.start('jamming_valves', 'kinematics', 'shape_sequencer')
+    module_rig.start('tendon_actuation')
+    module_rig.wait_for_shape()
+    return module_rig
 
 
 @contextmanager

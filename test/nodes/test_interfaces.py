@@ -7,7 +7,7 @@ Pages of msg_docs and policy of SROS 2 list what running nodes do: no more, no l
 All nodes run at once, as a start of each for each claim would take a minute.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from functools import partial
 import re
 
@@ -69,13 +69,11 @@ def assert_same(node: str, kind: str, on_page: dict[str, str],
 
 
 @pytest.fixture(scope='module')
-def suite(module_domain: int) -> Iterator[Rig]:
+def suite(module_rig: Rig) -> Rig:
     """Return every node of the suite, with load cells."""
-    rig = Rig(module_domain)
-    rig.start_arm(load_cells__used=True)
-    rig.start(*OTHERS, ready=False)
-    yield rig
-    rig.close()
+    module_rig.start_arm(load_cells__used=True)
+    module_rig.start(*OTHERS, ready=False)
+    return module_rig
 
 
 @pytest.mark.parametrize('node', [*ALL, *OTHERS])

@@ -3,9 +3,6 @@
 
 """Nodes that are killed in the middle of a sequence: what the others do, and the next start."""
 
-import numpy as np
-import pytest
-
 from soft_continuum_interfaces.action import RunShapeSequence
 from support.processes import NodeProcess, Processes
 from support.ros_rig import ALL, Goal, QUICK, Rig
@@ -32,16 +29,8 @@ def start_again(rig: Rig, name: str) -> None:
     rig.wait_for(lambda: len(rig.statuses[name]) > said, f'words from {name}')
 
 
-def assert_aborted(goal: Goal, *reasons: str) -> None:
-    status, result = goal.result()
-    assert (status, result.error_code) == ('ABORTED', Result.HARDWARE_FAULT)
-    for reason in reasons:
-        assert reason in result.error_string
-
-
 def assert_rests_short(rig: Rig) -> None:
-    rig.wait_for(lambda: rig.at_rest, 'rest')
-    rig.assert_rests()
+    rig.come_to_rest()
     assert 0.0 < rig.pulls[0] < FULL_PULL
 
 
@@ -61,8 +50,7 @@ def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(
     # The next goal goes on from where the arm is.
     assert rig.set_parameter('shape_sequencer', 'tendon_speed', 0.1).successful
     assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
-    joints = np.array(rig.joints.last.position).reshape(3, -1)
-    assert joints.sum(axis=1) == pytest.approx(BEND, abs=np.radians(0.1))
+    rig.assert_bends(BEND)
     rig.assert_rests_stiff()
     rig.assert_never_moved_all_stiff()
 
@@ -71,7 +59,7 @@ def test_when_the_tendon_actuation_is_killed_the_goal_is_aborted_and_the_arm_sti
         rig: Rig, processes: Processes) -> None:
     process, goal = moving_arm(rig, processes, 'tendon_actuation', settle_timeout=1.0)
     process.kill()
-    assert_aborted(goal, 'tendon_actuation')
+    goal.assert_ended('ABORTED', 'tendon_actuation', code=Result.HARDWARE_FAULT)
     rig.assert_stiff_since(goal)
 
     heard = len(rig.tendons)
@@ -87,7 +75,7 @@ def test_when_the_valves_are_killed_the_goal_is_aborted_and_the_tendons_rest(
         rig: Rig, processes: Processes) -> None:
     process, goal = moving_arm(rig, processes, 'jamming_valves')
     process.kill()
-    assert_aborted(goal, 'jamming_valves')
+    goal.assert_ended('ABORTED', 'jamming_valves', code=Result.HARDWARE_FAULT)
     assert_rests_short(rig)
     rested_at = rig.pulls
 
@@ -107,7 +95,7 @@ def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_n
         rig: Rig, processes: Processes) -> None:
     process, goal = moving_arm(rig, processes, 'kinematics')
     process.kill()
-    assert_aborted(goal, 'kinematics')
+    goal.assert_ended('ABORTED', 'kinematics', code=Result.HARDWARE_FAULT)
     rig.assert_rests_stiff(goal)
     assert_rests_short(rig)
 
@@ -116,5 +104,4 @@ def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_n
     rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'no shape')
     rig.assert_rests(20)
     assert len(rig.joints) == heard
-    assert not rig.goal(BEND).accepted
-    assert 'kinematics' in rig.rejected()
+    rig.goal(BEND).assert_rejected('kinematics')

@@ -3,7 +3,6 @@
 
 """Obstacles as topics have them: what a sequencer plans with is what others see of it."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -114,11 +113,9 @@ class Topics:
 
 
 @pytest.fixture(scope='module')
-def sequencer(module_domain: int) -> Iterator[Topics]:
+def sequencer(module_rig: Rig) -> Topics:
     """Return a sequencer that has read the example."""
-    rig = Rig(module_domain)
-    yield Topics(rig)
-    rig.close()
+    return Topics(module_rig)
 
 
 def test_what_is_known_follows_the_topic(rig: Rig) -> None:
@@ -171,8 +168,6 @@ def test_a_bad_message_changes_nothing_and_is_reported(
     refused = sequencer.send(ball('good', 7), sent)
     assert part in refused
     assert len(sequencer.known) == before
-
-
 
 
 def test_too_many_obstacles_are_refused(sequencer: Topics) -> None:

@@ -5,7 +5,6 @@
 
 import pytest
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from support.ros_rig import Rig, STREAM, trajectory
@@ -36,8 +35,7 @@ class Cells:
 
 
 def pull(rig: Rig, *pulls: float, seconds: float = 4.0) -> None:
-    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
-        trajectory([(seconds, pulls)]))
+    rig.send(trajectory([(seconds, pulls)]))
 
 
 def test_nothing_moves_without_load_cells_and_what_they_show_ends_a_motion(
@@ -46,9 +44,7 @@ def test_nothing_moves_without_load_cells_and_what_they_show_ends_a_motion(
     cells = Cells(rig)
     rig.start('tendon_actuation', *OTHERS, load_cells__used=True, load_cells__zeros=ZEROS,
               load_cells__scales=SCALES, silence_timeout=3.0, tension_tolerance=10.0)
-    goal = rig.goal('c_form')
-    assert not goal.accepted
-    assert 'the tension of right_tendon, left_tendon is not measured' in rig.rejection(goal)
+    rig.goal('c_form').assert_rejected('the tension of right_tendon, left_tendon is not measured')
     homing = rig.trigger('tendon_actuation/reference')
     assert not homing.success
     assert 'right_tendon is not measured' in homing.message

@@ -30,11 +30,15 @@ from support.ros_rig import DEADLINE, LATCHED, Rig
 TIMEOUT = 0.5  # s, of what is lost in any case
 
 
+def service_of(node: Any, ending: str) -> Any:
+    """Return a service of a node by the end of its name."""
+    return next(one for one in node.services if one.service_name.endswith(ending))
+
+
 @contextmanager
 def lost_answers(node: Any, ending: str) -> Iterator[list[Any]]:
     """Lose every answer of a service of a node; the list has those that were lost."""
-    service = next(one for one in node.services if one.service_name.endswith(ending))
-    lost: list[Any] = []
+    service, lost = service_of(node, ending), list[Any]()
     send, service.send_response = service.send_response, lambda *answer: lost.append(answer)
     try:
         yield lost
@@ -51,14 +55,6 @@ def connection(module_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[
     found.close()
 
 
-@pytest.fixture(scope='module')
-def nodes(module_domain: int) -> Iterator[tuple[Rig, dict[str, Any]]]:
-    """Return a quick arm, and its nodes by name."""
-    rig = Rig(module_domain)
-    yield rig, {node.get_name(): node for node in rig.start_arm()}
-    rig.close()
-
-
 def problem(future: 'Future[Any]') -> str:
     """Return how a request of a client failed, which nothing but a missing answer may do."""
     with pytest.raises(NoAnswerError) as failed:
@@ -67,33 +63,30 @@ def problem(future: 'Future[Any]') -> str:
 
 
 def test_a_client_is_told_which_answer_did_not_come(
-        nodes: tuple[Rig, dict[str, Any]], connection: Connection) -> None:
+        shared_arm: Rig, connection: Connection) -> None:
     requests = connection.requests
-    with lost_answers(nodes[1]['tendon_actuation'], '/reference'):
+    with lost_answers(shared_arm.node('tendon_actuation'), '/reference'):
         assert problem(requests.start(requests.reference())) == (
             'nothing of an answer of tendon_actuation/reference within 0.5 s, though its node '
             'runs; is it active, and the machine not overloaded?')
 
 
 def test_what_may_be_asked_again_is_and_the_first_answer_that_comes_counts(
-        nodes: tuple[Rig, dict[str, Any]], connection: Connection,
-        monkeypatch: pytest.MonkeyPatch) -> None:
-    requests, (rig, by_name) = connection.requests, nodes
+        shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
+    requests = connection.requests
     requests.timeout = DEADLINE
     monkeypatch.setattr(operations, 'ATTEMPTS', 60)
-    with lost_answers(by_name['tendon_actuation'], '/stop') as lost:
+    with lost_answers(shared_arm.node('tendon_actuation'), '/stop') as lost:
         stopping = requests.start(requests.stop())
-        rig.wait_for(lambda: len(lost) >= 2, 'the second request')
-        service = next(one for one in by_name['tendon_actuation'].services
-                       if one.service_name.endswith('/stop'))
+        shared_arm.wait_for(lambda: len(lost) >= 2, 'the second request')
+        service = service_of(shared_arm.node('tendon_actuation'), '/stop')
         type(service).send_response(service, *lost[0])  # the first answer was only late
         stopping.result(DEADLINE)
-    assert rig.trigger('tendon_actuation/resume').success
+    assert shared_arm.trigger('tendon_actuation/resume').success
 
 
 def test_the_result_of_a_sequence_is_asked_for_again_when_it_is_lost(
-        nodes: tuple[Rig, dict[str, Any]], connection: Connection,
-        monkeypatch: pytest.MonkeyPatch) -> None:
+        shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
     requests, lost = connection.requests, []
     send = SequenceServer._send_result_response
 
@@ -111,8 +104,7 @@ def test_the_result_of_a_sequence_is_asked_for_again_when_it_is_lost(
 
 
 def test_a_sequence_of_which_the_result_never_comes_ends_with_the_reason(
-        nodes: tuple[Rig, dict[str, Any]], connection: Connection,
-        monkeypatch: pytest.MonkeyPatch) -> None:
+        shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
     requests = connection.requests
 
     async def lose(*request: Any) -> None:
@@ -127,7 +119,7 @@ def test_a_sequence_of_which_the_result_never_comes_ends_with_the_reason(
 @pytest.mark.parametrize('shape, outcome', [([0.0, 0.0, 0.15], 'SUCCESSFUL'),
                                             ([9.0, 0.0, 0.0], 'bending')])
 def test_a_goal_whose_answer_is_lost_is_accepted_or_rejected_all_the_same(
-        nodes: tuple[Rig, dict[str, Any]], connection: Connection,
+        shared_arm: Rig, connection: Connection,
         monkeypatch: pytest.MonkeyPatch, shape: list[float], outcome: str) -> None:
     requests, lost, send = connection.requests, [], ActionClient.send_goal_async
 
@@ -146,9 +138,8 @@ def test_a_goal_whose_answer_is_lost_is_accepted_or_rejected_all_the_same(
 
 
 def test_a_goal_that_is_not_answered_is_given_up_and_canceled_if_it_is_later(
-        nodes: tuple[Rig, dict[str, Any]], connection: Connection,
-        monkeypatch: pytest.MonkeyPatch) -> None:
-    requests, (rig, _) = connection.requests, nodes
+        shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
+    requests = connection.requests
     monkeypatch.setattr(client_requests, 'PLANNING_TIMEOUT', TIMEOUT)
     late: list[Callable[[], None]] = []
     send = SequenceServer._send_answer
@@ -156,76 +147,68 @@ def test_a_goal_that_is_not_answered_is_given_up_and_canceled_if_it_is_later(
         lambda: send(server, *answer)))
     assert problem(requests.start(requests.send([[0.0, 0.0, 0.3]], 600.0))) == (
         'no answer of shape_sequencer within 0.5 s')
-    rig.wait_for(lambda: late, 'the answer')
-    ends = rig.sequencer
-    nodes[1]['shape_sequencer'].executor.create_task(late[0])
-    rig.wait_for(lambda: ends.last.error_code == RunShapeSequence.Result.CANCELED, 'its end')
+    shared_arm.wait_for(lambda: late, 'the answer')
+    shared_arm.node('shape_sequencer').executor.create_task(late[0])
+    ends, canceled = shared_arm.sequencer, RunShapeSequence.Result.CANCELED
+    shared_arm.wait_for(lambda: ends.last.error_code == canceled, 'its end')
 
 
-def test_the_sequencer_needs_no_answer_of_what_the_pressure_confirms(
-        nodes: tuple[Rig, dict[str, Any]]) -> None:
-    rig, by_name = nodes
-    with lost_answers(by_name['jamming_valves'], '/segment_3/set_stiff') as lost:
-        assert rig.goal((0.0, 0.0, -0.1)).result()[0] == 'SUCCEEDED'
+def test_the_sequencer_needs_no_answer_of_what_the_pressure_confirms(shared_arm: Rig) -> None:
+    with lost_answers(shared_arm.node('jamming_valves'), '/segment_3/set_stiff') as lost:
+        assert shared_arm.goal((0.0, 0.0, -0.1)).result()[0] == 'SUCCEEDED'
         assert lost
 
 
-def test_the_sequencer_ends_a_goal_that_waits_for_a_switch_in_vain(
-        nodes: tuple[Rig, dict[str, Any]]) -> None:
-    rig, by_name = nodes
-    valves = by_name['jamming_valves']
-    service = next(one for one in valves.services
-                   if one.service_name.endswith('/segment_3/set_stiff'))
+def test_the_sequencer_ends_a_goal_that_waits_for_a_switch_in_vain(shared_arm: Rig) -> None:
+    valves = shared_arm.node('jamming_valves')
+    service = service_of(valves, '/segment_3/set_stiff')
     serve, service.callback = service.callback, lambda request, response: response
-    assert rig.set_parameter('shape_sequencer', 'jamming_timeout', 1.0).successful
+    assert shared_arm.set_parameter('shape_sequencer', 'jamming_timeout', 1.0).successful
     with lost_answers(valves, '/segment_3/set_stiff'):
-        status, result = rig.goal((0.0, 0.0, 0.1)).result()
+        status, result = shared_arm.goal((0.0, 0.0, 0.1)).result()
     service.callback = serve
-    assert rig.set_parameter('shape_sequencer', 'jamming_timeout', 10.0).successful
+    assert shared_arm.set_parameter('shape_sequencer', 'jamming_timeout', 10.0).successful
     assert (status, result.error_code) == ('ABORTED', result.TIMEOUT)
     assert result.error_string.startswith('segment 3 did not become soft within 1 s')
-    assert rig.goal((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
+    assert shared_arm.goal((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
 
 
 def test_the_page_is_told_which_answer_did_not_come(
-        nodes: tuple[Rig, dict[str, Any]], connection: Connection) -> None:
-    rig, by_name = nodes
+        shared_arm: Rig, connection: Connection) -> None:
 
     async def begin() -> Session:
         return Session(connection.requests)
 
     session = connection.requests.start(begin()).result(DEADLINE)
-    with lost_answers(by_name['tendon_actuation'], '/resume'):
+    with lost_answers(shared_arm.node('tendon_actuation'), '/resume'):
         session.resume()
-        notice = rig.wait_for(lambda: session.notices and session.notices[-1], 'a notice')
+        notice = shared_arm.wait_for(lambda: session.notices and session.notices[-1], 'a notice')
     assert notice.title == 'Resume: failed'
     assert 'nothing of an answer of Resume within 0.5 s' in notice.text  # as its button
 
 
 def test_a_recording_goes_on_without_the_parameters_that_nobody_answers(
-        nodes: tuple[Rig, dict[str, Any]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-        ) -> None:
-    rig, by_name = nodes
+        shared_arm: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recorder_node, 'ANSWER_TIMEOUT', TIMEOUT)
-    states = rig.record(RecorderState, 'recorder/state', LATCHED)
-    recorder, = rig.start('recorder', ready=False, recorder__directory=str(tmp_path))
+    states = shared_arm.record(RecorderState, 'recorder/state', LATCHED)
+    recorder, = shared_arm.start('recorder', ready=False, recorder__directory=str(tmp_path))
     said: list[str] = []
     monkeypatch.setattr(recorder.get_logger(), 'warning', lambda text, **_: said.append(text))
-    with lost_answers(by_name['kinematics'], '/list_parameters'):
-        assert rig.call(SetBool, 'recorder/record', data=True).success
-        rig.wait_for(lambda: any('parameters of kinematics' in text for text in said), 'a reason')
+    with lost_answers(shared_arm.node('kinematics'), '/list_parameters'):
+        assert shared_arm.call(SetBool, 'recorder/record', data=True).success
+        shared_arm.wait_for(
+            lambda: any('parameters of kinematics' in text for text in said), 'a reason')
     assert any('nothing of an answer of kinematics/list_parameters within 0.5 s' in text
                for text in said)
-    rig.wait_for(lambda: states.last.recording and states.last.messages, 'messages')
-    assert rig.call(SetBool, 'recorder/record', data=False).success
-    rig.end(recorder)
+    shared_arm.wait_for(lambda: states.last.recording and states.last.messages, 'messages')
+    assert shared_arm.call(SetBool, 'recorder/record', data=False).success
+    shared_arm.end(recorder)
 
 
 def test_teleop_says_which_answer_did_not_come_and_moves_once_it_does(
-        nodes: tuple[Rig, dict[str, Any]], monkeypatch: pytest.MonkeyPatch) -> None:
-    rig, _ = nodes
-    rig.soften(2)
-    joystick = Joystick(rig)
+        shared_arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    shared_arm.soften(2)
+    joystick = Joystick(shared_arm)
     joystick.wait_for('ready to move segment 2', connected=True)
     teleop = joystick.nodes[1]
     with lost_answers(joystick.nodes[0], '/enable') as lost:
@@ -236,8 +219,5 @@ def test_teleop_says_which_answer_did_not_come_and_moves_once_it_does(
         monkeypatch.setattr(teleop._arm._requests, 'timeout', DEADLINE)
     assert lost
     joystick.steer(RIGHT)
-    joystick.show()
-    joystick.unplug()
-    for node in joystick.nodes:
-        rig.end(node)
-    assert rig.set_stiff(2, True).success
+    joystick.close()
+    assert shared_arm.set_stiff(2, True).success

@@ -7,7 +7,6 @@ import socket
 
 import pytest
 from std_msgs.msg import String
-from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum import version
 from soft_continuum.nodes.about import Instance
@@ -58,19 +57,15 @@ def test_every_node_answers_what_it_is(shared_arm: Rig) -> None:
 
 def test_a_node_with_another_description_is_a_conflict_that_refuses_all_motion(
         shared_arm: Rig) -> None:
-    running = shared_arm.goal((0.0, 0.0, 0.3), hold=60.0)
-    running.wait_for_phase('holding')
+    running = shared_arm.goal((0.0, 0.0, 0.3), hold=60.0).wait_for_phase('holding')
     other, = shared_arm.start(DISC_SENSORS, ready=False, arm__payload=0.1)
     theirs = shared_arm.call(About, f'{DISC_SENSORS}/about').description
-    status, result = running.result()
-    assert status == 'ABORTED'
     words = (f'{DISC_SENSORS} on {HERE} has a description of the arm with digest {theirs}, '
              f'{{}} on {HERE} {OF_FILE}: start every node with the same description')
-    assert words.format('shape_sequencer') in result.error_string
+    running.assert_ended('ABORTED', words.format('shape_sequencer'))
     assert words.format('jamming_valves') in shared_arm.set_stiff(1, False).message
     assert not shared_arm.goal((0.0, 0.0, 0.2)).accepted
-    shared_arm.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
-        trajectory([(1.0, (0.001, -0.002))]))
+    shared_arm.send(trajectory([(1.0, (0.001, -0.002))]))
     shared_arm.wait_for(
         lambda: words.format(TENDON_ACTUATION)
         in shared_arm.states[TENDON_ACTUATION].last.refused.message, 'a refusal')

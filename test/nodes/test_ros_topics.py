@@ -72,9 +72,7 @@ def test_joint_states_that_stop_end_the_goal_and_nothing_moves_before_resume(
     rig, controllers = bench.rig, bench.controllers
     goal = rig.goal_in_motion(BEND)
     controllers.message = lambda message: None
-    status, result = goal.result()
-    assert status == 'ABORTED'
-    assert f'nothing new on {STATES}' in result.error_string
+    goal.assert_ended('ABORTED', f'nothing new on {STATES}')
     controllers.message = lambda message: message
     rig.wait_for_status('tendon_actuation', 'stopped', 'the device failed')
     rig.wait_for(lambda: rig.statuses['tendon_actuation'].last.level == DiagnosticStatus.WARN,
@@ -82,8 +80,7 @@ def test_joint_states_that_stop_end_the_goal_and_nothing_moves_before_resume(
     rests_at = controllers.pulls
     rig.assert_rests()
     assert controllers.pulls == pytest.approx(rests_at, abs=1e-9)
-    assert not rig.goal(BEND).accepted
-    assert 'the device failed' in rig.rejected()
+    rig.goal(BEND).assert_rejected('the device failed')
     assert rig.trigger('tendon_actuation/resume').success
     # The same node reports the joints where they were: their zero is still known.
     assert rig.goal_when_heard((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
@@ -103,9 +100,7 @@ def test_pressures_that_stop_end_the_goal_and_nothing_is_switched(
     assert_joints_agree(bench)
     goal = rig.goal_in_motion(BEND)
     board.publishes = False
-    status, result = goal.result()
-    assert status == 'ABORTED'
-    assert 'jamming_valves' in result.error_string
+    goal.assert_ended('ABORTED', 'jamming_valves')
     rig.wait_for(lambda: rig.at_rest, 'rest')
     rig.wait_for(lambda: not any(flag.last.data for flag in rig.stiff), 'no stiffness known')
     evacuated = board.plant.read().evacuated

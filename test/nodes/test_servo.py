@@ -17,7 +17,6 @@ import pytest
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
-from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.mechanics import Statics
 from soft_continuum.nodes.servo import EstimateObserver
@@ -117,8 +116,7 @@ def follower(shared_arm: Rig) -> Iterator[Follower]:
     yield follower
     follower.end()
     rig.trigger('tendon_actuation/resume')
-    for segment in (1, 2, 3):
-        assert rig.set_stiff(segment, True).success
+    rig.stiffen()
 
 
 def test_it_follows_an_angle_and_a_tip_and_holds_without_a_target(follower: Follower) -> None:
@@ -301,6 +299,5 @@ def test_another_trajectory_disables_it(follower: Follower) -> None:
     follower.wait_for_angle(5.0)
     follower.target(None)
     rig.wait_for(lambda: rig.at_rest, 'rest')
-    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
-        trajectory([(0.5, [0.0, -0.001])]))
+    rig.send(trajectory([(0.5, [0.0, -0.001])]))
     follower.wait_for_status('replaced by another trajectory')

@@ -6,7 +6,6 @@
 from geometry_msgs.msg import Point, Pose
 import numpy as np
 import pytest
-from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
 from soft_continuum_interfaces.srv import SetVacuum
@@ -35,8 +34,7 @@ def wait_until_told(rig: Rig) -> None:
 def test_a_goal_with_vacuums_ends_at_its_angles_or_its_tip(regulated: Rig) -> None:
     angles = [0.3, 0.2, -0.2]
     goal = regulated.goal(Shape(name='held', bending_angles=angles, vacuums=VACUUMS))
-    status, result = goal.result()
-    assert status == 'SUCCEEDED'
+    result = goal.assert_ended('SUCCEEDED')
     for segment, wanted in enumerate(VACUUMS, start=1):
         assert vacuum(regulated, segment) == pytest.approx(wanted, abs=3e3)
     wait_until_told(regulated)
@@ -44,8 +42,7 @@ def test_a_goal_with_vacuums_ends_at_its_angles_or_its_tip(regulated: Rig) -> No
     regulated.assert_stiff_only_by_pressure()
     place = [0.12, 0.30]  # m
     tip = TipGoal(pose=Pose(position=Point(x=place[0], z=place[1])), kind=TipGoal.POSITION)
-    status, result = regulated.goal(Shape(tips=[tip], vacuums=VACUUMS)).result()
-    assert status == 'SUCCEEDED', result.error_string
+    result = regulated.goal(Shape(tips=[tip], vacuums=VACUUMS)).assert_ended('SUCCEEDED')
     there = result.tip.pose.position
     assert [there.x, there.z] == pytest.approx(place, abs=2e-3) and result.tip_error < 2e-3
     wait_until_told(regulated)
@@ -69,8 +66,7 @@ def test_the_model_takes_a_partial_vacuum_by_its_law_and_tendons_may_move(regula
         stiff = sagged
     assert all(states.last.stiff)  # jammed, though not confirmed stiff
     assert regulated.soft_segments() == [1]
-    regulated.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
-        trajectory([(0.3, (-0.005, 0.004))]))
+    regulated.send(trajectory([(0.3, (-0.005, 0.004))]))
     regulated.wait_for(lambda: abs(tip() - stiff) > 0.01, 'a bent arm')
     assert regulated.call(SetVacuum, 'jamming_valves/segment_1/set_vacuum', vacuum=0.0).success
     regulated.wait_for(lambda: not states.last.stiff[0], 'a soft segment')
@@ -79,13 +75,12 @@ def test_the_model_takes_a_partial_vacuum_by_its_law_and_tendons_may_move(regula
 def test_a_goal_is_planned_from_the_full_vacuum_however_late_the_model_has_it(
         regulated: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     regulated.set_parameter('shape_sequencer', 'settle_timeout', 60.0)
-    nodes = {node.get_name(): node for group in regulated._groups for node in group.nodes}
     assert regulated.call(SetVacuum, 'jamming_valves/segment_1/set_vacuum', vacuum=25e3).success
     states = regulated.record(KinematicsState, 'kinematics/state', STREAM)
     regulated.wait_for(
         lambda: states and states.last.vacuum[0] == pytest.approx(25.0 / 80.0), 'a weak jam')
-    model, late = nodes['kinematics']._vacuum, [True]
-    follow, planning, begins = model.follow, nodes['shape_sequencer']._planning, []
+    model, late = regulated.node('kinematics')._vacuum, [True]
+    follow, planning, begins = model.follow, regulated.node('shape_sequencer')._planning, []
     plan = planning.plan
     monkeypatch.setattr(model, 'follow', lambda *given: None if late else follow(*given))
 
@@ -95,8 +90,7 @@ def test_a_goal_is_planned_from_the_full_vacuum_however_late_the_model_has_it(
         return plan(shapes, first)
 
     monkeypatch.setattr(planning, 'plan', planned)
-    goal = regulated.goal((0.2, 0.1, 0.0))
-    goal.wait_for_phase('preparing')
+    goal = regulated.goal((0.2, 0.1, 0.0)).wait_for_phase('preparing')
     regulated.wait_for(lambda: vacuum(regulated, 1) > 79e3, 'the full vacuum')
     regulated.wait_for_more(states, 50)
     assert not begins

@@ -3,8 +3,8 @@
 
 """Shapes of arms in space over DDS: reached by name and by direction, canceled, refused."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import closing
 from functools import partial
 from math import radians
 from threading import Event
@@ -21,11 +21,11 @@ from std_srvs.srv import SetBool
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.plot import plot
-from soft_continuum.nodes import servo
+from soft_continuum.nodes import servo, steered_arm
 from soft_continuum.parameters.files import load_arm, load_description
-from soft_continuum.ros.conversions import pose_from_ros
+from soft_continuum.ros.conversions import pose_from_ros, poses_from_ros
 from soft_continuum.sequencing.servo import AngleServo
-from soft_continuum.teleop import steered_arm
+from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 from support.descriptions import given, JAMMING, TENDON_ARM
 from support.joystick import Joystick, LB, LEFT, RIGHT
@@ -44,9 +44,8 @@ def bent(angles: list[float], directions: list[float]) -> Shape:
 def check_orientations(rig: Rig, angles: list[float], directions: list[float]) -> None:
     """Claim that each disc is turned from the one below as the shape says."""
     rig.wait_for_more(rig.tendons, 3)
-    poses = list(rig.wait_for_more(rig.disc_poses, 2))[-1].poses[::2]
-    turns = [Rotation.from_quat([p.orientation.x, p.orientation.y, p.orientation.z,
-                                 p.orientation.w]) for p in poses]
+    turns = Rotation.from_quat(
+        poses_from_ros(list(rig.wait_for_more(rig.disc_poses, 2))[-1])[::2, 3:])
     for n, (angle, towards) in enumerate(zip(angles, directions, strict=True)):
         axis = (turns[n].inv() * turns[n + 1]).apply([0.0, 0.0, 1.0])  # of the disc above
         leans = np.sin(angle) * np.array([np.cos(towards), np.sin(towards)])
@@ -58,8 +57,7 @@ def test_an_arm_with_jamming_reaches_shapes_in_space_one_soft_segment_at_a_time(
     rig = make_rig()
     rig.start_arm(**given(JAMMING))
     goal = rig.goal('helix')
-    status, result = goal.result()
-    assert (status, result.error_string) == ('SUCCEEDED', '')
+    result = goal.assert_ended('SUCCEEDED')
     check_orientations(rig, *HELIX)
     assert result.bending_angles == pytest.approx(HELIX[0], abs=ANGLE_ERROR)
     assert result.bending_directions == pytest.approx(HELIX[1], abs=2.0 * ANGLE_ERROR)
@@ -75,21 +73,18 @@ def test_an_arm_with_jamming_reaches_shapes_in_space_one_soft_segment_at_a_time(
     rig.assert_only_one_was_soft()
     rig.assert_never_moved_all_stiff()
     # And one canceled on the way ends at rest, all stiff.
-    goal = rig.goal(bent([0.3, 0.5, 0.2], [2.0, -1.0, 0.0]))
-    goal.wait_for_phase('moving')
+    goal = rig.goal(bent([0.3, 0.5, 0.2], [2.0, -1.0, 0.0])).wait_for_phase('moving')
     goal.cancel()
     assert goal.result()[0] == 'CANCELED'
     rig.assert_rests_stiff()
 
 
 @pytest.fixture(scope='module')
-def tendon_arm(module_domain: int) -> Iterator[Rig]:
+def tendon_arm(module_rig: Rig) -> Rig:
     """Return the tendon arm and its sequencer; there are no valves."""
-    rig = Rig(module_domain)
-    rig.start('kinematics', 'tendon_actuation', 'shape_sequencer', **given(TENDON_ARM))
-    rig.wait_for_shape()
-    yield rig
-    rig.close()
+    module_rig.start('kinematics', 'tendon_actuation', 'shape_sequencer', **given(TENDON_ARM))
+    module_rig.wait_for_shape()
+    return module_rig
 
 
 def test_an_arm_without_jamming_is_moved_as_a_whole(tendon_arm: Rig) -> None:
@@ -123,11 +118,9 @@ def test_a_client_has_all_of_an_arm_without_jamming_though_no_valves_report(
 
 
 def test_a_stop_ends_a_motion_of_all_tendons_and_a_resumed_arm_goes_on(tendon_arm: Rig) -> None:
-    goal = tendon_arm.goal('helix')
-    goal.wait_for_phase('moving')
+    goal = tendon_arm.goal('helix').wait_for_phase('moving')
     assert tendon_arm.trigger('tendon_actuation/stop').success
-    status, result = goal.result()
-    assert (status, result.error_code) == ('ABORTED', result.STOPPED)
+    goal.assert_ended('ABORTED', code=RunShapeSequence.Result.STOPPED)
     assert not tendon_arm.goal('helix').accepted
     assert tendon_arm.trigger('tendon_actuation/resume').success
     assert tendon_arm.goal_when_heard(bent([0.1] * 3, [0.0] * 3)).result()[0] == 'SUCCEEDED'
@@ -143,9 +136,7 @@ def test_a_stop_ends_a_motion_of_all_tendons_and_a_resumed_arm_goes_on(tendon_ar
     (Shape(name='upright_c_form'), 'known: c_form, s_form, helix')], ids=str)
 def test_a_goal_that_the_arm_cannot_do_is_rejected_with_the_reason(
         tendon_arm: Rig, shape: Shape, words: str) -> None:
-    goal = tendon_arm.goal(shape)
-    assert not goal.accepted
-    assert words in tendon_arm.rejection(goal)
+    tendon_arm.goal(shape).assert_rejected(words)
 
 
 def test_the_servo_bends_a_segment_of_an_arm_without_jamming_to_any_side(tendon_arm: Rig) -> None:
@@ -159,9 +150,7 @@ def test_the_servo_bends_a_segment_of_an_arm_without_jamming_to_any_side(tendon_
 
     def follows() -> bool:
         targets.publish(Vector3(x=wanted.real, y=wanted.imag))
-        poses = rig.disc_poses.last.poses
-        below, above = (Rotation.from_quat([p.orientation.x, p.orientation.y, p.orientation.z,
-                                            p.orientation.w]) for p in (poses[-3], poses[-1]))
+        below, above = Rotation.from_quat(poses_from_ros(rig.disc_poses.last)[[-3, -1], 3:])
         axis = (below.inv() * above).apply([0.0, 0.0, 1.0])
         leans = np.sin(abs(wanted)) * wanted / abs(wanted)
         return abs(complex(*axis[:2]) - leans) < 2.0 * ANGLE_ERROR
@@ -172,21 +161,9 @@ def test_the_servo_bends_a_segment_of_an_arm_without_jamming_to_any_side(tendon_
     rig.end(node)
 
 
-@contextmanager
-def plugged(joystick: Joystick) -> Iterator[None]:
-    """Unplug a joystick and end its nodes, whatever happens: the next test has its own."""
-    try:
-        yield
-    finally:
-        joystick.show()
-        joystick.unplug()
-        for node in joystick.nodes:
-            joystick.rig.end(node)
-
-
 def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendon_arm: Rig
                                                                            ) -> None:
-    rig, joystick = tendon_arm, Joystick(tendon_arm, **given(TENDON_ARM))
+    rig = tendon_arm
 
     def leans() -> complex:
         p, below = (rig.disc_poses.last.poses[k].position for k in (-1, -3))
@@ -205,7 +182,7 @@ def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendo
         moved = (leans() - begin) / way
         return abs(moved.imag) < 0.3 * moved.real
 
-    with plugged(joystick):
+    with closing(Joystick(rig, **given(TENDON_ARM))) as joystick:
         joystick.wait_for('ready to move segment 3', connected=True)
         assert bends(1.0, x=RIGHT)
         assert bends(1.0j, y=1.0)
@@ -223,8 +200,7 @@ def test_a_segment_that_takes_long_to_prepare_is_prepared_once_and_then_moves(
 
     monkeypatch.setattr(servo, 'AngleServo', make)
     monkeypatch.setattr(steered_arm, 'ENABLING_TIMEOUT', 0.2)
-    joystick = Joystick(tendon_arm, **given(TENDON_ARM))
-    with plugged(joystick):
+    with closing(Joystick(tendon_arm, **given(TENDON_ARM))) as joystick:
         joystick.wait_for('ready to move segment 3', connected=True)
         joystick.show(LB)
         for _ in range(2):

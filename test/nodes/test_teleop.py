@@ -26,12 +26,9 @@ def joystick(shared_arm: Rig) -> Iterator[Joystick]:
     joystick = Joystick(rig)
     joystick.wait_for('ready to move segment 2', connected=True)
     yield joystick
-    joystick.unplug()
-    for node in joystick.nodes:
-        rig.end(node)
+    joystick.close()
     rig.trigger('tendon_actuation/resume')
-    for segment in (1, 2, 3):
-        assert rig.set_stiff(segment, True).success
+    rig.stiffen()
 
 
 def test_it_moves_while_held_to_where_the_stick_points_and_rests_on_release(
@@ -87,8 +84,7 @@ def test_it_rests_when_teleop_is_killed(
     joystick.steer(LEFT)
     teleop.kill()
     joystick.assert_rests()
-    joystick.unplug()
-    rig.end(joystick.nodes[0])
+    joystick.close()
     processes.close()
     assert rig.set_stiff(3, True).success
 

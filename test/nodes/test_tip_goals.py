@@ -77,8 +77,7 @@ def arm(watched: Rig) -> Iterator[Rig]:
 
 def test_the_tip_arrives_within_its_tolerance(arm: Rig) -> None:
     goal = arm.goal(at(*PLACE))
-    status, result = goal.result()
-    assert (status, result.error_code) == ('SUCCEEDED', 0), result.error_string
+    result = goal.assert_ended('SUCCEEDED')
     tip = tip_of(arm)
     assert hypot(tip.x - PLACE[0], tip.z - PLACE[1]) <= TOLERANCE
     assert result.tip_error <= TOLERANCE
@@ -135,8 +134,7 @@ def test_what_was_planned_and_shown_is_run_and_not_planned_once_more(
     for shape in shapes:
         shape.hold_time.nanosec = 1000  # which is no part of the plan
     goal = arm.goal(*shapes)
-    status, result = goal.result()
-    assert status == 'SUCCEEDED', result.error_string
+    result = goal.assert_ended('SUCCEEDED')
     assert softened(goal) == [step.segment for step in answer.steps]
     tip = tip_of(arm)
     assert list(result.bending_angles) == pytest.approx(
@@ -183,8 +181,7 @@ def test_a_plan_that_there_is_not_says_why(arm: Rig) -> None:
 
 
 def test_a_plan_is_not_made_while_a_sequence_runs(arm: Rig) -> None:
-    goal = arm.goal((0.1, 0.0, 0.0), hold=600.0)
-    goal.wait_for_phase('holding')
+    goal = arm.goal((0.1, 0.0, 0.0), hold=600.0).wait_for_phase('holding')
     assert 'a sequence runs' in plan(arm, at(*PLACE)).message
     goal.cancel()
     goal.result()
@@ -192,17 +189,14 @@ def test_a_plan_is_not_made_while_a_sequence_runs(arm: Rig) -> None:
 
 def test_angles_are_refused_when_an_obstacle_is_in_their_way(arm: Rig) -> None:
     ball(arm, 'lamp', 0.17, 0.2, 0.1)
-    goal = arm.goal('c_form')
-    assert not goal.accepted
-    assert 'c_form' in arm.rejection(goal) and 'lamp is in the way' in arm.rejection(goal)
+    arm.goal('c_form').assert_rejected('c_form', 'lamp is in the way')
 
 
 @pytest.mark.parametrize('on_change', ['replan', 'abort'])
 def test_an_obstacle_that_comes_into_the_way_stops_the_motion(arm: Rig, on_change: str) -> None:
     for name, value in (('obstacles.on_change', on_change), ('tendon_speed', 0.02)):
         assert arm.set_parameter('shape_sequencer', name, value).successful
-    goal = arm.goal(at(*PLACE))
-    goal.wait_for_phase('moving')
+    goal = arm.goal(at(*PLACE)).wait_for_phase('moving')
     # Where the tip comes by when segment 2 is bent first, as it is without an obstacle.
     ball(arm, 'hand', 0.128, 0.312, 0.04)
     status, result = goal.result()

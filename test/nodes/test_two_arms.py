@@ -7,23 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 import signal
 
-import numpy as np
-import pytest
-
-from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from support.processes import assert_ended_in_peace, module_command, Processes
 from support.ros_rig import ALL, Rig
 
 SHAPES = {'left': (0.0, 0.4, 0.2), 'right': (0.0, -0.3, 0.5)}
-
-
-def assert_bends(rig: Rig, angles: tuple[float, ...]) -> None:
-    rig.wait_for_more(rig.segment_poses, 3)
-    poses = poses_from_ros(rig.segment_poses.last)
-    tangents = 2 * np.arctan2(poses[:, 4], poses[:, 6])
-    assert tangents == pytest.approx(np.cumsum(angles), abs=np.radians(0.1))
 
 
 def test_two_arms_run_different_shapes_at_the_same_time(make_rig: Callable[..., Rig]) -> None:
@@ -35,7 +24,7 @@ def test_two_arms_run_different_shapes_at_the_same_time(make_rig: Callable[..., 
         goal.wait_for_phase('holding')
     for name, rig in rigs.items():
         assert not goals[name].ended, f'{name} was alone'
-        assert_bends(rig, SHAPES[name])
+        rig.assert_bends(SHAPES[name])
         goals[name].cancel()
         assert goals[name].result()[0] == 'CANCELED'
         rig.assert_only_one_was_soft()
@@ -54,7 +43,7 @@ def test_a_stop_of_one_arm_leaves_the_other_one_running(make_rig: Callable[..., 
     assert rigs['left'].trigger('tendon_actuation/stop').success
     assert goals['left'].result()[1].error_code == RunShapeSequence.Result.STOPPED
     assert goals['right'].result()[0] == 'SUCCEEDED'
-    assert_bends(rigs['right'], SHAPES['right'])
+    rigs['right'].assert_bends(SHAPES['right'])
     rigs['left'].assert_rests()
 
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import pytest
 from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.nodes.parameter_table import DESCRIBED
 from soft_continuum_interfaces.msg import JammingValvesState
@@ -19,13 +18,10 @@ BEND = (0.0, 0.0, 0.2)
 
 def assert_refuses_all_motion(rig: Rig, words: str) -> None:
     """Claim that goals, softening and trajectories are refused for a reason that has the words."""
-    goal = rig.goal(BEND)
-    assert not goal.accepted
-    assert words in rig.rejection(goal)
+    rig.goal(BEND).assert_rejected(words)
     assert words in rig.set_stiff(1, False).message
     state = rig.states['tendon_actuation']
-    rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory').publish(
-        trajectory([(1.0, (0.001, -0.002))]))
+    rig.send(trajectory([(1.0, (0.001, -0.002))]))
     rig.wait_for(lambda: words in state.last.refused.message, 'a refusal')
     # By the state, which is repeated: a second jamming_valves that ended had flags of its own.
     rig.wait_for(lambda: set(rig.states['jamming_valves'].last.stiffness)
@@ -56,9 +52,7 @@ def test_a_second_node_of_one_name_ends_the_goal_and_refuses_all_motion_whicheve
     second, = rig.start(name, ready=False)
     try:
         wait_for_conflict(rig, words)
-        status, result = running.result()
-        assert status == 'ABORTED'
-        assert words in result.error_string
+        running.assert_ended('ABORTED', words)
         # Of two tendon_actuation or jamming_valves each tells its own state, by turns.
         assert_refuses_all_motion(rig, words)
     finally:
@@ -95,14 +89,11 @@ def test_a_second_process_of_one_name_is_a_conflict_and_one_that_was_started_aga
 
 def test_a_second_suite_of_the_same_names_is_an_error_and_refuses_all_motion(rig: Rig) -> None:
     rig.start_arm()
-    running = rig.goal(BEND, hold=60.0)
-    running.wait_for_phase('holding')
+    running = rig.goal(BEND, hold=60.0).wait_for_phase('holding')
     second = rig.start(*ALL)
     for name in ALL:
         wait_for_conflict(rig, f'another {rig.namespace}/{name} is running')
-    status, result = running.result()
-    assert status == 'ABORTED'
-    assert 'another' in result.error_string
+    running.assert_ended('ABORTED', 'another')
     assert_refuses_all_motion(rig, 'another')
     rig.end(second[0])
     wait_for_its_end(rig, 'another')
@@ -117,8 +108,7 @@ def publish_joints(rig: Rig, names: Sequence[str]) -> None:
 def test_joints_of_a_base_on_joint_states_are_no_conflict_and_a_joint_of_the_arm_is_one(
         rig: Rig) -> None:
     rig.start_arm()
-    running = rig.goal(BEND, hold=600.0)
-    running.wait_for_phase('holding')
+    running = rig.goal(BEND, hold=600.0).wait_for_phase('holding')
     for _ in range(20):
         publish_joints(rig, ['left_wheel', 'right_wheel'])
         rig.wait_for_more(rig.pressures[0], 2)
@@ -133,9 +123,6 @@ def test_joints_of_a_base_on_joint_states_are_no_conflict_and_a_joint_of_the_arm
         return all(words in rig.statuses[node].last.message for node in ALL)
 
     rig.wait_for(noticed, 'errors of all nodes')
-    status, result = running.result()
-    assert status == 'ABORTED'
-    assert words in result.error_string
-    assert f'{rig.namespace}/observer' in result.error_string
+    running.assert_ended('ABORTED', words, f'{rig.namespace}/observer')
     wait_for_its_end(rig, words)
     assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'

@@ -51,6 +51,13 @@ class Joystick:
         """Say nothing more; its executor would end if that came while it takes the timer."""
         self.rig.on_ros_thread(self._timer.cancel)
 
+    def close(self) -> None:
+        """Release everything, unplug it, and end its nodes."""
+        self.show()
+        self.unplug()
+        for node in self.nodes:
+            self.rig.end(node)
+
     def plug(self) -> None:
         """Go on."""
         self.rig.on_ros_thread(self._timer.reset)

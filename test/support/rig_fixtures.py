@@ -180,12 +180,18 @@ def module_domain() -> Iterator[int]:
 
 
 @pytest.fixture(scope='module')
-def shared_arm(module_domain: int) -> Iterator[Rig]:
-    """Return the four nodes of a quick arm that all tests of a module use, one after the other."""
+def module_rig(module_domain: int) -> Iterator[Rig]:
+    """Return an observer for all tests of a module, to which nodes can be added."""
     rig = Rig(module_domain)
-    rig.start_arm()
     yield rig
     rig.close()
+
+
+@pytest.fixture(scope='module')
+def shared_arm(module_rig: Rig) -> Rig:
+    """Return the four nodes of a quick arm that all tests of a module use, one after the other."""
+    module_rig.start_arm()
+    return module_rig
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+import numpy as np
 import pytest
 from rcl_interfaces.srv import SetParameters
 import rclpy
@@ -51,6 +52,7 @@ from soft_continuum_interfaces.msg import (
     Shape,
     ShapeSequencerState,
     TendonActuationState,
+    TendonTrajectory,
 )
 
 DEADLINE = 60.0  # s: for what takes a fraction of a second on an idle machine
@@ -258,10 +260,25 @@ class Goal:
 
     def result(self, within: float = DEADLINE) -> tuple[str, Any]:
         """Return the status and the result, once the goal has ended."""
-        assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
+        assert self.accepted, f'the goal was rejected: {self._rig.rejection(self)}'
         response = self._rig.wait_future(self._result, 'the result of the goal', within)
         self._rig.wait_for(lambda: self.ended_time, 'the end of the goal to be noted')
         return STATUS_NAMES.get(response.status, str(response.status)), response.result
+
+    def assert_ended(self, status: str, *words: str, code: int | None = None) -> Any:
+        """Claim how it ended, and that its reason has all of the words; return the result."""
+        ended, result = self.result()
+        assert ended == status, result.error_string
+        assert code is None or result.error_code == code, result.error_string
+        assert all(word in result.error_string for word in words), result.error_string
+        assert ended != 'SUCCEEDED' or (result.error_code, result.error_string) == (0, '')
+        return result
+
+    def assert_rejected(self, *words: str) -> None:
+        """Claim that it was not accepted, and that the reason has all of the words."""
+        assert not self.accepted
+        reason = self._rig.rejection(self)
+        assert all(word in reason for word in words), reason
 
     @property
     def ended(self) -> bool:
@@ -270,21 +287,22 @@ class Goal:
 
     def cancel(self) -> None:
         """Ask for the goal to be canceled."""
-        assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
+        assert self.accepted, f'the goal was rejected: {self._rig.rejection(self)}'
         self._rig.wait_future(
             self._rig.on_ros_thread(self._future.result().cancel_goal_async),
             'an answer to the cancel request')
 
-    def wait_for_phase(self, phase: str) -> Any:
-        """Return the first feedback in ``phase``."""
-        assert self.accepted, f'the goal was rejected: {self._rig.rejected()}'
+    def wait_for_phase(self, phase: str) -> 'Goal':
+        """Return itself, once there is feedback in ``phase``."""
+        assert self.accepted, f'the goal was rejected: {self._rig.rejection(self)}'
 
-        def found() -> Any:
+        def begun() -> bool:
             ended = self.ended  # before its feedback is looked at
-            first = next((f for _, f in self.feedback if f.phase == phase), None)
-            assert first or not ended, f'ended before {phase}: {self._result.result()}'
-            return first
-        return self._rig.wait_for(found, f'phase {phase}')
+            found = any(f.phase == phase for _, f in self.feedback)
+            assert found or not ended, f'ended before {phase}: {self._result.result()}'
+            return found
+        self._rig.wait_for(begun, f'phase {phase}')
+        return self
 
     @property
     def phases(self) -> list[tuple[str, int, str]]:
@@ -306,7 +324,6 @@ class Rig:
         self._recordings: list[Recording] = []
         self._clients: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
-        self._last_goal: Goal | None = None
         self.action = self.observer.action
         self.statuses = {
             name: self.record(DiagnosticStatus, f'{name}/status', LATCHED) for name in ALL}
@@ -388,6 +405,10 @@ class Rig:
     def nodes(self) -> list[Any]:
         """The nodes under test that run in this process."""
         return [node for group in self._groups for node in group.nodes]
+
+    def node(self, name: str) -> Any:
+        """Return the node under test of that name, in this process."""
+        return next(node for node in self.nodes if node.get_name() == name)
 
     def end_all(self) -> None:
         """End every node under test."""
@@ -503,6 +524,13 @@ class Rig:
             recording.last and 'stranger' in recording.last.message
             for recording in self.statuses.values()), 'an end of the conflict')
 
+    def send(self, message: JointTrajectory, motion: str = '') -> None:
+        """Send a trajectory to the tendons, or a part of a motion with an id."""
+        topic = 'tendon_actuation/tendon_trajectory' if motion else (
+            'tendon_actuation/joint_trajectory')
+        self.publisher(TendonTrajectory if motion else JointTrajectory, topic).publish(
+            TendonTrajectory(id=motion, trajectory=message) if motion else message)
+
     def call(self, kind: Any, name: str, within: float = DEADLINE, **request: Any) -> Any:
         """
         Call a service and return its response.
@@ -536,6 +564,11 @@ class Rig:
                 f'segment {segment} {"stiff" if stiff else "soft"}')
         return answer
 
+    def stiffen(self) -> None:
+        """Make every segment stiff."""
+        assert self.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
+        self.wait_for(lambda: self.all_stiff, 'a stiff arm')
+
     def soften(self, segment: int) -> None:
         """Make a segment soft and wait until there is next to no vacuum left in it."""
         assert self.set_stiff(segment, False).success
@@ -548,6 +581,11 @@ class Rig:
         number = getattr(Transition, f'TRANSITION_{name.upper()}')
         return bool(self.call(
             ChangeState, f'{node}/change_state', transition=Transition(id=number)).success)
+
+    def transitions(self, node: str, *names: str) -> None:
+        """Go through lifecycle transitions, each of which has to succeed."""
+        for name in names:
+            assert self.transition(node, name), name
 
     def lifecycle_state(self, node: str) -> str:
         """Return the lifecycle state of a node."""
@@ -578,8 +616,7 @@ class Rig:
              aim: int = 0) -> Goal:
         """Send shapes by name or by angles (rad)."""
         self.wait_for(self.action.server_is_ready, 'the action server')
-        self._last_goal = Goal(self, [shape_message(shape, hold) for shape in shapes], aim)
-        return self._last_goal
+        return Goal(self, [shape_message(shape, hold) for shape in shapes], aim)
 
     def goal_when_heard(self, *shapes: str | Sequence[float] | Shape, hold: float = 0.0) -> Goal:
         """Send shapes to a sequencer that may not have found all the others yet."""
@@ -602,11 +639,6 @@ class Rig:
                 return goal
             return None
         return self.wait_for(moving, 'a moving arm')  # type: ignore[no-any-return]
-
-    def rejected(self) -> str:
-        """Return why the last goal was rejected, as the state of the sequencer says."""
-        assert self._last_goal is not None, 'no goal was sent'
-        return self.rejection(self._last_goal)
 
     def rejection(self, goal: Goal) -> str:
         """Return why ``goal`` was rejected, as the state of the sequencer says."""
@@ -647,6 +679,17 @@ class Rig:
         states = self.wait_for_more(self.tendons, count)
         assert not any(any(s.velocity) for s in states), 'a tendon moves'
         assert len({tuple(s.position) for s in states}) == 1, 'a tendon changes its pull'
+
+    def assert_bends(self, angles: Sequence[float]) -> None:
+        """Claim that the arm, by the pulls it measured, has taken these bending angles, rad."""
+        self.wait_for_more(self.joints, 3)
+        joints = np.reshape(self.joints.last.position, (len(angles), -1))
+        assert joints.sum(axis=1) == pytest.approx(angles, abs=np.radians(0.1))
+
+    def come_to_rest(self) -> None:
+        """Wait until no tendon moves, and claim that none does from then on."""
+        self.wait_for(lambda: self.at_rest, 'rest')
+        self.assert_rests()
 
     def wait_until_rests(self, count: int = 5) -> None:
         """Wait until the tendons stand for some messages in a row, and not only for a moment."""
