@@ -3,178 +3,130 @@
 
 """Measured poses of the discs correct the shape that is published, and the shapes that are set."""
 
-from collections.abc import Callable
 import time
 from typing import Any
 
-from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.mechanics import Equilibrium, Statics, StaticsError
-from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.conversions import poses_from_ros
-from soft_continuum.ros.ros_time import stamp_of
-from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.user_files import description_file
+from soft_continuum.ros.conversions import measured_pose_from_ros, poses_from_ros
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
-from support.planar import measured_pose_to_ros
-from support.ros_rig import LATCHED, Recording, RELIABLE, Rig, STREAM
+from support.descriptions import given, JAMMING, PLANAR
+from support.fake_arm import ARM, Cameras, RATE, SeenArm, Spoil
+from support.flat_arm import about_y
+from support.ros_rig import Recording, RELIABLE, Rig
 
-ARM = load_arm(description_file())
-COVARIANCE = np.diag([3e-4, 3e-4, 2e-3])**2
-BENT = (0.2, -0.15, 0.25)
-SLACK_PULLS = (-0.02, -0.02)  # m
-TOO_SHORT = (0.004, 0.0)  # m
-RATE = 20.0  # Hz
-
-
-class FakeArm:
-    """Tendons, valves and a camera that say whatever a test wants them to."""
-
-    def __init__(self, rig: Rig, *, moves: bool = True) -> None:
-        self.rig = rig
-        self.state = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
-        self.predicted = rig.record(PoseArray, 'predicted_disc_poses', RELIABLE)
-        self.poses = [rig.record(PoseWithCovarianceStamped, f'segment_{n}/pose', RELIABLE)
-                      for n in (1, 2, 3)]
-        if moves:
-            self._tendons = rig.publisher(JointState, 'tendon_states')
-            self._valves = rig.publisher(JammingValvesState, 'jamming_valves/state', LATCHED)
-        self._discs = [rig.publisher(PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM)
-                       for n in (1, 2, 3)]
-
-    def say(self, pulls: tuple[float, float], soft: int = 0) -> None:
-        """Say which segment (from 1) is soft, and the pulls (m)."""
-        self._valves.publish(JammingValvesState(stiffness=[
-            JammingValvesState.NOT_STIFF if n == soft else JammingValvesState.STIFF
-            for n in (1, 2, 3)]))
-        self.pull(pulls)
-
-    def pull(self, pulls: tuple[float, float], tensions: tuple[float, ...] = ()) -> None:
-        """Say the pulls (m), and the tensions (N) if they are measured."""
-        self._tendons.publish(JointState(name=['right_tendon', 'left_tendon'],
-                                         position=list(pulls), effort=list(tensions)))
-
-    def show(self, points: Array, spoil: Callable[[Any], None] = lambda message: None) -> None:
-        """Show every disc at points (2 * discs, 3), all at one time."""
-        stamp = stamp_of(self.rig.observer.get_clock().now().nanoseconds * 1e-9)
-        for publisher, pose in zip(self._discs, points[2::2], strict=True):
-            message = measured_pose_to_ros(pose, COVARIANCE)
-            message.header.frame_id, message.header.stamp = 'base_link', stamp
-            spoil(message)
-            publisher.publish(message)
-
-    def show_until(self, points: Array, pulls: tuple[float, float],
-                   condition: Callable[[], Any], what: str,
-                   spoil: Callable[[Any], None] = lambda message: None) -> Any:
-        """Show the discs again and again until something is so; return that."""
-        begun = [0.0]
-
-        def shown() -> Any:
-            if time.monotonic() - begun[0] > 1.0 / RATE:
-                begun[0] = time.monotonic()
-                self.pull(pulls)
-                self.show(points, spoil)
-            return condition()
-
-        return self.rig.wait_for(shown, what)
-
-    @property
-    def angles(self) -> Array:
-        """The bending angles that were last published, rad."""
-        found: Array = np.reshape(self.state.last.joint_angles, (3, -1)).sum(axis=1)
-        return found
+STRAIGHT, BENT = about_y((0.0, 0.0, 0.0)), about_y((0.2, -0.15, 0.25))
+AT_ZERO = (0.0, 0.0)  # m
+SLACK_PULLS = (-0.02, -0.02)
+TOO_SHORT = (0.004, 0.0)
 
 
 @pytest.fixture
-def fake(rig: Rig) -> FakeArm:
+def fake(rig: Rig, request: pytest.FixtureRequest) -> SeenArm:
     """Return kinematics alone with an arm that it can be told about, straight and stiff."""
-    rig.start('kinematics')
-    found = FakeArm(rig)
-    found.say((0.0, 0.0))
-    rig.wait_for(lambda: len(found.state), 'a shape')
+    path = getattr(request, 'param', PLANAR)
+    rig.start('kinematics', **given(path))
+    found = SeenArm(rig, load_arm(path))
+    found.say([0.0] * len(found.arm.tendons))
+    rig.wait_for(lambda: len(found.heard), 'a shape')
     return found
 
 
-def test_without_measurements_all_is_as_predicted(fake: FakeArm) -> None:
-    for count in range(len(fake.state) + 1, len(fake.state) + 6):
-        fake.pull((0.0, 0.0))
-        fake.rig.wait_for(lambda c=count: len(fake.state) >= c, 'a shape')
-    last = fake.state.last
+IN_PLANE_AND_SPACE = pytest.mark.parametrize(
+    'fake', [PLANAR, JAMMING], indirect=True, ids=['in the plane', 'in space'])
+
+
+def test_without_measurements_all_is_as_predicted(fake: SeenArm) -> None:
+    for count in range(len(fake.heard) + 1, len(fake.heard) + 6):
+        fake.pull(AT_ZERO)
+        fake.rig.wait_for(lambda c=count: len(fake.heard) >= c, 'a shape')
+    last = fake.last
     assert last.source == KinematicsState.PREDICTED
     assert not last.parameters
     assert not len(last.angle_deviations) and not len(last.tip_covariance)
     assert (last.measured.sec, last.measured.nanosec) == (0, 0)
-    assert not len(fake.predicted) and not any(map(len, fake.poses))
+    assert not len(fake.predicted) and not any(map(len, fake.ends))
     assert 'measured' not in fake.rig.statuses['kinematics'].last.message
 
 
-def test_measured_tensions_correct_the_stiffness_but_measure_no_shape(fake: FakeArm) -> None:
+def test_measured_tensions_correct_the_stiffness_but_measure_no_shape(fake: SeenArm) -> None:
     pulls = (-0.02, 0.010)
-    fake.say((0.0, 0.0), soft=2)
+    fake.say(AT_ZERO, soft=2)
     statics = Statics(ARM)
     state = statics.solve(statics.chain.straight(), pulls, (False, True, False))
 
     def pulled() -> Any:
-        fake.pull(pulls, (0.0, 1.2 * state.tensions[1]))
-        values = {p.name: p.value for p in fake.state.last.parameters}
+        fake.pull(pulls, tensions=(0.0, 1.2 * state.tensions[1]))
+        values = {p.name: p.value for p in fake.last.parameters}
         return values.get('stiffness_factor_2', 1.0) > 1.01
 
     fake.rig.wait_for(pulled, 'a stiffer segment')
-    last = fake.state.last
+    last = fake.last
     assert last.source == KinematicsState.ESTIMATED
     assert (last.measured.sec, last.measured.nanosec) == (0, 0)
     fake.rig.wait_for(lambda: 'measured tensions' in
                       fake.rig.statuses['kinematics'].last.message, 'its source')
 
 
-def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake: FakeArm) -> None:
-    points = Statics(ARM).chain.uniform((0.0, 0.0, 0.03)).points  # it bent when it was stiffened
-    fake.show_until(points, (0.0, 0.0), lambda: fake.angles[2] > 0.02 and len(fake.predicted),
-                    'a corrected shape')
-    last = fake.state.last
+@IN_PLANE_AND_SPACE
+def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake: SeenArm) -> None:
+    # It bent when it was stiffened.
+    bending = np.where(fake.arm.bending_axes, [(0.0, 0.0), (0.0, 0.0), (-0.02, 0.03)], 0.0)
+    poses, axes = fake.chain.uniform(bending).poses[2::2], fake.arm.pose_axes
+
+    def corrected() -> bool:
+        if np.abs(fake.bending - bending).max() > 0.01 or not all(
+                map(len, (fake.predicted, *fake.ends))):
+            return False
+        ends = [measured_pose_from_ros(one.last, axes, 'base_link')[0] for one in fake.ends]
+        return np.abs(np.array(ends) - poses)[:, :3].max() < 1e-3
+
+    fake.show_until(bending, [0.0] * len(fake.arm.tendons), corrected, 'a corrected shape')
+    last = fake.last
     assert last.source == KinematicsState.ESTIMATED
     assert last.measured.sec > 0
     assert sorted(p.name for p in last.parameters) == sorted(
         [f'{what}_{n}' for what in ('stiffness_factor', 'stiff_ratio') for n in (1, 2, 3)]
-        + ['offset_right_tendon', 'offset_left_tendon', 'payload'])
+        + [f'offset_{name}' for name in fake.arm.tendon_names] + ['payload'])
     variances = np.reshape(last.tip_covariance, (6, 6)).diagonal()
-    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *np.sqrt(variances[::2])))
-    assert not variances[1::2].any()  # a planar arm does not do that
-    fake.rig.wait_for(lambda: all(map(len, fake.poses)), 'poses with covariance')
-    for recording in fake.poses:
+    assert len(last.angle_deviations) == 3
+    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *np.sqrt(variances[axes])))
+    assert not variances[~axes].any()  # a planar arm does not do that
+    for recording in fake.ends:
         message = recording.last
         assert message.header.frame_id == 'base_link' and message.header.stamp.sec > 0
         covariance = np.reshape(message.pose.covariance, (6, 6))
         assert np.linalg.eigvalsh(covariance)[0] > 0.0
         assert covariance[0, 0] < 0.01**2
+        assert covariance.diagonal()[axes].max() < 0.05**2
     # The prediction goes on: still straight.
-    assert planar_pose(poses_from_ros(fake.predicted.last))[:, 0] == pytest.approx(0.0, abs=1e-9)
+    assert poses_from_ros(fake.predicted.last)[:, 0] == pytest.approx(0.0, abs=1e-9)
     fake.rig.wait_for(lambda: 'measured' in fake.rig.statuses['kinematics'].last.message,
                       'a status that says so')
 
 
-def test_a_prediction_that_fails_is_not_shown_until_it_is_found_again(fake: FakeArm) -> None:
-    points, statuses = Statics(ARM).chain.straight().points, fake.rig.statuses['kinematics']
+def test_a_prediction_that_fails_is_not_shown_until_it_is_found_again(fake: SeenArm) -> None:
+    statuses = fake.rig.statuses['kinematics']
     markers = fake.rig.record(MarkerArray, 'shape_markers', RELIABLE)
 
     def ghost() -> bool:
         return len(markers) > 0 and 'prediction' in {m.ns for m in markers.last.markers}
 
-    fake.show_until(points, (0.0, 0.0), lambda: len(fake.predicted) and ghost(), 'a prediction')
+    fake.show_until(STRAIGHT, AT_ZERO, lambda: len(fake.predicted) and ghost(), 'a prediction')
     # Shorter by more than straight_tolerance: only the jams of the estimate give.
-    fake.show_until(points, TOO_SHORT, lambda: 'finds no shape' in statuses.last.message
+    fake.show_until(STRAIGHT, TOO_SHORT, lambda: 'finds no shape' in statuses.last.message
                     and not ghost(), 'a status that says so')
     assert 'do not fit' in {v.key: v.value for v in statuses.last.values}['prediction']
-    states, shown = len(fake.state), len(fake.predicted)
-    fake.show_until(points, TOO_SHORT, lambda: len(fake.state) > states + 5, 'the estimate')
+    states, shown = len(fake.heard), len(fake.predicted)
+    fake.show_until(STRAIGHT, TOO_SHORT, lambda: len(fake.heard) > states + 5, 'the estimate')
     assert len(fake.predicted) == shown
-    fake.show_until(points, (0.0, 0.0), lambda: len(fake.predicted) > shown and ghost(),
+    fake.show_until(STRAIGHT, AT_ZERO, lambda: len(fake.predicted) > shown and ghost(),
                     'a prediction again')
     fake.rig.wait_for(lambda: 'no shape' not in statuses.last.message, 'a status without it')
 
@@ -191,6 +143,14 @@ def _indefinite(message: Any) -> None:
     message.pose.covariance[0] = -1.0
 
 
+def _correlated(message: Any) -> None:
+    message.pose.covariance[2] = message.pose.covariance[12] = 1e-3
+
+
+def _long(message: Any) -> None:
+    message.pose.pose.orientation.w *= 2.0
+
+
 def _future(message: Any) -> None:
     message.header.stamp.sec += 10
 
@@ -199,58 +159,59 @@ def _old(message: Any) -> None:
     message.header.stamp.sec -= 3600
 
 
-def test_measurements_that_cannot_be_used_are_refused_with_the_reason(fake: FakeArm) -> None:
+# No two of one reason in turn: what is the same is said once.
+UNUSABLE: dict[Spoil, str] = {
+    _frame: "'camera'", _indefinite: 'positive definite', _nan: 'finite',
+    _correlated: 'positive definite', _future: 'future', _old: 'old'}
+IN_SPACE: dict[Spoil, str] = {_long: 'quaternion'}  # of a planar arm only its angle is read
+
+
+@IN_PLANE_AND_SPACE
+def test_measurements_that_cannot_be_used_are_refused_with_the_reason(fake: SeenArm) -> None:
     statuses = fake.rig.statuses['kinematics']
-    points = Statics(ARM).chain.uniform((0.02, 0.0, 0.03)).points
-    for spoil, reason in ((_frame, "'camera'"), (_nan, 'finite'),
-                          (_indefinite, 'positive definite'), (_future, 'future'),
-                          (_old, 'old')):
+    in_space = IN_SPACE if fake.arm.pose_axes.all() else {}
+    for spoil, reason in (UNUSABLE | in_space).items():
         before = len(statuses)
 
         def said(before: int = before, reason: str = reason) -> bool:
             return any(reason in text for message in list(statuses)[before:]
                        for text in (message.message, *(v.value for v in message.values)))
 
-        fake.show_until(points, (0.0, 0.0), said, f'a refusal with {reason}', spoil)
-    assert np.all(fake.angles == 0.0)
+        fake.show_until(about_y((0.02, 0.0, 0.03)), [0.0] * len(fake.arm.tendons), said,
+                        f'a refusal with {reason}', spoil)
+    assert np.all(fake.bending == 0.0)
+    assert fake.last.source == KinematicsState.PREDICTED
 
 
 def test_restarted_on_a_bent_arm_it_finds_the_shape_by_measurements(rig: Rig) -> None:
     rig.start('kinematics')
-    fake = FakeArm(rig)
+    fake = SeenArm(rig)
     fake.say(SLACK_PULLS)
     rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'doubt')
     assert 'sensors' in rig.statuses['kinematics'].last.message
-    assert not len(fake.state)
-    points = Statics(ARM).chain.uniform(BENT).points
-    fake.show_until(points, SLACK_PULLS, lambda: len(fake.state) and
-                    np.abs(fake.angles - BENT).max() < 0.03, 'the shape')
+    assert not len(fake.heard)
+    fake.show_until(BENT, SLACK_PULLS, lambda: len(fake.heard) and
+                    np.abs(fake.bending - BENT).max() < 0.03, 'the shape')
     # The first shape that was ever published was near it already.
-    first = np.reshape(list(fake.state)[0].joint_angles, (3, -1)).sum(axis=1)
-    assert first == pytest.approx(BENT, abs=0.1)
+    assert fake.bending_of(list(fake.heard)[0]) == pytest.approx(BENT, abs=0.1)
 
 
-def test_another_shape_than_the_one_that_was_followed_is_an_anomaly(fake: FakeArm) -> None:
-    straight = Statics(ARM).chain.straight().points
-    fake.show_until(straight, (0.0, 0.0),
-                    lambda: fake.state.last.source == KinematicsState.ESTIMATED, 'an estimate')
-    assert not fake.state.last.anomalies
+def test_another_shape_than_the_one_that_was_followed_is_an_anomaly(fake: SeenArm) -> None:
+    fake.show_until(STRAIGHT, AT_ZERO,
+                    lambda: fake.last.source == KinematicsState.ESTIMATED, 'an estimate')
+    assert not fake.last.anomalies
     markers = fake.rig.record(MarkerArray, 'shape_markers', RELIABLE)
-    bent = Statics(ARM).chain.uniform(BENT).points
-    found = fake.show_until(bent, (0.0, 0.0), lambda: fake.state.last.anomalies, 'an anomaly')
+    found = fake.show_until(BENT, AT_ZERO, lambda: fake.last.anomalies, 'an anomaly')
     assert found[0].cause == Anomaly.UNKNOWN
     fake.rig.wait_for(
         lambda: 'no known cause' in fake.rig.statuses['kinematics'].last.message, 'an error')
-    fake.show_until(bent, (0.0, 0.0), lambda: len(markers) and any(
+    fake.show_until(BENT, AT_ZERO, lambda: len(markers) and any(
         'no known cause' in marker.text for marker in markers.last.markers), 'an alarm in RViz')
 
 
 def test_an_aim_that_does_not_exist_is_rejected(rig: Rig) -> None:
     rig.start('shape_sequencer')
-    goal = rig.goal('c_form', aim=7)
-    assert not goal.accepted
-    reason = rig.rejection(goal)
-    assert '7' in reason and 'angles' in reason and 'tip' in reason
+    rig.goal('c_form', aim=7).assert_rejected('7', 'angles', 'tip')
 
 
 class Plant:
@@ -261,7 +222,7 @@ class Plant:
     def __init__(self, rig: Rig) -> None:
         self._statics, self._shown = Statics(ARM), 0.0
         self.state: Equilibrium = self._statics.chain.straight()
-        self._rig, self._arm = rig, FakeArm(rig, moves=False)
+        self._rig, self._cameras = rig, Cameras(rig, ARM)
         rig.observer.create_subscription(JointState, 'tendon_states', self._on_tendons, RELIABLE)
 
     def _on_tendons(self, message: JointState) -> None:
@@ -275,7 +236,7 @@ class Plant:
                 return
         if time.monotonic() - self._shown > 1.0 / RATE:
             self._shown = time.monotonic()
-            self._arm.show(self.state.points)
+            self._cameras.show(self.state.poses)
 
 
 QUICK_LOOP = {'loop__settling_time': 0.2, 'loop__measuring_time': 0.3,
@@ -299,8 +260,7 @@ def test_with_sensors_a_result_is_measured_and_segments_are_corrected(rig: Rig) 
     rig.wait_for(lambda: state.last and state.last.source == KinematicsState.ESTIMATED,
                  'an estimate')
     goal = rig.goal_when_heard((0.0, 0.0, 0.4))
-    status, result = goal.result()
-    assert (status, result.error_string) == ('SUCCEEDED', '')
+    result = goal.assert_ended('SUCCEEDED')
     assert result.source == RunShapeSequence.Result.MEASURED
     assert 1 <= result.corrections <= 3 * 2
     assert list(result.bending_angles) == pytest.approx(

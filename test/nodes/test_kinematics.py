@@ -4,7 +4,6 @@
 """What is said of the shape of the arm."""
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseArray
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
@@ -12,47 +11,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes import kinematics
-from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.ros_time import stamp_of
-from soft_continuum.user_files import description_file
-from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState, TendonActuationState
-from support.ros_rig import LATCHED, RELIABLE, Rig
+from soft_continuum_interfaces.msg import KinematicsState
+from support.fake_arm import ARM, FakeArm
+from support.ros_rig import RELIABLE, Rig
 
-ARM = load_arm(description_file())
 DISC_HEIGHT, LENGTH = 0.03, 0.07
 PULLS = (0.006, -0.007)
 STEPS = 6
-
-
-class FakeArm:
-    """Tendons and valves that say whatever a test wants them to."""
-
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
-        self._tendons = rig.publisher(JointState, 'tendon_states')
-        self._valves = rig.publisher(JammingValvesState, 'jamming_valves/state', LATCHED)
-
-    def say(self, pulls: tuple[float, float] | None = None, soft: int = 0,
-            time: float = 0.0) -> None:
-        """Say which segment (from 1) is soft since ``time`` (s), and after that the pulls (m)."""
-        self._valves.publish(JammingValvesState(stamp=stamp_of(time), stiffness=[
-            JammingValvesState.NOT_STIFF if n == soft else JammingValvesState.STIFF
-            for n in (1, 2, 3)]))
-        if pulls is not None:
-            self.pull(pulls)
-
-    def pull(self, pulls: tuple[float, ...], names: tuple[str, ...] = (
-            'right_tendon', 'left_tendon'), time: float = 0.0) -> None:
-        """Say the pulls only, those at ``time`` (s)."""
-        message = JointState(name=list(names), position=list(pulls))
-        message.header.stamp = stamp_of(time)
-        self._tendons.publish(message)
-
-    def state(self, **values: bool) -> None:
-        """Say how the device of the tendons is."""
-        self._rig.publisher(
-            TendonActuationState, 'tendon_actuation/state', LATCHED).publish(
-            TendonActuationState(**values))
 
 
 @pytest.fixture
@@ -82,14 +47,13 @@ def bend(rig: Rig, fake: FakeArm, segment: int = 3) -> np.ndarray:
 
 
 def test_the_arm_is_straight_before_anything_was_pulled(rig: Rig, fake: FakeArm) -> None:
-    discs = rig.record(PoseArray, 'disc_poses', RELIABLE)
     fake.say((0.0, 0.0))
-    rig.wait_for(lambda: len(rig.segment_poses) and len(discs), 'poses')
+    rig.wait_for(lambda: len(rig.segment_poses) and len(rig.disc_poses), 'poses')
     ends = [(p.position.x, p.position.y, p.position.z) for p in rig.segment_poses.last.poses]
     # The end of a segment is the bottom of the disc above it.
     assert ends == pytest.approx(np.array(
         [(0.0, 0.0, n * (DISC_HEIGHT + LENGTH)) for n in (1, 2, 3)]), abs=1e-9)
-    heights = [p.position.z for p in discs.last.poses]
+    heights = [p.position.z for p in rig.disc_poses.last.poses]
     assert heights == pytest.approx([0.0, 0.03, 0.10, 0.13, 0.20, 0.23, 0.30, 0.33], abs=1e-9)
 
 
@@ -164,12 +128,12 @@ def test_a_jam_holds_the_shape_in_which_it_formed_even_if_it_is_heard_of_before(
     monkeypatch.setattr(kinematics, 'ORDER_TIMEOUT', 600.0)
     states = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
     reached = bend(rig, fake)
-    fake.pull((0.0, 0.0), time=10.0)
+    fake.pull((0.0, 0.0), at=10.0)
     rig.wait_for(lambda: np.abs(shape(rig, 1)).max() < 1e-3, 'the straight shape')
     # The jam formed at the full pulls, whose messages are still on their way.
-    fake.say(time=20.0)
-    for part, time in ((0.5, 19.0), (1.0, 19.9), (1.0, 20.0)):
-        fake.pull((part * PULLS[0], part * PULLS[1]), time=time)
+    fake.say(at=20.0)
+    for part, at in ((0.5, 19.0), (1.0, 19.9), (1.0, 20.0)):
+        fake.pull((part * PULLS[0], part * PULLS[1]), at=at)
     rig.wait_for(lambda: all(states.last.stiff), 'every segment stiff')
     assert list(states.last.joint_angles) == pytest.approx(reached.ravel(), abs=1e-6)
 
@@ -179,8 +143,8 @@ def test_a_jam_does_not_wait_for_ever_for_tendons_of_another_clock(
     monkeypatch.setattr(kinematics, 'ORDER_TIMEOUT', 0.05)
     states = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
     bend(rig, fake)
-    fake.pull(PULLS, time=10.0)
-    fake.say(time=20.0)
+    fake.pull(PULLS, at=10.0)
+    fake.say(at=20.0)
     rig.wait_for(lambda: all(states.last.stiff), 'every segment stiff')
 
 

@@ -3,11 +3,9 @@
 
 """Arms in space over DDS: described in a file, moved by trajectories, where geometry has them."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from math import cos, radians, sin
-from typing import Any
 
-from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -15,21 +13,15 @@ from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from soft_continuum.mechanics.arm import SPATIAL_AXES
-from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes import conflicts
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
-from soft_continuum.ros.estimates import parameter_names
+from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum_interfaces.msg import (
-    JammingValvesState,
-    KinematicsState,
     MotionRequest,
     TeleopState,
-    TendonTrajectory,
 )
 from support.descriptions import check_urdf, given, JAMMING, TENDON_ARM
-from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, STREAM, trajectory
+from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, trajectory
 
 NAMES = load_arm(TENDON_ARM).tendon_names
 OFFSET, SEGMENT, BASE, DISC = 0.008, 0.08, 0.01, 0.005  # m, as config/tendon_arm.yaml has them
@@ -42,7 +34,6 @@ class Driven:
 
     def __init__(self, rig: Rig, names: tuple[str, ...]) -> None:
         self.rig, self._names = rig, names
-        self._publisher = rig.publisher(TendonTrajectory, 'tendon_actuation/tendon_trajectory')
         self._count = 0
         self.rig.wait_for_shape()
 
@@ -51,32 +42,27 @@ class Driven:
         """Send a trajectory of half a second; return what happened to it, once it has ended."""
         self._count += 1
         names = names or self._names
-        message = trajectory([(0.5, [pulls.get(name, others) for name in names])], names)
         this = f'motion {self._count}'
-        self._publisher.publish(TendonTrajectory(id=this, trajectory=message))
+        points = [(0.5, [pulls.get(name, others) for name in names])]
+        self.rig.send(trajectory(points, names), this)
         states = self.rig.states['tendon_actuation']
 
         def ended() -> MotionRequest | None:
             return next((one for one in (states.last.accepted, states.last.refused)
-                         if one.id == this
-                         and one.status != MotionRequest.FOLLOWING), None)
+                         if one.id == this and one.status != MotionRequest.FOLLOWING), None)
         return self.rig.wait_for(ended, 'an end of the motion')
 
     def poses(self) -> np.ndarray:
         """Return the poses (2 * discs, 7) of the arm at rest, as published."""
         self.rig.wait_for_more(self.rig.tendons, 3)
-        last = list(self.rig.wait_for_more(self.rig.disc_poses, 2))[-1]
-        return np.array([(p.position.x, p.position.y, p.position.z, p.orientation.x,
-                          p.orientation.y, p.orientation.z, p.orientation.w) for p in last.poses])
+        return poses_from_ros(list(self.rig.wait_for_more(self.rig.disc_poses, 2))[-1])
 
 
 @pytest.fixture(scope='module')
-def tendon_arm(module_domain: int) -> Iterator[Driven]:
+def tendon_arm(module_rig: Rig) -> Driven:
     """Return the tendon arm without gravity: kinematics and tendon_actuation, nothing else."""
-    rig = Rig(module_domain)
-    rig.start('kinematics', 'tendon_actuation', **given(TENDON_ARM, arm__gravity=0.0))
-    yield Driven(rig, NAMES)
-    rig.close()
+    module_rig.start('kinematics', 'tendon_actuation', **given(TENDON_ARM, arm__gravity=0.0))
+    return Driven(module_rig, NAMES)
 
 
 def constant_curvature(direction: float, angle: float) -> np.ndarray:
@@ -214,65 +200,6 @@ def test_only_the_soft_segment_of_a_jamming_arm_bends(
     angle = np.linalg.norm(turn)
     chord = 2.0 * (0.07 / angle - 0.0175) * sin(angle / 2.0)
     assert 0.07 - chord == pytest.approx(0.004, rel=0.02)
-
-
-def test_measured_discs_correct_the_shape_and_say_how_well_it_is_known(
-        make_rig: Callable[..., Rig]) -> None:
-    rig = make_rig()
-    rig.start('kinematics', **given(JAMMING))
-    names = ('tendon_1', 'tendon_2', 'tendon_3')
-    state = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
-    predicted = rig.record(PoseArray, 'predicted_disc_poses', RELIABLE)
-    ends = [rig.record(PoseWithCovarianceStamped, f'segment_{n}/pose', RELIABLE)
-            for n in (1, 2, 3)]
-    tendons = rig.publisher(JointState, 'tendon_states')
-    discs = [rig.publisher(PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM)
-             for n in (1, 2, 3)]
-    rig.publisher(JammingValvesState, 'jamming_valves/state', LATCHED).publish(
-        JammingValvesState(stiffness=[JammingValvesState.STIFF] * 3))
-    arm = load_arm(JAMMING)
-    bending = np.array([[0.0, 0.0], [0.0, 0.0], [0.03, -0.02]])
-    poses = SpaceChain(arm).uniform(bending).poses[2::2]
-
-    def shown(condition: Callable[[], Any], spoil: Callable[[Any], None]) -> Any:
-        tendons.publish(JointState(name=names, position=[0.0] * 3))
-        stamp = rig.observer.get_clock().now().to_msg()
-        for publisher, pose in zip(discs, poses, strict=True):
-            message = tracked_pose_to_ros(pose, np.diag([3e-4] * 3 + [2e-3] * 3)**2)
-            message.header.frame_id, message.header.stamp = 'base_link', stamp
-            spoil(message)
-            publisher.publish(message)
-        return condition()
-
-    def twice(message: Any) -> None:
-        message.pose.pose.orientation.w *= 2.0
-
-    def correlated(message: Any) -> None:
-        message.pose.covariance[1] = message.pose.covariance[6] = 1e-3
-
-    for spoil, reason in ((twice, 'quaternion'), (correlated, 'positive definite')):
-        rig.wait_for(lambda s=spoil, r=reason: shown(
-            lambda: r in rig.statuses['kinematics'].last.message, s), reason)
-    assert state.last.source == KinematicsState.PREDICTED
-
-    def corrected() -> bool:
-        turns = np.reshape(state.last.joint_angles, (3, -1, 3)).sum(axis=1)
-        if not (np.abs(turns[:, :2] - bending).max() < 0.01 and all(map(len, (predicted, *ends)))):
-            return False
-        found = [measured_pose_from_ros(one.last, SPATIAL_AXES, 'base_link')[0] for one in ends]
-        return np.abs(np.array(found) - poses)[:, :3].max() < 1e-3
-
-    rig.wait_for(lambda: shown(corrected, lambda message: None), 'a corrected shape')
-    last = state.last
-    assert last.source == KinematicsState.ESTIMATED
-    assert {p.name for p in last.parameters} == set(parameter_names(arm))
-    variances = np.reshape(last.tip_covariance, (6, 6)).diagonal()
-    assert len(last.angle_deviations) == 3
-    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *np.sqrt(variances)))
-    assert all(measured_pose_from_ros(one.last, SPATIAL_AXES)[1].diagonal().max() < 0.05**2
-               for one in ends)
-    x = [pose.position.x for pose in predicted.last.poses]
-    assert x == pytest.approx([0.0] * 8, abs=1e-9)  # the prediction goes on: still straight
 
 
 def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig: Callable[..., Rig]) -> None:
