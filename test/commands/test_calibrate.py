@@ -10,15 +10,8 @@ from soft_continuum.cli import calibrate
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.parameters.files import load_rig
-from support.emulated_rig import (
-    CTRL_C,
-    emulated_rig,
-    is_referenced,
-    reference,
-    shorten,
-    Terminal,
-    until,
-)
+from support.command import CTRL_C, Terminal
+from support.emulated_rig import emulated_rig, is_referenced, reference, shorten, until
 
 STEPS_PER_MM = 200
 
@@ -91,8 +84,8 @@ def test_steps_per_mm_come_from_measured_travel(rig, on_terminal):
         for side, travel in (('right', '0.8'), ('left', '1,01')):
             terminal.answer('note where its mark is.', 'yes')
             terminal.answer(f'was the {side} tendon really pulled in?', travel)
-        assert terminal.end() == 0
-    assert 'the zero must be set again' in terminal.shown
+        assert terminal.status() == 0
+    assert 'the zero must be set again' in terminal.output
     assert with_results(rig, 'calibration_steps.yaml')['grbl.steps_per_mm'] == (250.0, 198.02)
 
 
@@ -199,14 +192,6 @@ def test_a_board_that_is_reset_when_its_port_is_opened_is_told_from_one_that_is_
     assert 'does not keep it, because opening its port resets it' in output
 
 
-def test_travel_beyond_the_pull_limits_is_refused(rig, run):
-    rig.parameters(pull_limits=[-0.06, 0.001])
-    status, _, errors = run('zero', '--yes', '--take-up', 3, 0)
-    assert status == 2
-    assert 'pull_limits: -60.00 and 1.00 mm' in errors
-    assert rig.grbl.motors == (0, 0, 0)
-
-
 # Whatever moves tendons
 
 
@@ -250,9 +235,9 @@ def test_an_interrupt_in_motion_brings_the_motors_to_rest(rig, on_terminal, how)
             terminal.type(CTRL_C)
         else:
             terminal.process.send_signal(how)
-        assert terminal.end() == 130
-    assert 'Traceback' not in terminal.shown
-    assert 'interrupted' in terminal.shown
+        assert terminal.status() == 130
+    assert 'Traceback' not in terminal.output
+    assert 'interrupted' in terminal.output
     assert 100 < standing(rig)[0] < 10 * STEPS_PER_MM
     assert rig.grbl.energised
     assert not is_referenced(rig)
@@ -265,9 +250,9 @@ def test_a_board_that_goes_silent_in_motion_ends_the_command(rig, on_terminal):
         terminal.answer('note where its mark is.', 'yes')
         until(lambda: rig.grbl.motors[0] > 100, 'in motion')
         rig.grbl.unplug()
-        assert terminal.end() == 1
-    assert 'Traceback' not in terminal.shown
-    assert 'power-cycle it before anything else' in terminal.shown
+        assert terminal.status() == 1
+    assert 'Traceback' not in terminal.output
+    assert 'power-cycle it before anything else' in terminal.output
     assert standing(rig)[0] < 10 * STEPS_PER_MM
 
 
@@ -283,12 +268,19 @@ def test_without_anybody_to_answer_nothing_is_done(rig, run, monkeypatch):
     assert not any(request[1] == 5 for request in rig.modbus.requests)
 
 
-@pytest.mark.parametrize(('what', 'option'), [
-    ('steps', '--measured'), ('signs', '--seen'), ('zero', '--take-up')])
-def test_what_only_a_user_can_see_must_be_given(run, what, option):
-    status, _, errors = run(what, '--yes')
+@pytest.mark.parametrize(('arguments', 'words'), [
+    # What only a user can see must be given.
+    (('steps', '--yes'), '--measured'), (('signs', '--yes'), '--seen'),
+    (('zero', '--yes'), '--take-up'),
+    (('zero', '--yes', '--take-up', 3, 0), 'pull_limits: -60.00 and 1.00 mm'),
+    (('vacuum', '--measured', 5, 5), '--measured is for calibrate steps and calibrate all')])
+def test_options_that_are_missing_out_of_bounds_or_of_another_procedure_are_a_usage_error(
+        rig, run, arguments, words):
+    rig.parameters(pull_limits=[-0.06, 0.001])
+    status, _, errors = run(*arguments)
     assert status == 2
-    assert option in errors
+    assert words in errors
+    assert rig.grbl.motors == (0, 0, 0)
 
 
 # Vacuum
@@ -341,9 +333,9 @@ def test_an_interrupt_while_the_pump_runs_switches_it_off(rig, on_terminal):
     with on_terminal('vacuum') as terminal:
         rig.modbus.transform = interrupt
         terminal.answer('Ready?', 'yes')
-        assert terminal.end() == 130
+        assert terminal.status() == 130
     assert interrupts
-    assert 'Traceback' not in terminal.shown
+    assert 'Traceback' not in terminal.output
     assert rig.modbus.coils == (False,) * 4
 
 
@@ -400,12 +392,6 @@ def test_a_simulated_rig_is_calibrated_like_a_real_one(answer, rig):
     status, output, _ = answer(SIGNS_SEEN, 'signs')
     assert status == 0
     assert 'The valves are simulated' in output
-
-
-def test_an_option_of_another_procedure_is_a_usage_error(run):
-    status, _, errors = run('vacuum', '--measured', 5, 5)
-    assert status == 2
-    assert '--measured is for calibrate steps and calibrate all' in errors
 
 
 # More tendons than one board has, and no segment that could be stiff.

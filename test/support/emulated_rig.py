@@ -1,15 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""An emulated rig with its parameter file, and commands that run on a terminal."""
+"""An emulated rig with its parameter file."""
 
 from contextlib import contextmanager
 from dataclasses import dataclass
-import os
 from pathlib import Path
-import pty
-import select
-import subprocess
-import sys
 from time import monotonic
 from unittest.mock import patch
 
@@ -127,71 +122,3 @@ def shorten(rig):
         arm__leaf_widths=[0.0127], arm__segment_masses=[0.069], arm__disc_heights=[0.03, 0.03],
         arm__disc_masses=[0.06, 0.06], arm__bending_angle_limits=[1.0],
         modbus__valve_coils=[1.0], modbus__pressure_registers=[0.0])
-
-
-class Terminal:
-    """A verb in a process of its own, on a pseudo-terminal that somebody types at."""
-
-    def __init__(self, *words):
-        self._master, slave = pty.openpty()
-        self.shown = ''
-        self._read_to = 0
-        self.process = subprocess.Popen(
-            [sys.executable, '-m', 'soft_continuum', *map(str, words)],
-            stdin=slave, stdout=slave, stderr=slave, start_new_session=True,
-            preexec_fn=_take_terminal)
-        os.close(slave)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.wait()
-        os.close(self._master)
-
-    def expect(self, text):
-        """Wait until ``text`` is shown after what was expected before."""
-        def is_shown():
-            ended = self.process.poll()
-            self._read()
-            shown = text in self.shown[self._read_to:]
-            assert shown or ended is None, f'ended with {ended}, {text!r} not in {self.shown!r}'
-            return shown
-        until(is_shown, f'{text!r}')
-        self._read_to = self.shown.index(text, self._read_to) + len(text)
-
-    def type(self, text):
-        """Type a line, or a control character alone."""
-        os.write(self._master, (text if text == CTRL_C else text + '\n').encode())
-
-    def answer(self, question, text):
-        """Wait for a question and answer it."""
-        self.expect(question)
-        self.type(text)
-
-    def end(self):
-        """Wait for the end; return the exit status."""
-        until(lambda: self._read() or self.process.poll() is not None, f'end of {self.shown!r}')
-        self._read()
-        return self.process.returncode
-
-    def _read(self):
-        while select.select([self._master], [], [], 0.0)[0]:
-            try:
-                data = os.read(self._master, 4096)
-            except OSError:  # the other side is closed
-                return
-            if not data:
-                return
-            self.shown += data.decode()
-
-
-CTRL_C = '\x03'
-
-
-def _take_terminal():
-    import fcntl
-    import termios
-    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
