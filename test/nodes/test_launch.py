@@ -17,6 +17,7 @@ from rclpy.context import Context
 from soft_continuum.cli import up
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.nodes.runtime import check_parameter_files
+from support.descriptions import section
 from support.launch_stand_in import DeclareLaunchArgument, description, launched
 from support.ros_rig import destroy, make
 
@@ -25,11 +26,6 @@ BOARDS = ['grbl.port: /dev/a_port', 'modbus.port: /dev/b_port']
 NAMES = ['/**', '/*', '/*/*', '/**/**', '{node}', '/{node}', '/**/{node}', '{space}{node}',
          '{space}*', '{space}**']
 """Names of sections, of which some apply in the namespace and some do not."""
-
-
-def section(name: str, *lines: str) -> str:
-    """Return a section of a parameter file."""
-    return f'{name}:\n  ros__parameters:\n' + ''.join(f'    {line}\n' for line in lines)
 
 
 def by_launch(node: str, files: Sequence[Path], **asked: str) -> list[str]:

@@ -20,6 +20,7 @@ from soft_continuum.nodes.runtime import check_parameter_files
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.overrides import full_name_of, Overrides
 from soft_continuum.parameters.parameter import ParameterError
+from support.descriptions import section
 
 NODES = (('tendon_actuation', ''), ('tendon_actuation', 'left'), ('kinematics', 'left'),
          ('kinematics', 'lab/left'))
@@ -84,11 +85,6 @@ def write(path: Path, text: str) -> Path:
     """Write a file; return its path."""
     path.write_text(text, encoding='utf-8')
     return path
-
-
-def section(name: str, *lines: str) -> str:
-    """Return a section of a parameter file."""
-    return f'{name}:\n  ros__parameters:\n' + ''.join(f'    {line}\n' for line in lines)
 
 
 CASES = {

@@ -67,9 +67,8 @@ sys.exit({main}())
 
 def children(process: NodeProcess) -> dict[str, int]:
     """Return process ids by node of a supervisor."""
-    path = Path(f'/proc/{process.process.pid}/task/{process.process.pid}/children')
     found = {}
-    for pid in map(int, path.read_text(encoding='ascii').split()):
+    for pid in process.children:
         words = Path(f'/proc/{pid}/cmdline').read_bytes().decode().split('\0')
         found |= {name: pid for name in ALL if name in words}
     return found
@@ -106,9 +105,8 @@ def test_a_node_ends_with_the_process_that_the_launch_file_names(
     launch = processes.start([sys.executable, '-c', start, *module_command('kinematics'),
                               '--ros-args', '-r', f'__ns:={rig.namespace}'])
     rig.wait_for(lambda: len(rig.statuses['kinematics']), 'words of the node')
-    node, = Path(f'/proc/{launch.process.pid}/task/{launch.process.pid}/children').read_text(
-        encoding='ascii').split()
-    end = os.pidfd_open(int(node))
+    node, = launch.children
+    end = os.pidfd_open(node)
     launch.send(number)
     assert select.select([end], [], [], DEADLINE)[0]
     os.close(end)
@@ -126,8 +124,7 @@ def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(
     node.send(number)
     assert_ended_in_peace(node)
     if name == 'shape_sequencer':
-        rig.wait_for(lambda: rig.at_rest, 'rest')
-        rig.assert_rests()
+        rig.come_to_rest()
         assert rig.pulls[0] < 0.005
     else:
         assert goal.result()[0] == 'ABORTED'

@@ -4,7 +4,6 @@
 """RViz and Foxglove find all that their layouts show and call, and see where the arm goes."""
 
 from collections.abc import Iterator
-from importlib import import_module
 import json
 from pathlib import Path
 import re
@@ -18,6 +17,7 @@ import yaml
 
 from soft_continuum.mechanics import Chain
 from soft_continuum.parameters.files import load_arm
+from support.ros2_commands import interface
 from support.ros_rig import LATCHED, Rig
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -27,12 +27,6 @@ RVIZ_TYPES = {'RobotModel': 'std_msgs/msg/String',
               'MarkerArray': 'visualization_msgs/msg/MarkerArray',
               'PoseArray': 'geometry_msgs/msg/PoseArray'}
 VALUE = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\d\])?)*)')
-
-
-def message_class(name: str) -> Any:
-    """Return the class of a type such as std_msgs/msg/Bool."""
-    package, kind, short = name.split('/')
-    return getattr(import_module(f'{package}.{kind}'), short)
 
 
 def topics(rig: Rig) -> dict[str, str]:
@@ -79,14 +73,14 @@ def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(
     assert len(series) == 10
     for value in series:
         topic, fields = VALUE.fullmatch(value).groups()  # type: ignore[union-attr]
-        message = message_class(there[topic])()
+        message = interface(there[topic])()
         for field in re.findall(r'\.(\w+)', fields):
             assert hasattr(message, field), value
             message = getattr(message, field)
     calls = [panel for key, panel in FOXGLOVE['configById'].items() if key.startswith('Call')]
     assert len(calls) == 8
     for panel in calls:
-        request = message_class(services[panel['serviceName']]).Request
+        request = interface(services[panel['serviceName']]).Request
         request(**json.loads(panel['requestPayload']))
 
 

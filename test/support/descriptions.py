@@ -52,6 +52,11 @@ def check_urdf(text, positions, poses):
             Rotation.from_quat(pose[3:]).as_matrix(), abs=1e-9)
 
 
+def section(name: str, *lines: str) -> str:
+    """Return a section of a parameter file."""
+    return f'{name}:\n  ros__parameters:\n' + ''.join(f'    {line}\n' for line in lines)
+
+
 def given_in(path: Path, node: str = '') -> dict[str, Any]:
     """Return what a description gives a node, or all of them, by dotted names."""
     return given_parameters(Overrides(path), ALL_PARAMETERS, full_name(node), UNCHECKED)

@@ -56,6 +56,12 @@ class NodeProcess:
         """Whether it runs."""
         return self.process.poll() is None
 
+    @property
+    def children(self) -> list[int]:
+        """Ids of the processes that it started and that run."""
+        path = Path(f'/proc/{self.process.pid}/task/{self.process.pid}/children')
+        return [int(pid) for pid in path.read_text(encoding='ascii').split()]
+
     def send(self, number: signal.Signals) -> None:
         """Send it a signal."""
         self._signalled = time.monotonic(), self._kept_waiting()
