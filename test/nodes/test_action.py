@@ -84,9 +84,7 @@ Sequence = tuple[Rig, Goal, list[Reached]]
 
 def test_the_three_shapes_of_the_paper_are_reached_by_name(sequence: Sequence) -> None:
     arm, goal, reached = sequence
-    status, result = goal.result()
-    assert (status, result.error_code, result.error_string, result.shapes_completed) == (
-        'SUCCEEDED', RunShapeSequence.Result.SUCCESSFUL, '', 3)
+    assert goal.assert_ended('SUCCEEDED').shapes_completed == 3
     angles = [LIBRARY[name] for name in NAMES]
     for shape, a, tip in zip(reached, angles, planned_tips(*angles), strict=True):
         shape.check(a, tip)
@@ -162,18 +160,14 @@ def test_the_state_of_the_sequencer_follows_the_goal_and_says_how_it_ended(
     assert (states[-1].error_code, states[-1].error_string) == (0, '')
 
 
-def test_bending_angles_can_be_given_instead_of_a_name(shared_arm: Rig) -> None:
-    angles = (0.2, -0.35, 0.5)
-    status, result = shared_arm.goal(angles).result()
-    assert (status, result.error_code, result.shapes_completed) == ('SUCCEEDED', 0, 1)
-    Reached.of(shared_arm).check(angles, planned_tips(angles)[0])
-
-
-def test_given_angles_win_over_the_name_beside_them(shared_arm: Rig) -> None:
-    angles = (0.2, -0.35, 0.3)
-    goal = shared_arm.goal(ShapeMessage(name='c_form', bending_angles=angles))
-    assert goal.result()[0] == 'SUCCEEDED'
-    assert {shape for shape, _, _ in goal.phases} == {'c_form'}
+@pytest.mark.parametrize(('name', 'angles'), [
+    ('', (0.2, -0.35, 0.5)), ('c_form', (0.2, -0.35, 0.3))])
+def test_bending_angles_can_be_given_instead_of_a_name_and_win_over_one_beside_them(
+        shared_arm: Rig, name: str, angles: tuple[float, ...]) -> None:
+    goal = shared_arm.goal(ShapeMessage(name=name, bending_angles=angles))
+    assert goal.assert_ended('SUCCEEDED').shapes_completed == 1
+    if name:
+        assert {shape for shape, _, _ in goal.phases} == {name}
     Reached.of(shared_arm).check(angles, planned_tips(angles)[0])
 
 

@@ -16,18 +16,16 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 import yaml
 
-from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import measured_pose_from_ros
+from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.qos import LATCHED
-from soft_continuum.user_files import description_file
-from support.descriptions import given_in
+from support.descriptions import given_in, JAMMING, PLANAR
 from support.planar import planar
 from support.ros_rig import pairs, Rig, STREAM
 
 GRAVITY = 9.80665
-SPATIAL = description_file().with_name('spatial_jamming.yaml')
 
 
 class Sensors:
@@ -94,24 +92,43 @@ def measured(recording: Any) -> tuple[Any, Any]:
     return planar(recording.last, 'base_link')
 
 
-def test_poses_of_a_tracker_and_tilts_of_an_imu_come_out_with_their_covariances(rig: Rig) -> None:
-    sensors = Sensors(rig)
+ARMS = {
+    'in the plane': (PLANAR, (0.02, 0.0, 0.1, 0.0, sin(0.15), 0.0, cos(0.15))),
+    'far out of any plane': (JAMMING, (0.02, -0.15, 0.1, sin(pi / 4), 0.0, 0.0, cos(pi / 4)))}
+"""Descriptions, and a pose of a disc."""
+
+
+@pytest.mark.parametrize('arm', ARMS)
+def test_poses_of_a_tracker_and_tilts_of_an_imu_come_out_with_their_covariances(
+        rig: Rig, arm: str) -> None:
+    path, row = ARMS[arm]
+    axes, sensors = load_arm(path).pose_axes, Sensors(rig, **given_in(path, 'disc_sensors'))
     assert 'nothing is measured yet' in sensors.statuses.last.message
 
     def send() -> None:
-        sensors.pose()
+        message = PoseStamped()
+        message.pose = tracked_pose_to_ros(np.array(row), np.eye(6)).pose.pose
+        sensors.publish('disc_1/pose', message)
         sensors.imu()
 
+    def measured_of(disc: int) -> tuple[Any, Any]:
+        """Return a pose (7,) and the variances (6,) of a disc."""
+        message = sensors.poses[disc].last
+        return (measured_pose_from_ros(message, axes, 'base_link')[0],
+                np.reshape(message.pose.covariance, (6, 6)).diagonal())
+
     sensors.until(send, lambda: len(sensors.poses[1]) and len(sensors.poses[3]) > 20, 'both')
-    pose, covariance = measured(sensors.poses[1])
-    assert pose == pytest.approx([0.02, 0.1, 0.3])
-    assert np.sqrt(np.diag(covariance)) == pytest.approx([0.0005, 0.0005, 0.005])
-    pose, covariance = measured(sensors.poses[3])
-    assert pose[2] == pytest.approx(0.2, abs=1e-3)
-    assert np.diag(covariance)[:2] == pytest.approx(1e6)  # not measured
+    pose, variances = measured_of(1)
+    assert pose == pytest.approx(row)
+    assert np.sqrt(variances) == pytest.approx(np.repeat([0.0005, 0.005], 3))
+    pose, variances = measured_of(3)
+    assert pose[3:] == pytest.approx([0.0, sin(0.1), 0.0, cos(0.1)], abs=1e-3)
+    tilts = axes & [False, False, False, True, True, False]
+    assert variances[~tilts] == pytest.approx(1e6)  # not measured: place and heading
     # Gaps of a busy machine make it larger.
-    assert 0.01 < min(np.sqrt(planar(message, 'base_link')[1][2, 2])
-                      for message in sensors.poses[3]) < 0.15
+    deviations = np.sqrt([np.reshape(message.pose.covariance, (6, 6)).diagonal()[tilts]
+                          for message in sensors.poses[3]])
+    assert deviations.min() > 0.01 and deviations.min(axis=0).max() < 0.15
     sensors.until_status(send, 'measured: disc_1/pose, disc_3/imu')
 
 
@@ -129,28 +146,6 @@ def test_a_tracker_of_all_discs_in_its_own_frame_is_turned_into_the_base(rig: Ri
     sensors.until(send, lambda: all(map(len, sensors.poses)), 'all discs')
     for n, recording in enumerate(sensors.poses):
         assert measured(recording)[0] == pytest.approx([0.01 * n, 0.1 * n, 0.2])
-
-
-def test_a_tracker_and_an_imu_measure_discs_in_space(rig: Rig) -> None:
-    """One disc is turned by 90 degrees about x: far out of any plane."""
-    given = given_in(SPATIAL, 'disc_sensors')
-    sensors, message = Sensors(rig, **given), PoseStamped()
-    row = (0.02, -0.15, 0.1, sin(pi / 4), 0.0, 0.0, cos(pi / 4))
-
-    def send() -> None:
-        message.pose.position.x, message.pose.position.y, message.pose.position.z = row[:3]
-        message.pose.orientation.x, message.pose.orientation.w = row[3], row[6]
-        sensors.publish('disc_1/pose', message)
-
-    sensors.until(send, lambda: len(sensors.poses[1]), 'a pose')
-    pose, covariance = measured_pose_from_ros(sensors.poses[1].last, SPATIAL_AXES, 'base_link')
-    assert pose == pytest.approx(row)
-    assert np.sqrt(np.diag(covariance)) == pytest.approx([0.0005] * 3 + [0.005] * 3)
-    sensors.until(sensors.imu, lambda: len(sensors.poses[3]) > 3, 'a tilt')
-    pose, covariance = measured_pose_from_ros(sensors.poses[3].last, SPATIAL_AXES, 'base_link')
-    assert pose[3:] == pytest.approx([0.0, sin(0.1), 0.0, cos(0.1)], abs=1e-3)
-    assert np.diag(covariance)[[0, 1, 2, 5]] == pytest.approx(1e6)  # nor the heading
-    assert np.diag(covariance)[3:5].max() < 0.1
 
 
 def _covariance(value: float) -> Callable[[Any], None]:

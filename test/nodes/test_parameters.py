@@ -36,6 +36,7 @@ from soft_continuum.parameters.shapes import (
     VACUUM_PREFIX,
 )
 from soft_continuum.user_files import description_file
+from support.documented_commands import kept_signal_handlers
 from support.processes import module_command, Processes
 from support.ros_rig import ALL, Rig
 
@@ -47,7 +48,6 @@ def start(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFix
           ) -> Iterator[Callable[..., tuple[int, str]]]:
     """Return a function that runs a node in this process: exit status and standard error."""
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
     def start(node: str, *arguments: str) -> tuple[int, str]:
         # A node that should have refused would run on: ended, it has exit status 0.
@@ -59,9 +59,8 @@ def start(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFix
             guard.cancel()
         return status, capfd.readouterr().err
 
-    yield start
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+    with kept_signal_handlers():
+        yield start
 
 
 @pytest.fixture
@@ -177,16 +176,13 @@ def test_what_a_file_says_for_one_node_only_is_checked_as_well(
                    'kinematics', str(path), reason)
 
 
-@pytest.mark.parametrize('path', ['nowhere.yaml', '.'])
-def test_a_file_that_cannot_be_read_is_named(start: Any, tmp_path: Path, path: str) -> None:
-    name = str(tmp_path / path)
-    assert_refused(start('kinematics', '--params-file', name), name, 'cannot be read')
-
-
-def test_a_file_that_is_not_text_is_named(start: Any, tmp_path: Path) -> None:
-    path = tmp_path / 'arm.yaml'
-    path.write_bytes(b'/**:\n  ros__parameters: \xff\xfe\n')
-    assert_refused(start('kinematics', '--params-file', str(path)), str(path), 'UTF-8')
+@pytest.mark.parametrize(('name', 'reason'), [
+    ('nowhere.yaml', 'cannot be read'), ('.', 'cannot be read'), ('no_text.yaml', 'UTF-8')])
+def test_a_file_that_cannot_be_read_is_named(
+        start: Any, tmp_path: Path, name: str, reason: str) -> None:
+    (tmp_path / 'no_text.yaml').write_bytes(b'/**:\n  ros__parameters: \xff\xfe\n')
+    path = str(tmp_path / name)
+    assert_refused(start('kinematics', '--params-file', path), path, reason)
 
 
 @pytest.mark.parametrize(('node', 'value', 'reasons'), [

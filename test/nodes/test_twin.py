@@ -3,6 +3,7 @@
 
 """The nodes drive the twin as they drive a rig, and see no more of it."""
 
+from collections.abc import Iterator
 from pathlib import Path
 import signal
 
@@ -10,8 +11,6 @@ from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 import pytest
 from sensor_msgs.msg import Imu, JointState
-from std_srvs.srv import SetBool
-from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.ros.conversions import poses_from_ros
@@ -21,28 +20,32 @@ from soft_continuum.twin.differences import load_cell_parameters
 from soft_continuum.user_files import description_file
 from support.descriptions import given_in
 from support.processes import module_command, NodeProcess, Processes
-from support.ros_rig import Rig, STREAM, trajectory
+from support.ros_rig import Recording, Rig, STREAM, trajectory
 
 BEND = (0.0, 0.3, -0.2)
 START_TIMEOUT = 120.0  # s for eight processes to import what they need, on a busy machine
 
 
+def ideal_twin(rig: Rig, processes: Processes, *options: str) -> Iterator[Recording]:
+    """Start the ideal twin; return its disc_poses, its tendon_states, and load_cells."""
+    twin = processes.start([*module_command('twin'), '--preset', 'ideal', '--namespace',
+                            rig.namespace, *options])
+    rig.wait_for(lambda: 'Ctrl-C ends it' in twin.output, 'the twin')
+    for kind, topic in ((PoseArray, 'twin/disc_poses'), (JointState, 'twin/tendon_states'),
+                        (JointState, 'load_cells')):
+        yield rig.record(kind, topic, STREAM)
+
+
 def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
         rig: Rig, processes: Processes, tmp_path: Path) -> None:
     links = {name: tmp_path / name for name in ('grbl', 'modbus')}
-    twin = processes.start(
-        [*module_command('twin'), '--preset', 'ideal', '--namespace', rig.namespace,
-         *(f'--{name}-link={link}' for name, link in links.items())])
-    rig.wait_for(lambda: 'Ctrl-C ends it' in twin.output, 'the twin')
-    discs = rig.record(PoseArray, 'twin/disc_poses', STREAM)
+    discs, tendons, cells = ideal_twin(
+        rig, processes, *(f'--{name}-link={link}' for name, link in links.items()))
     joints = rig.record(JointState, 'twin/joint_states', STREAM)
-    tendons = rig.record(JointState, 'twin/tendon_states', STREAM)
-    cells = rig.record(JointState, 'load_cells', STREAM)
     imus = [rig.record(Imu, f'disc_{n}/imu', STREAM) for n in range(4)]
     rig.start_arm(**driving_parameters(**links), tendon_speed=0.01, tendon_acceleration=0.1,
                   speed_limit=0.03, acceleration_limit=0.3)
-    assert rig.call(SetBool, 'jamming_valves/set_all_stiff', data=True).success
-    rig.wait_for(lambda: rig.all_stiff, 'a stiff arm')
+    rig.stiffen()
     assert rig.trigger('tendon_actuation/reference').success
     rig.wait_for_shape()
     assert rig.goal_when_heard(BEND).result()[0] == 'SUCCEEDED'
@@ -76,26 +79,18 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
 def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
         rig: Rig, processes: Processes, tmp_path: Path) -> None:
     file = description_file().with_name('tendon_arm.yaml')
-    twin = processes.start(
-        [*module_command('twin'), '--preset', 'ideal', '--namespace', rig.namespace,
-         '--params-file', str(file), f'--grbl-link={tmp_path / "grbl"}'])
-    rig.wait_for(lambda: 'Ctrl-C ends it' in twin.output, 'the twin')
-    discs = rig.record(PoseArray, 'twin/disc_poses', STREAM)
-    tendons = rig.record(JointState, 'twin/tendon_states', STREAM)
-    cells = rig.record(JointState, 'load_cells', STREAM)
-    given = {name.replace('.', '__'): value for name, value in (
-        given_in(file) | driving_parameters(
-            ' '.join(board_links(tmp_path / 'grbl', 9)), '', 9) | load_cell_parameters(9)).items()}
-    given |= {'speed_limit': 0.03, 'acceleration_limit': 0.3}
-    rig.start('kinematics', 'tendon_actuation', **given)
-    publisher = rig.publisher(JointTrajectory, 'tendon_actuation/joint_trajectory')
+    discs, tendons, cells = ideal_twin(
+        rig, processes, '--params-file', str(file), f'--grbl-link={tmp_path / "grbl"}')
+    boards = driving_parameters(' '.join(board_links(tmp_path / 'grbl', 9)), '', 9)
+    given = given_in(file) | boards | load_cell_parameters(9)
+    rig.start('kinematics', 'tendon_actuation', **given, speed_limit=0.03, acceleration_limit=0.3)
     rig.wait_for(lambda: len(rig.tendons), 'tendons')
     assert rig.trigger('tendon_actuation/reference').success
     rig.wait_for_shape()
     rig.wait_for_more(cells, 20)  # without them it refuses to move
-    names = given['arm__tendon_names']
+    names = given['arm.tendon_names']
     pulls = dict(zip(names, [0.0] * 6 + [0.004, -0.002, -0.002], strict=True))
-    publisher.publish(trajectory([(1.0, list(pulls.values()))], names))
+    rig.send(trajectory([(1.0, list(pulls.values()))], names))
     rig.wait_for(lambda: rig.tendons.last.position == pytest.approx(
         [*pulls.values()], abs=1e-5), 'the end of the motion')
     rig.wait_for_more(rig.disc_poses, 1)
