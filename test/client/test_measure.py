@@ -25,32 +25,20 @@ from soft_continuum.sensing.rigid import in_plane, planar_pose
 from soft_continuum.sequencing.progress import Phase, Progress
 from soft_continuum.user_files import description_file
 from support.descriptions import given
-from support.planar import measured_pose_to_ros
 from support.ros_rig import Rig, STREAM
 
-OFFSET = np.array([0.001, -0.002, 0.0])  # m, m, rad: by which the tracker is off
-SHIFT = np.array([0.001, 0.003, -0.002, 0.0, 0.0, 0.0, 0.0])  # the same in space
+OFFSET = np.array([0.001, 0.0, -0.002])  # m: by which the tracker is off
+IN_SPACE = np.array([0.001, 0.003, -0.002])
 DEVIATION = 0.0005
 TENDON_ARM = description_file().with_name('tendon_arm.yaml')
-
-
-def _seen_in_plane(pose: Any) -> PoseWithCovarianceStamped:
-    angle = 2.0 * np.arctan2(pose[4], pose[6])
-    return measured_pose_to_ros(
-        np.array([pose[0], pose[2], angle]) + OFFSET, DEVIATION**2 * np.eye(3))
-
-
-def _seen_in_space(pose: Any) -> PoseWithCovarianceStamped:
-    return tracked_pose_to_ros(pose + SHIFT, DEVIATION**2 * np.eye(6))
 
 
 class Tracker:
     """Measures every disc where kinematics says it is, off by something known."""
 
-    def __init__(self, rig: Rig, in_space: bool = False) -> None:
+    def __init__(self, rig: Rig, offset: Any = OFFSET) -> None:
         self.spoil: Callable[[Any], None] | None = None  # None: it sees nothing
-        self._measured = _seen_in_space if in_space else _seen_in_plane
-        self._rig = rig
+        self._rig, self._offset = rig, np.concatenate([offset, np.zeros(4)])
         self._publishers = [rig.observer.create_publisher(
             PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM) for n in range(4)]
         rig.observer.create_subscription(PoseArray, 'disc_poses', self._on_discs, STREAM)
@@ -61,7 +49,7 @@ class Tracker:
             return
         # More often than the poses come, of which few may come in the time of a measurement.
         for publisher, pose in 4 * list(zip(self._publishers, poses, strict=True)):
-            measured = self._measured(pose)
+            measured = tracked_pose_to_ros(pose + self._offset, DEVIATION**2 * np.eye(6))
             measured.header.frame_id = 'base_link'
             measured.header.stamp = self._rig.observer.get_clock().now().to_msg()
             spoil(measured)
@@ -95,7 +83,7 @@ def test_discs_are_measured_where_the_tracker_sees_them(
     for n, disc in discs.items():
         pose = poses[2 * n]
         assert planar_pose(disc.pose) == pytest.approx(
-            np.array([pose.x, pose.z, pose.angle]) + OFFSET, abs=1e-6)
+            [pose.x + OFFSET[0], pose.z + OFFSET[2], pose.angle], abs=1e-6)
         assert disc.deviation == pytest.approx(DEVIATION * PLANAR_AXES)
         assert disc.samples >= 3
 
@@ -200,7 +188,7 @@ def test_measured_shapes_are_read_by_identify_as_they_were(
     assert shape.name == 's_form'
     assert [step.segment for step in shape.steps] == [0, 1, 2]
     poses = poses_from_ros(arm.disc_poses.last)
-    assert shape.positions[::2, ::2] == pytest.approx(poses[::2][:, [0, 2]] + OFFSET[:2], abs=1e-4)
+    assert shape.positions[::2] == pytest.approx(poses[::2, :3] + OFFSET, abs=1e-4)
     assert shape.steps[-1].pulls == pytest.approx(arm.pulls, abs=1e-4)
     assert 'SIMULATED' not in (tmp_path / 'points.csv').read_text(encoding='utf-8')
 
@@ -210,7 +198,7 @@ def test_status_says_what_is_seen_and_how_far_from_the_model(
     status, output, _ = call('status')
     assert status == 0
     assert output.count('seen at') == 4
-    assert f'{1e3 * np.hypot(*OFFSET[:2]):.1f} mm from the model' in output
+    assert f'{1e3 * np.linalg.norm(OFFSET):.1f} mm from the model' in output
 
 
 # In space.
@@ -243,7 +231,7 @@ def test_shapes_in_space_are_read_by_identify_as_they_were(
         rig: Rig, settling: None, call: Callable[..., Any], tmp_path: Path) -> None:
     rig.start('kinematics', 'tendon_actuation', 'shape_sequencer',
               **given(TENDON_ARM, tendon_rate=10.0, estimation__used=False))
-    Tracker(rig, in_space=True).spoil = lambda message: None
+    Tracker(rig, IN_SPACE).spoil = lambda message: None
     status, _, error = call('measure', 'c_form', '--output', str(tmp_path), '--duration', '0.5')
     assert status == 0, error
     arm = load_arm(TENDON_ARM)
@@ -251,7 +239,7 @@ def test_shapes_in_space_are_read_by_identify_as_they_were(
         tmp_path / 'points.csv', tmp_path / 'pulls.csv', arm, jamming=False)
     poses = poses_from_ros(rig.disc_poses.last)
     assert shape.numbers == tuple(range(8))
-    assert shape.positions == pytest.approx(poses[:, :3] + SHIFT[:3], abs=1e-4)
+    assert shape.positions == pytest.approx(poses[:, :3] + IN_SPACE, abs=1e-4)
     step, = shape.steps
     assert step.segment is None
     pulls = dict(zip(rig.tendons.last.name, rig.tendons.last.position, strict=True))
