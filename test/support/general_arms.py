@@ -11,6 +11,7 @@ from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.arm import Disc, PAPER, SECOND_ORDER, Segment
 from soft_continuum.mechanics.laws import Jam
 from support.flat_arm import flat_arm, guides_of, made_of
+from support.random_arms import between, masks  # noqa: F401  # for the same tests
 
 FEW = settings(max_examples=25, suppress_health_check=[
     HealthCheck.too_slow, HealthCheck.filter_too_much])
@@ -27,11 +28,6 @@ def paper_like(segments=3, jam=RIGID, soft_law=None, bodies=5, gravity=0.0, **ch
         [Segment.leaf_spring(0.07, STIFFNESS[i], 0.05, soft_law=soft_law, jam=jam) for i in kinds],
         [(DIAMETER[i] / 2,) * 2 for i in kinds], [Disc(0.03, 0.04)] * (segments + 1),
         bodies_per_segment=bodies, gravity=gravity, **changes)
-
-
-def between(low, high):
-    """Return a strategy for numbers from ``low`` to ``high`` without odd corner values."""
-    return st.integers(0, 1000).map(lambda i: low + (high - low) * i / 1000)
 
 
 @st.composite
@@ -65,14 +61,6 @@ def arms(draw, jam=RIGID, segments=(1, 4), bodies=(1, 5), load=(0.0, 1.0), stret
         bodies_per_segment=draw(st.integers(*bodies)),
         discretisation=draw(st.sampled_from([PAPER, SECOND_ORDER])), tendon=tendon,
         mounting_angle=draw(between(-pi, pi)), gravity=draw(st.sampled_from([0.0, 9.80665])))
-
-
-@st.composite
-def masks(draw, arm):
-    """Return soft flags with at least one segment soft."""
-    soft = [draw(st.booleans()) for _ in arm.segments]
-    soft[draw(st.integers(0, len(soft) - 1))] = True
-    return tuple(soft)
 
 
 @st.composite

@@ -28,11 +28,9 @@ def driver(device, tendons=TENDONS, signs=None, **changes):
                        device.clock if emulated else STEADY)
 
 
-@contextmanager
 def board(**options):
     """An emulated board without a driver, on a clock of its own."""
-    with GrblEmulator(clock=VirtualClock(), **options) as emulator:
-        yield emulator
+    return GrblEmulator(clock=VirtualClock(), **options)
 
 
 @contextmanager

@@ -140,16 +140,14 @@ def spools(tendons: int = len(TENDONS), **changes: object) -> Spools:
         **changes})
 
 
-@contextmanager
 def servos(tendons: int = len(TENDONS), model: str = SERVO_MODEL, link: Path | None = None,
-           clock: VirtualClock | None = None) -> Iterator[DynamixelEmulator]:
+           clock: VirtualClock | None = None) -> DynamixelEmulator:
     """Emulated servos with elastic tendons, without a driver."""
     made = make_servos(tendons, model, signs=SIGNS)
     for servo in made:
         servo.motor.tendon.stiffness = 500.0
         servo.motor.tendon.weight = 2.0
-    with DynamixelEmulator(made, link, clock or VirtualClock()) as emulator:
-        yield emulator
+    return DynamixelEmulator(made, link, clock or VirtualClock())
 
 
 @contextmanager
