@@ -12,7 +12,7 @@ import numpy as np
 from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.model import chain_of
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.names import MEASURED_POSE
@@ -87,7 +87,7 @@ class SeenArm(FakeArm):
 
     def __init__(self, rig: Rig, arm: Arm = ARM) -> None:
         super().__init__(rig, arm)
-        self.chain, self._cameras = chain_of(self.arm), Cameras(rig, self.arm)
+        self.chain, self._cameras = Chain(self.arm), Cameras(rig, self.arm)
         self.heard = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
         self.predicted = rig.record(PoseArray, 'predicted_disc_poses', RELIABLE)
         self.ends = [rig.record(PoseWithCovarianceStamped, f'segment_{n}/pose', RELIABLE)
