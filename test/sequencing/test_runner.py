@@ -17,8 +17,8 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.progress import Code, Phase, Progress
-from soft_continuum.sequencing.run_settings import RunnerSettings
 from soft_continuum.sequencing.runner import Runner
+from soft_continuum.sequencing.settings import RunnerSettings
 from support.flat_arm import of_segments
 from support.virtual_rig import (
     ARM,

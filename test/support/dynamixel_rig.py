@@ -11,7 +11,7 @@ from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 from support.driver_waits import until
-from support.dynamixel_slave import serving, Slave
+from support.dynamixel_slave import Bus, Slave
 from support.virtual_clock import VirtualClock
 
 TENDONS = ('right_tendon', 'left_tendon')
@@ -20,18 +20,22 @@ PULSE = 2 * pi * RADIUS / 4096  # m
 KEPT = 'zeros.json'
 
 
-def driver(bus, folder, **changes):
-    """A driver, not opened, of servos behind a port."""
-    spools = Spools(**{
+def spools(**changes):
+    """Parameters of the driver."""
+    return Spools(**{
         'tendons': TENDONS, 'ids': (1, 2), 'radii': (RADIUS,) * 2, 'signs': (1.0, 1.0),
         'tension_limits': (20.0, 20.0), 'torque_constants': (0.0, 0.0), 'speed_limit': 0.03,
         'acceleration_limit': 0.3, 'pull_limits': (-0.06, 0.06), **changes})
-    return DynamixelTendons(bus.port, 1000000, spools, folder / KEPT, bus.clock)
+
+
+def driver(bus, folder, **changes):
+    """A driver, not opened, of servos behind a port."""
+    return DynamixelTendons(bus.port, 1000000, spools(**changes), folder / KEPT, bus.clock)
 
 
 def servos(*slaves, **options):
     """Servos without a driver, on a clock of their own."""
-    return serving(slaves or (Slave(1), Slave(2)), VirtualClock(), **options)
+    return Bus(slaves or (Slave(1), Slave(2)), VirtualClock(), **options)
 
 
 @contextmanager
