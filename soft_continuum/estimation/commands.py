@@ -22,7 +22,7 @@ class Commands:
     pulls: Array
     stiff: tuple[bool, ...]
     vacuum: tuple[float, ...] | None = None
-    sliding: tuple[int, ...] = (0, 0)
+    sliding: tuple[int, ...] = ()
     yielding: bool = False
 
     @property

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 def soft_flags(soft: Sequence[bool], segments: int) -> tuple[bool, ...]:
     """Return one flag per segment; raise ValueError for anything else."""
     given = listed(soft)
-    if len(given) != segments or any(s not in (0, 1) for s in given):
+    if len(given) != segments or any(np.ndim(s) or s not in (0, 1) for s in given):
         raise ValueError(f'soft must have a true or false for each of the {segments} segments; '
                          f'given: {soft!r}')
     return tuple(bool(s) for s in given)
@@ -36,7 +36,8 @@ def sliding_signs(sliding: Sequence[int], tendons: int = 2) -> tuple[int, ...]:
     if isinstance(sliding, tuple) and not sliding:
         return (0,) * tendons
     given = listed(sliding)
-    if len(given) != tendons or any(s not in (-1, 0, 1) for s in given):
+    if len(given) != tendons or any(
+            np.ndim(s) or isinstance(s, bool) or s not in (-1, 0, 1) for s in given):
         raise ValueError(f'sliding must be 1, 0 or -1 for each of the {tendons} tendons; '
                          f'given: {sliding!r}')
     return tuple(given)

@@ -42,6 +42,7 @@ MAX_ROUNDS, MAX_FITS = 20, 16
 ROUGH, EXACT = 1e-6, 1e-13  # relative tolerances of fits by constant curvature
 DIFFERENCE = 1e-5  # rad, of bending
 INSIDE = 0.999  # of its limit, at which a fit may begin
+FARTHEST = 1e4  # m: beyond, numbers have no digits left for an arm
 SETTLED = 1e-8  # m: nearer need no tip be
 SLOW = 0.9  # of the error before: it hardly falls any more
 
@@ -85,8 +86,9 @@ def bending_for_tip(statics: Statics, position: ArrayLike,
     goal = real_array(position, 'the tip wanted must be x, y and z in m')
     turn = None if orientation is None else real_array(
         orientation, 'the orientation wanted must be a (3, 3) rotation matrix')
-    if goal.shape != (3,) or not np.all(np.isfinite(goal)):
-        raise ValueError(f'the tip wanted must be x, y and z in m; given: {position!r}')
+    if goal.shape != (3,) or not np.all(np.abs(goal) < FARTHEST):
+        raise ValueError('the tip wanted must be x, y and z in m, each within '
+                         f'{FARTHEST:g} m; given: {position!r}')
     if turn is not None and (turn.shape != (3, 3) or not np.allclose(turn.T @ turn, np.eye(3))
                              or np.linalg.det(turn) < 0.0):
         raise ValueError('the orientation wanted must be a (3, 3) rotation matrix; given: '

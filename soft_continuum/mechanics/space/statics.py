@@ -159,7 +159,7 @@ class SpaceStatics(Statics):
         begin, locks = self.begin(start, soft, vacuum)
         by_force, target = driven(pulls_of(pulls, tendons), None if tensions is None else
                                   tensions_of(tensions, tendons, optional=True))
-        ways = sliding_signs(sliding, tendons) if any(sliding) else ()
+        ways = sliding_signs(sliding, tendons)
         return self._follow(begin, locks, by_force, target, ways)
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
