@@ -19,7 +19,8 @@ from benchmarks.lab import Description
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
-from soft_continuum.sequencing.planner import Move, PlanError, Planner, soft_flags
+from soft_continuum.sequencing.moves import soft_flags
+from soft_continuum.sequencing.planner import Move, PlanError, Planner
 from soft_continuum.sequencing.reach import TipGoal
 
 MARGIN = 0.005  # m that plans keep

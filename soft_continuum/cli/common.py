@@ -30,7 +30,7 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.sensing.lens import LensError
 from soft_continuum.sensing.sources import SourceError
-from soft_continuum.sequencing.planner import PlanError
+from soft_continuum.sequencing.plans import PlanError
 
 BESIDE = Path('RECORDING')  # as --output: where the recording is
 BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError, ArmError,

@@ -25,7 +25,9 @@ from soft_continuum.extras import require
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.obstacles.files import load_obstacles
-from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape, WHOLE_ARM
+from soft_continuum.sequencing.moves import PlanSettings
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import Shape, WHOLE_ARM
 from soft_continuum.sequencing.reach import Reach, TipGoal
 from soft_continuum.sequencing.settings import reach_from_parameters
 from soft_continuum.sequencing.shape_plans import plan_shapes

@@ -13,7 +13,7 @@ from soft_continuum.analysis.figures import DPI, draw_arm, new_figure, projectio
 from soft_continuum.analysis.obstacle_figures import draw_obstacles
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles import Obstacle
-from soft_continuum.sequencing.planner import WHOLE_ARM
+from soft_continuum.sequencing.plans import WHOLE_ARM
 from soft_continuum.sequencing.reach import Reach
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.markers import target_markers
 from soft_continuum.ros.qos import LATCHED
-from soft_continuum.sequencing.planner import Shape
+from soft_continuum.sequencing.plans import Shape
 
 
 class Ghost:

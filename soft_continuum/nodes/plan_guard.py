@@ -8,7 +8,7 @@ from typing import Any
 
 from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.plan_watch import PlanWatch
-from soft_continuum.sequencing.planner import ShapePlan
+from soft_continuum.sequencing.plans import ShapePlan
 
 
 class PlanGuard:

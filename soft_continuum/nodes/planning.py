@@ -18,13 +18,9 @@ from soft_continuum.obstacles import Surroundings
 from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans
-from soft_continuum.sequencing.planner import (
-    PlanError,
-    Planner,
-    PlanSettings,
-    Shape,
-    ShapePlan,
-)
+from soft_continuum.sequencing.moves import PlanSettings
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.reach import Reach, ReachSettings
 from soft_continuum.sequencing.settings import reach_from_parameters
 from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes

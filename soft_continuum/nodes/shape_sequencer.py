@@ -41,7 +41,7 @@ from soft_continuum.ros.graph import running_nodes
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
-from soft_continuum.sequencing.planner import PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum.sequencing.settings import (

@@ -23,7 +23,7 @@ from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.arm_port import ArmPort
-from soft_continuum.sequencing.planner import Move, Shape, ShapePlan, WHOLE_ARM
+from soft_continuum.sequencing.plans import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
 from soft_continuum.sequencing.runner import EndError, LeaveError, Plan, Runner
 from soft_continuum.sequencing.settings import ABORT, LoopSettings, PAUSE, RunnerSettings

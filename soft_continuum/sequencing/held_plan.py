@@ -16,10 +16,10 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
-from soft_continuum.sequencing.reach.goal import Clear, NoObstacles, ReachSettings
+from soft_continuum.sequencing.moves import MovePlanner
+from soft_continuum.sequencing.plans import PlanError, PlannedStep, Shape, ShapePlan
+from soft_continuum.sequencing.reach.limits import Clear, NoObstacles, ReachSettings
 from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
-from soft_continuum.sequencing.reach.result import PlannedStep
 
 PASSES = 6
 """Plans of a shape that are made at most, each set further by what the one before it missed."""
@@ -51,7 +51,7 @@ def held(passages: Passages, node: Node, vacuums: Sequence[float]) -> Held:
                            error.limit) from None
 
 
-def made_up_for(planner: Planner, set_to: SetTo, missed: Callable[[Any], Array],
+def made_up_for(planner: MovePlanner, set_to: SetTo, missed: Callable[[Any], Array],
                 tolerance: float) -> tuple[Held, float]:
     """
     Return what to set, so that what is wanted holds in the end, and by how much it is off then.
@@ -81,7 +81,7 @@ def made_up_for(planner: Planner, set_to: SetTo, missed: Callable[[Any], Array],
     return best, least
 
 
-def plan_held(planner: Planner, shape: Shape, set_to: SetTo) -> tuple[ShapePlan, Held]:
+def plan_held(planner: MovePlanner, shape: Shape, set_to: SetTo) -> tuple[ShapePlan, Held]:
     """
     Return the plan of a shape given by angles, without ways, and what it sets.
 
@@ -97,7 +97,7 @@ def plan_held(planner: Planner, shape: Shape, set_to: SetTo) -> tuple[ShapePlan,
                      warning=warning), found
 
 
-def plan_held_from_base(planner: Planner, state: Any, start: Array, shape: Shape
+def plan_held_from_base(planner: MovePlanner, state: Any, start: Array, shape: Shape
                         ) -> ShapePlan:
     """
     Return the plan of a shape with vacuums, from a state with every segment stiff.

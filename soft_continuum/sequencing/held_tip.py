@@ -17,20 +17,28 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.held_plan import Held, held, made_up_for
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
+from soft_continuum.sequencing.moves import MovePlanner
+from soft_continuum.sequencing.plans import (
+    PlanError,
+    Reach,
+    Shape,
+    ShapePlan,
+    TipGoal,
+    ways_of,
+    with_relaxing,
+)
 from soft_continuum.sequencing.reach.arcs import Miss
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.goal import ReachSettings, Surroundings, TipGoal
+from soft_continuum.sequencing.reach.limits import ReachSettings, Surroundings
 from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
-from soft_continuum.sequencing.reach.result import Reach, ways_of, with_relaxing
 from soft_continuum.sequencing.reach.search import AIM, as_shape, reach, Search
 
 SHARE = 0.7
 """Of the budget that is left, for one search."""
 
 
-def reach_held(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
+def reach_held(planner: MovePlanner, state: Any, pulls: Sequence[float], shape: Shape,
                surroundings: Surroundings, settings: ReachSettings, first: bool = False) -> Reach:
     """
     Return the plan to a goal of the tip of a shape with vacuums.
@@ -78,7 +86,7 @@ def reach_held(planner: Planner, state: Any, pulls: Sequence[float], shape: Shap
 class _Search:
     """Plans to a goal, and from each of them to goals that are moved."""
 
-    def __init__(self, planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
+    def __init__(self, planner: MovePlanner, state: Any, pulls: Sequence[float], shape: Shape,
                  surroundings: Surroundings, settings: ReachSettings) -> None:
         self.why, self.blocked_by, self.cut_short = '', tuple[str, ...](), False
         self._goal, self._vacuums, self._settings = shape.tips[0], shape.vacuums, settings

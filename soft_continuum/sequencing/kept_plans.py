@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.planner import Shape, ShapePlan
+from soft_continuum.sequencing.plans import Shape, ShapePlan
 from soft_continuum.sequencing.reach import Reach
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles.surroundings import Clearance, Surroundings
-from soft_continuum.sequencing.planner import ShapePlan
+from soft_continuum.sequencing.plans import ShapePlan
 from soft_continuum.sequencing.reach.passage import between, body_radius
 
 ROUNDING = 1e-9  # m

@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 
 from soft_continuum.sequencing.arm_port import ArmPort, Failure, Observation
-from soft_continuum.sequencing.planner import Move, ObstructedError, PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.plans import Move, ObstructedError, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
 from soft_continuum.sequencing.settings import ABORT, RunnerSettings
 

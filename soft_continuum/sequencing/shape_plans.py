@@ -15,13 +15,15 @@ from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles.surroundings import Surroundings
 from soft_continuum.sequencing.held_plan import held, plan_held
 from soft_continuum.sequencing.held_tip import reach_held
-from soft_continuum.sequencing.planner import (
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import (
     Move,
     ObstructedError,
     PlanError,
-    Planner,
     Shape,
     ShapePlan,
+    ways_of,
+    with_relaxing,
 )
 from soft_continuum.sequencing.reach import (
     follow,
@@ -31,7 +33,6 @@ from soft_continuum.sequencing.reach import (
     ReachSettings,
 )
 from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
-from soft_continuum.sequencing.reach.result import ways_of, with_relaxing
 
 Ended = TypeVar('Ended')
 

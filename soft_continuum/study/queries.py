@@ -16,7 +16,8 @@ import numpy as np
 
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.obstacles import Surroundings
-from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.moves import PlanSettings
+from soft_continuum.sequencing.planner import Planner
 from soft_continuum.sequencing.reach import reach, TipGoal
 from soft_continuum.sequencing.settings import reach_from_parameters
 from soft_continuum.study.design import Design

@@ -6,16 +6,15 @@ Plans by tip: which segment to soften when, and to which angle, so that the tip 
 ``reach`` plans to one goal of the tip, ``follow`` a path through several, both among obstacles.
 """
 
+from soft_continuum.sequencing.plans import PlannedStep, Reach, TipGoal
 from soft_continuum.sequencing.reach.follow import follow
-from soft_continuum.sequencing.reach.goal import (
+from soft_continuum.sequencing.reach.limits import (
     Clear,
     Distance,
     NoObstacles,
     ReachSettings,
     Surroundings,
-    TipGoal,
 )
-from soft_continuum.sequencing.reach.result import PlannedStep, Reach
 from soft_continuum.sequencing.reach.search import reach
 
 __all__ = ['Clear', 'Distance', 'NoObstacles', 'PlannedStep', 'Reach', 'ReachSettings',

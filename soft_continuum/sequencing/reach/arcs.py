@@ -16,8 +16,7 @@ from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import within_limits
-from soft_continuum.sequencing.planner import WHOLE_ARM
-from soft_continuum.sequencing.reach.goal import TipGoal
+from soft_continuum.sequencing.plans import TipGoal, WHOLE_ARM
 
 ITERATIONS = 30  # of Levenberg and Marquardt's method
 FITTED = 1e-3  # of the tolerances: nearer need no tip be

@@ -18,7 +18,8 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.sequencing.planner import PlanSettings, WHOLE_ARM
+from soft_continuum.sequencing.moves import PlanSettings
+from soft_continuum.sequencing.plans import WHOLE_ARM
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 
 AXIS_VALUES = 17  # bendings of a segment about its only axis, between its limits

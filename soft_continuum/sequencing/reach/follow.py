@@ -17,13 +17,21 @@ import numpy as np
 import scipy
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.planner import Move, PlanError, Planner, ShapePlan, WHOLE_ARM
+from soft_continuum.sequencing.moves import MovePlanner
+from soft_continuum.sequencing.plans import (
+    Move,
+    PlanError,
+    PlannedStep,
+    Reach,
+    ShapePlan,
+    TipGoal,
+    WHOLE_ARM,
+)
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.goal import ReachSettings, Surroundings, TipGoal
+from soft_continuum.sequencing.reach.limits import ReachSettings, Surroundings
 from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
-from soft_continuum.sequencing.reach.result import PlannedStep, Reach
 from soft_continuum.sequencing.reach.search import as_shape, Search
 
 WIDTH = 3  # plans that are carried on from goal to goal
@@ -34,7 +42,7 @@ MAX_GOALS = 200
 TIPS = 10  # that a fit of a whole path looks at count as one state judged
 
 
-def follow(planner: Planner, state: Any, pulls: Sequence[float], goals: Sequence[TipGoal],
+def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequence[TipGoal],
            surroundings: Surroundings, settings: ReachSettings | None = None
            ) -> Iterator[Reach]:
     """
@@ -75,7 +83,7 @@ class _Track:
 class _Following:
     """One search."""
 
-    def __init__(self, planner: Planner, start: Node, goals: Sequence[TipGoal],
+    def __init__(self, planner: MovePlanner, start: Node, goals: Sequence[TipGoal],
                  surroundings: Surroundings, settings: ReachSettings) -> None:
         self.planner, self.start, self.goals = planner, start, goals
         self.surroundings, self.settings = surroundings, settings

@@ -17,9 +17,9 @@ import numpy as np
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.sequencing.planner import Move, PlanError, Planner, WHOLE_ARM
-from soft_continuum.sequencing.reach.goal import Clear, Distance, ReachSettings, Surroundings
-from soft_continuum.sequencing.reach.result import PlannedStep
+from soft_continuum.sequencing.moves import MovePlanner
+from soft_continuum.sequencing.plans import Move, PlanError, PlannedStep, WHOLE_ARM
+from soft_continuum.sequencing.reach.limits import Clear, Distance, ReachSettings, Surroundings
 
 DETOUR = 1.2
 """A way between two neighbouring states over the straight distance: they differ by little."""
@@ -83,8 +83,8 @@ def body_radius(chain: Any) -> float:
         chain.disc_radii.max(), max(s.outer_diameter for s in chain.arm.segments) / 2))
 
 
-def between(one: Equilibrium | Placed, near_one: float, other: Equilibrium | Placed,
-            near_other: float, radius: float) -> tuple[float, float]:
+def between(one: Equilibrium | Placed, near_one: float, other: Equilibrium | Placed, near_other: float,
+            radius: float) -> tuple[float, float]:
     """Return how near obstacles are between two neighbouring states, how far points move, m."""
     way = DETOUR * moved(one, other, radius)
     return (near_one + near_other - way) / 2.0, way
@@ -93,7 +93,7 @@ def between(one: Equilibrium | Placed, near_one: float, other: Equilibrium | Pla
 class Passages:
     """Moves of one arm among its surroundings."""
 
-    def __init__(self, planner: Planner, surroundings: Surroundings, settings: ReachSettings
+    def __init__(self, planner: MovePlanner, surroundings: Surroundings, settings: ReachSettings
                  ) -> None:
         """Prepare; settings: of which margin, lock_in and softening_time count."""
         self.planner, self.surroundings, self.settings = planner, surroundings, settings

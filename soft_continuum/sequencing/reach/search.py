@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
+from soft_continuum.sequencing.moves import MovePlanner
+from soft_continuum.sequencing.plans import PlanError, Reach, Shape, ShapePlan, TipGoal
 from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
-from soft_continuum.sequencing.reach.goal import Distance, ReachSettings, Surroundings, TipGoal
+from soft_continuum.sequencing.reach.limits import Distance, ReachSettings, Surroundings
 from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages, Placed
-from soft_continuum.sequencing.reach.result import Reach
 
 ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is, at least
 ARC_FACTOR = 1.5  # of how far arcs are off in one shape: in others they may be more
@@ -41,7 +41,7 @@ NEAREST = 30  # shapes that are tried to come near
 NAME = 'tip goal'
 
 
-def reach(planner: Planner, state: Any, pulls: Sequence[float], goal: TipGoal,
+def reach(planner: MovePlanner, state: Any, pulls: Sequence[float], goal: TipGoal,
           surroundings: Surroundings, settings: ReachSettings | None = None) -> Iterator[Reach]:
     """
     Yield plans to a goal of the tip, each better than the one before it; the last is the best.
@@ -63,7 +63,7 @@ def reach(planner: Planner, state: Any, pulls: Sequence[float], goal: TipGoal,
 class Search:
     """A search for plans from a node to one goal."""
 
-    def __init__(self, planner: Planner, start: Node, goal: TipGoal,
+    def __init__(self, planner: MovePlanner, start: Node, goal: TipGoal,
                  surroundings: Surroundings, settings: ReachSettings) -> None:
         """Prepare."""
         self.planner, self.start, self.goal, self.settings = planner, start, goal, settings

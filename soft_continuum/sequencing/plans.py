@@ -1,0 +1,259 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""What plans are made for, shapes and goals of the tip, and what they are made of."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import degrees, inf, isfinite, pi, radians
+from typing import Any, Literal
+
+import numpy as np
+
+from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Array
+
+WHOLE_ARM = -1
+"""In the place of a segment (0-based): all of an arm without jamming, set at once."""
+Kind = Literal['position', 'direction', 'pose']
+KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
+FINEST, FINEST_TURN = 1e-5, 1e-4  # m, rad: tolerances below what friction and springs allow
+ORTHONORMAL = 1e-6
+
+
+class PlanError(ValueError):
+    """
+    A shape cannot be set from the present state within the limits; the message says why.
+
+    limit: the parameter that stands in the way, empty for none.
+    """
+
+    def __init__(self, message: str, limit: str = '') -> None:
+        """Say why, and by which limit."""
+        super().__init__(message)
+        self.limit = limit
+
+
+class ObstructedError(PlanError):
+    """An obstacle is in the way."""
+
+
+@dataclass(frozen=True, eq=False)
+class TipGoal:
+    """
+    Where the tip shall be, in base_link.
+
+    position: (3,) m, of the centre of the top of the last disc; y is 0 for a planar arm.
+    rotation: (3, 3) of that disc, of which 'direction' needs the z axis only; None for a position.
+    kind: what counts: 'position', 'direction' (also where the tip points) or 'pose'.
+    position_tolerance: m, angle_tolerance: rad, that the tip may be away and turned.
+    Raises PlanError for what is no such goal.
+    """
+
+    position: Array
+    rotation: Array | None = None
+    kind: Kind = 'position'
+    position_tolerance: float = 1e-3
+    angle_tolerance: float = radians(2.0)
+
+    def __post_init__(self) -> None:
+        """Refuse what is no goal."""
+        position = np.array(self.position, dtype=float)
+        object.__setattr__(self, 'position', position)
+        if position.shape != (3,) or not np.all(np.isfinite(position)):
+            raise PlanError(f'the tip goal is at {position.tolist()}; needed: three finite '
+                            'numbers x, y, z in m')
+        if self.kind not in KINDS:
+            raise PlanError(f'the kind of the tip goal is {self.kind!r}; '
+                            f'allowed: {", ".join(KINDS)}')
+        for name, value, low, high, unit in (
+                ('position', self.position_tolerance, FINEST, 1.0, 'm'),
+                ('angle', self.angle_tolerance, FINEST_TURN, pi, 'rad')):
+            if not (isfinite(value) and low <= value <= high):
+                raise PlanError(f'the {name} tolerance of the tip goal is {value:g} {unit}; '
+                                f'allowed: {low:g} to {high:.4g} {unit}')
+        if self.kind == 'position':
+            return
+        if self.rotation is None:
+            raise PlanError(f'a tip goal of kind {self.kind} needs a rotation')
+        rotation = np.array(self.rotation, dtype=float)
+        object.__setattr__(self, 'rotation', rotation)
+        if rotation.shape != (3, 3) or not np.allclose(
+                rotation.T @ rotation, np.eye(3), atol=ORTHONORMAL) or (
+                np.linalg.det(rotation) < 0.0):
+            raise PlanError('the rotation of the tip goal is not a (3, 3) rotation matrix; its '
+                            'columns must be right-handed, orthogonal and of length 1')
+
+    def check(self, arm: Arm) -> None:
+        """Raise PlanError if the tip of ``arm`` cannot be there for lack of a dimension."""
+        for k in np.flatnonzero(~arm.pose_axes[:3]):  # the axis across the plane of the arm
+            if abs(self.position[k]) > self.position_tolerance:
+                raise PlanError(
+                    f'the tip goal has {"xyz"[k]} = {self.position[k]:g} m; a planar arm moves at '
+                    f'{"xyz"[k]} = 0, and the tolerance is {self.position_tolerance:g} m')
+            if self.kind == 'position' or self.rotation is None:
+                continue
+            turned = float(np.arccos(np.clip(self.rotation[k, k], -1.0, 1.0))
+                           if self.kind == 'pose' else
+                           np.arcsin(min(abs(self.rotation[k, 2]), 1.0)))
+            if turned > self.angle_tolerance:
+                raise PlanError(
+                    f'the tip goal is turned out of the plane of the arm by {degrees(turned):.1f} '
+                    f'degrees; the tolerance is {degrees(self.angle_tolerance):.1f} degrees')
+
+
+@dataclass(frozen=True)
+class Shape:
+    """
+    A shape: its name, the bending angle of every segment (rad), how long to hold it (s).
+
+    bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.  tips: where
+    the tip shall be, one goal or several as a path; the angles are then empty until it is planned.
+    vacuums: of every segment while the shape is held, Pa below ambient; empty for all stiff.
+    """
+
+    name: str
+    bending_angles: tuple[float, ...]
+    hold_time: float = 0.0
+    bending_directions: tuple[float, ...] = ()
+    tips: tuple[TipGoal, ...] = ()
+    vacuums: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """
+    One segment (0-based) softened, bent and stiffened, or WHOLE_ARM bent.
+
+    goal: as State.bending, rad, of which that of what is soft counts.  times: (points,) s from the
+    start of the motion.  pulls: (points, tendons) m.  largest_tension: N, as the model predicts.
+    sliding: of each tendon through its guides, as Statics.solve takes it.
+    """
+
+    segment: int
+    goal: Array
+    times: Array
+    pulls: Array
+    largest_tension: float
+    sliding: tuple[int, ...] = ()
+
+    @property
+    def duration(self) -> float:
+        """Time for which the tendons move, s."""
+        return float(self.times[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedStep:
+    """
+    One Move of a plan, as the model predicts it.
+
+    states: from the one in which its segment becomes soft to the one that is stiffened, all in
+    equilibrium with the pulls of the move.  clearance: m, the smallest on the way and between
+    these states.  obstacle: the name of the nearest, empty for none.  tension: N, the largest.
+    duration: s, of the motion and of softening and stiffening.
+    """
+
+    states: tuple[Any, ...]
+    clearance: float
+    obstacle: str
+    tension: float
+    duration: float
+
+
+@dataclass(frozen=True, eq=False)
+class ShapePlan:
+    """
+    The moves that set one shape, and the state of the model after them.
+
+    ways: of each move the states on its way, from soft to stiffened, and at last of ``relaxing``;
+    empty where nobody needs them.  clearances: of each way the smallest distance to obstacles that
+    it was planned with, m; empty without obstacles.  relaxing: how the arm gives way from stiff
+    when the shape's vacuums are lowered, None where it has none.  warning: how far off the shape
+    is held with them; empty for not far.
+    """
+
+    shape: Shape
+    moves: tuple[Move, ...]
+    state: Any
+    ways: tuple[tuple[Any, ...], ...] = ()
+    clearances: tuple[float, ...] = ()
+    relaxing: PlannedStep | None = None
+    warning: str = ''
+
+    @property
+    def stiff(self) -> Any:
+        """The state before the shape's vacuums are lowered, None where it has none."""
+        return None if self.relaxing is None else self.relaxing.states[0]
+
+    @property
+    def as_set(self) -> Shape:
+        """The shape that is set before its vacuums are: where they let it give way, another."""
+        if self.stiff is None:
+            return self.shape
+        tip = self.stiff.backbone[-1]
+        return replace(self.shape, bending_angles=tuple(self.stiff.bending_angles.tolist()),
+                       bending_directions=tuple(self.stiff.bending_directions.tolist()),
+                       tips=tuple(replace(goal, position=tip) for goal in self.shape.tips),
+                       vacuums=())
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """
+    A plan by tip.
+
+    plan: its moves and the state after them; None where nothing better than to stay is known.
+    why: empty; or why the goal is not reached, and then the plan is to the nearest that is known.
+    steps: one for each move; the last one also has the way on which the arm gives way when the
+    vacuums of its shape are lowered.  tip_error: m from the tip to the goal in the end, of a path
+    the largest distance of the tip from it on the way.  turn_error: rad, likewise.  blocked_by:
+    the names of obstacles that stopped what was tried, the most frequent first, if there is no
+    plan.  cut_short: whether time_limit ended the search, not what it had judged: with more time
+    it may find another.
+    """
+
+    plan: ShapePlan | None
+    why: str = ''
+    steps: tuple[PlannedStep, ...] = ()
+    tip_error: float = 0.0
+    turn_error: float = 0.0
+    blocked_by: tuple[str, ...] = ()
+    cut_short: bool = False
+
+    @property
+    def softenings(self) -> int:
+        """How often a segment is softened; of an arm without jamming, how often it moves."""
+        return len(self.steps)
+
+    @property
+    def duration(self) -> float:
+        """How long all steps take, s."""
+        return sum(step.duration for step in self.steps)
+
+    @property
+    def tension(self) -> float:
+        """The largest tension on the way, N."""
+        return max((step.tension for step in self.steps), default=0.0)
+
+    @property
+    def clearance(self) -> tuple[float, str]:
+        """The smallest distance to an obstacle on the way, m, and its name."""
+        nearest = min(self.steps, key=lambda step: step.clearance, default=None)
+        return (inf, '') if nearest is None else (nearest.clearance, nearest.obstacle)
+
+
+def ways_of(steps: Sequence[PlannedStep]
+            ) -> tuple[tuple[tuple[Any, ...], ...], tuple[float, ...]]:
+    """Return the ways of a plan and how near to obstacles they were planned, as of ShapePlan."""
+    return tuple(step.states for step in steps), tuple(step.clearance for step in steps)
+
+
+def with_relaxing(steps: Sequence[PlannedStep], relaxing: PlannedStep) -> tuple[PlannedStep, ...]:
+    """Return steps, of which the last one goes on with the way on which the arm gives way."""
+    if not steps:
+        return ()
+    last = steps[-1]
+    nearest = min(last, relaxing, key=lambda one: one.clearance)
+    return (*steps[:-1], PlannedStep(
+        last.states + relaxing.states, nearest.clearance, nearest.obstacle,
+        max(last.tension, relaxing.tension), last.duration))
