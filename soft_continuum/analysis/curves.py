@@ -21,6 +21,7 @@ from soft_continuum.analysis.delimited import (
     Table,
 )
 from soft_continuum.mechanics.arm import Array
+from soft_continuum.text import MAX_NAME, printable
 
 MIN_POINTS = 10  # on the way up, for a slope that means something
 NEW_PAGE = 0.1  # of the range: a block that begins higher goes on with the one before
@@ -100,8 +101,34 @@ def _sides(table: Table) -> list[tuple[Column, Column]]:
     found = table.all('displacement'), table.all('force')
     if len(found[0]) == len(found[1]) and all(
             len({column.header for column in columns}) == 1 for columns in found):
-        return list(zip(*found, strict=True))
+        sides = list(zip(*found, strict=True))
+        _check_alike(table, sides)
+        return sides
     return [(table.column('displacement'), table.column('force'))]
+
+
+def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
+    """Refuse sides that a row above or below the header calls by different names: channels."""
+    places = [[column.number - 1 for column in side] for side in sides]
+    for rows, are_below in ((table.below, True), (table.above, False)):
+        for line, row in rows:
+            cells = [*row, *[''] * (max(map(max, places)) + 1 - len(row))]
+            # One name stands over all the columns of a side, in the first of them.
+            over = [next((cell for cell in reversed(cells[:k + 1]) if cell), '')
+                    for k in range(len(cells))]
+            # A title has nothing above the other sides.
+            if (are_below or any(cells[max(places[0]) + 1:])) and any(
+                    [said[k] for k in place] != [said[k] for k in places[0]]
+                    for place in places for said in ((cells, over) if are_below else (over,))):
+                choices = ' and '.join(
+                    f'--{quantity.name}-column {" or ".join(str(c.number) for c in columns)}'
+                    for quantity, columns in zip((DISPLACEMENT, FORCE), zip(*sides, strict=True),
+                                                 strict=True))
+                raise MeasurementError(
+                    f'{table.path}, line {line}: columns with one header are not called the same '
+                    f'here ({", ".join(repr(printable(cell, MAX_NAME)) for cell in row if cell)}),'
+                    f' so they may be several channels: give the numbers of the columns, {choices}'
+                    '; if they are repetitions, have this line say the same of all')
 
 
 def _whole(table: Table, displacement: Column) -> list[tuple[int, int]]:

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass, field, replace
 from functools import cache
+from itertools import takewhile
 from pathlib import Path
 import re
 from typing import Any
@@ -93,7 +94,11 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Column:
-    """One column: its header, its factor to SI, its cells and the lines they stand in."""
+    """
+    One column: its header, its factor to SI, its cells and the lines they stand in.
+
+    number: of the column in the file, from 1.
+    """
 
     path: Path
     header: str
@@ -101,6 +106,7 @@ class Column:
     cells: tuple[str, ...]
     lines: tuple[int, ...]
     decimal: str
+    number: int = 0
 
     def part(self, start: int, end: int) -> 'Column':
         """Return the rows from start to end."""
@@ -133,11 +139,14 @@ class Table:
     What was read: for each quantity its columns; more than one where the header has several.
 
     blocks: first row and the row after the last of each block; one unless the header is repeated.
+    above, below: line and cells of what stands above the headers, and from there to the numbers.
     """
 
     path: Path
     columns: Mapping[Quantity, tuple[Column, ...]]
     blocks: tuple[tuple[int, int], ...]
+    above: Sequence[tuple[int, Sequence[str]]]
+    below: Sequence[tuple[int, Sequence[str]]]
 
     def all(self, name: str) -> tuple[Column, ...]:
         """Return all columns that may be the quantity."""
@@ -148,10 +157,12 @@ class Table:
         found = self.all(name)
         if len(found) > 1:
             quantity = next(q for q in self.columns if q.name == name)
+            alike = len({c.header for c in found}) < len(found)
             raise MeasurementError(
                 f'{self.path}: {len(found)} columns may be the {name}: '
-                f'{", ".join(repr(c.header) for c in found)}; '
-                + quantity.remedy('rename or delete all but one'))
+                + ', '.join(repr(c.header) + f' (column {c.number})' * alike for c in found) + '; '
+                + quantity.remedy('rename or delete all but one')
+                + ', by its number' * (alike and quantity.options))
         return found[0]
 
     def has(self, name: str) -> bool:
@@ -161,13 +172,18 @@ class Table:
 
 @dataclass
 class _Block:
-    """A header and what stands below it: a row of units, if there is one, and rows by lines."""
+    """
+    A header and what stands below it: a row of units, if there is one, and rows by lines.
+
+    words: rows above the numbers, that of units too.
+    """
 
     line: int
     header: list[str]
     places: dict[Quantity, list[int]]
     rows: list[tuple[int, list[str]]] = field(default_factory=list)
     units: list[str] = field(default_factory=list)
+    words: list[tuple[int, list[str]]] = field(default_factory=list)
 
     def measured(self, row: Sequence[str]) -> list[str]:
         """Return the cells of a row that have a unit."""
@@ -181,9 +197,10 @@ class _Block:
 
     def trim(self) -> '_Block':
         """Put the row of units apart, and take away words below the numbers: titles, results."""
-        for k, (_, row) in enumerate(self.rows[:MAX_SUBHEADERS]):
+        for k, (line, row) in enumerate(self.rows[:MAX_SUBHEADERS]):
             if any(_is_number(cell) for cell in self.measured(row)):
                 break
+            self.words.append((line, row))
             if _is_of_units(self.measured(row)):
                 self.units = row
                 del self.rows[:k + 1]
@@ -210,7 +227,7 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
     """
     path = Path(path)
     units, usual = units or {}, usual or {}
-    delimiter, blocks = _blocks(path, _text(path), quantities, named or {})
+    delimiter, blocks, above = _blocks(path, _text(path), quantities, named or {})
     first = blocks[0]
     for block in blocks:
         for number, row in block.rows:
@@ -222,7 +239,8 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
         _factor(f'{path}, line {first.line}', quantity, first.header[place],
                 first.units[place:place + 1],
                 units.get(quantity.name, ''), usual.get(quantity.name, '')),
-        tuple(row[place] for _, row in rows), lines, decimal or '.') for place in places)
+        tuple(row[place] for _, row in rows), lines, decimal or '.', place + 1)
+        for place in places)
         for quantity, places in first.places.items()}
     if not decimal:
         measured = [c for q, found in columns.items() if q.unit for c in found]
@@ -231,7 +249,8 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
         columns = {q: tuple(replace(c, decimal=decimal) for c in found)
                    for q, found in columns.items()}
     ends = np.cumsum([len(block.rows) for block in blocks]).tolist()
-    return Table(path, columns, tuple(zip([0, *ends[:-1]], ends, strict=True)))
+    return Table(path, columns, tuple(zip([0, *ends[:-1]], ends, strict=True)), above,
+                 [row for block in blocks for row in block.words])
 
 
 def _text(path: Path) -> str:
@@ -280,9 +299,14 @@ def _cells(text: str, delimiter: str) -> list[str]:
         return [text]
 
 
-def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mapping[str, str]
-            ) -> tuple[str, list[_Block]]:
-    """Return the delimiter, and the longest table: its block, or those with the same header."""
+def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mapping[str, str],
+            known: bool = True) -> tuple[str, list[_Block], list[tuple[int, list[str]]]]:
+    """
+    Return the delimiter, the longest table, and what stands above it.
+
+    The table is a block, or those with the same header.  known: whether columns that are given
+    by their numbers have a header that says what they are; if there is none, any word does.
+    """
     rows = [(number, row) for number, row in _rows(text) if row.strip()]
     if not rows:
         raise MeasurementError(f'{path}: the file is empty; export the measurement again')
@@ -307,7 +331,8 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
                 while not header[-1] and len(header) > 1:
                     header.pop()
                 places = {q: [k for k, cell in enumerate(header)
-                              if _matches(cell, q, named.get(q.name))] for q in quantities}
+                              if _matches(cell, q, named.get(q.name), k + 1, known)]
+                          for q in quantities}
                 missing = [q for q in required if not places[q]]
                 if not missing:
                     blocks.append(_Block(number, header, places))
@@ -327,13 +352,45 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
                     raise MeasurementError(
                         f'{path}, lines {block.line} and {longest.line}: two tables that differ '
                         'in their headers; put each into a file of its own')
-            return delimiter, same
+            above = [row for block in same for row in _above(rows, block, blocks, delimiter)]
+            for block in same if named else ():
+                _find_others(block, above, [q for q in required if q.name not in named], required)
+            return delimiter, same, above
         if delimiter.strip(' '):
             bare = bare or next(iter(blocks), None)
+    if known and any(name.isdecimal() for name in named.values()):
+        return _blocks(path, text, quantities, named, known=False)
     if bare:
         raise MeasurementError(f'{path}, line {bare.line}: there are no rows below the header; '
                                'export the measured values as well')
     raise MeasurementError(_no_header(path, rows[0], best, required))
+
+
+def _above(rows: Sequence[tuple[int, str]], block: _Block, blocks: Sequence[_Block],
+           delimiter: str) -> Iterator[tuple[int, list[str]]]:
+    """Yield line and cells of the rows above a block, upwards to the numbers of another one."""
+    before = [other for other in blocks if other.line < block.line and other.numbered]
+    for line, row in reversed([each for each in rows if each[0] < block.line]):
+        cells = _cells(row, delimiter)
+        if before and (line <= before[-1].line
+                       or any(_is_number(cell) for cell in before[-1].measured(cells))):
+            break
+        if not delimiter.strip(' '):  # nothing holds the place of an empty cell
+            width = len(block.header)
+            cells = [cells[place * len(cells) // width] for place in range(width)]
+        yield line, cells
+
+
+def _find_others(block: _Block, above: Sequence[tuple[int, list[str]]],
+                 wanted: Sequence[Quantity], all_of_them: Sequence[Quantity]) -> None:
+    """Find more columns of quantities that are not named, in another row that is a header too."""
+    near = takewhile(lambda each: not any(map(_is_number, each[1])), above)
+    for _, row in (*near, *block.words):
+        found = {q: [k for k, cell in enumerate(row[:len(block.header)])
+                     if _matches(cell, q, None, k + 1, True)] for q in all_of_them}
+        for quantity in wanted if all(found.values()) else ():
+            if len(found[quantity]) > len(block.places[quantity]):
+                block.places[quantity] = found[quantity]
 
 
 def _no_header(path: Path, first: tuple[int, str],
@@ -354,11 +411,16 @@ def _no_header(path: Path, first: tuple[int, str],
             f'or ' + required[0].remedy(f'write {names} above the columns'))
 
 
-def _matches(cell: str, quantity: Quantity, named: str | None) -> bool:
+def _matches(cell: str, quantity: Quantity, named: str | None, number: int, known: bool) -> bool:
+    """Return whether a cell is the header of a quantity; named: by a header, or by its number."""
     if len(cell) > MAX_HEADER:
         return False
     if not cell.strip('+-0123456789., eE'):
-        return cell == named
+        return cell == named and not known
+    if named is not None and named.isdecimal():
+        return number == int(named) and (
+            _matches(cell, quantity, None, number, known) if known else
+            bool(re.search(r'[^\W\d_]', cell)) and not _is_of_units([cell]))
     if named is not None:
         return ' '.join(named.split()) in (cell, _name(cell),
                                            BRACKETS.sub('', cell[::-1], 1)[::-1].strip())

@@ -60,7 +60,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='accept a stiffness that looks like a wrong unit')
     for name in COLUMNS:
         parser.add_argument(f'--{name}-column', metavar='HEADER',
-                            help=f'header of the column of {name}, where it is not recognised')
+                            help=f'header of the column of {name}, where it is not recognised, or '
+                            'its number')
     for name in UNITS:
         parser.add_argument(f'--{name}-unit', metavar='UNIT',
                             help=f'unit of {name}, in place of what the header says')

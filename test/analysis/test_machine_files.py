@@ -234,6 +234,97 @@ def test_the_decimal_mark_can_be_given(tmp_path):
     assert read_curves([path], decimal=',')[0].force == pytest.approx(1e3 * (FORCE + 1.0))
 
 
+def two_cells(*head):
+    """Return a file of two channels each: force 0.02 and 0.032 N a step, 0.27 and 0.3 mm."""
+    return '\n'.join([*head, *(
+        f'{i};{0.02 * i:.4f};{0.27 * i:.4f};{0.032 * i:.4f};{0.3 * i:.4f}' for i in range(30))])
+
+
+CHANNELS = ';Cell 1;Crosshead;Cell 2;Extensometer'
+HEADER, UNITS = 'Time;Force;Displacement;Force;Displacement', 's;N;mm;N;mm'
+BRACKETED = 'Time;Force [N];Displacement [mm];Force [N];Displacement [mm]'
+CALLED = {
+    'between header and units': (HEADER, CHANNELS, UNITS),
+    'above the header': (CHANNELS, HEADER, UNITS),
+    'above what is said of each': ('Specimen 1;;;Specimen 2', 'Area;12,5;;12,5', HEADER, UNITS),
+    'above a header with units': (CHANNELS, BRACKETED),
+    'between header and numbers': (BRACKETED, CHANNELS),
+    'over the first column of each': (';Cell 1;;Cell 2;', HEADER, UNITS),
+    'above and below': (CHANNELS, HEADER, ';Actual;Actual;Actual;Actual', UNITS),
+    'of one alone': (HEADER, ';;;Reference;', UNITS),
+    'in a header of their own': (
+        'Time;Force 1;Displacement 1;Force 2;Displacement 2', HEADER, UNITS),
+    'by their units': (HEADER, 's;N;mm;mN;mm'),
+}
+
+
+@pytest.mark.parametrize('head', CALLED.values(), ids=CALLED)
+def test_channels_named_in_a_row_of_their_own_are_asked_for(tmp_path, head):
+    path = tmp_path / 'a.csv'
+    path.write_text(two_cells('Test report', *head), encoding='utf-8')
+    with pytest.raises(MeasurementError, match=(
+            r'a.csv, line \d: .* may be several channels: give the numbers of the columns, '
+            '--displacement-column 3 or 5 and --force-column 2 or 4; if they are repetitions')):
+        read_curves([path])
+
+
+def test_channels_named_above_columns_that_blanks_separate_are_asked_for(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('Cell 1   Cell 2\n' + table(
+        'Force [N]  Displacement [mm]  Force [N]  Displacement [mm]',
+        lambda u, f: f'{f:.2f}  {u:.2f}  {f:.2f}  {u:.2f}'), encoding='utf-8')
+    with pytest.raises(MeasurementError, match=r"line 1: .*'Cell 1'.*'Cell 2'.*--force-column 1"):
+        read_curves([path])
+
+
+@pytest.mark.parametrize('head', [
+    (HEADER, UNITS), (BRACKETED,), ('Test report', 'Operator;NN', HEADER, UNITS),
+    ('Raw;Raw;Raw;Raw;Raw', HEADER, ';Actual;Actual;Actual;Actual', UNITS)])
+def test_repetitions_side_by_side_that_are_called_the_same_are_read(tmp_path, head):
+    path = tmp_path / 'a.csv'
+    path.write_text(two_cells(*head), encoding='utf-8')
+    first, second = read_curves([path])
+    assert first.force == pytest.approx(FORCE)
+    assert second.displacement == pytest.approx(0.3e-3 * np.arange(30))
+
+
+@pytest.mark.parametrize('columns', [
+    {'force': '4', 'displacement': '5'}, {'force': 'Cell 2', 'displacement': 'Extensometer'}])
+@pytest.mark.parametrize('head', [(HEADER, CHANNELS, UNITS), (CHANNELS, HEADER, UNITS)])
+def test_one_of_the_channels_can_be_named(tmp_path, head, columns):
+    path = tmp_path / 'a.csv'
+    path.write_text(two_cells('Test report', *head), encoding='utf-8')
+    curve, = read_curves([path], columns)
+    assert curve.force == pytest.approx(0.032 * np.arange(30))
+    assert curve.displacement == pytest.approx(0.3e-3 * np.arange(30))
+
+
+@pytest.mark.parametrize('force', ['4', 'Cell 2'])
+def test_of_the_other_quantity_is_asked_which_column(tmp_path, force):
+    path = tmp_path / 'a.csv'
+    path.write_text(two_cells(HEADER, CHANNELS, UNITS), encoding='utf-8')
+    with pytest.raises(MeasurementError, match='2 columns may be the displacement'):
+        read_curves([path], {'force': force})
+
+
+def test_of_columns_with_one_name_the_number_chooses(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text(table('Force [N];Weg [mm];Force [N]',
+                          lambda u, f: f'{f:.2f};{u:.2f};{2 * f:.2f}'), encoding='utf-8')
+    with pytest.raises(MeasurementError, match=re.escape(
+            "2 columns may be the force: 'Force [N]' (column 1), 'Force [N]' (column 3); name it "
+            'with --force-column, by its number')):
+        read_curves([path])
+    assert read_curves([path], {'force': '3'})[0].force == pytest.approx(2 * FORCE)
+    path.write_text(table('Note;of;a test\nSignal;Signal;Signal\nN;mm;N',
+                          lambda u, f: f'{10 * f:.1f};{u:.2f};{2 * f:.2f}'), encoding='utf-8')
+    curve, = read_curves([path], {'force': '3', 'displacement': '2'})
+    assert curve.force == pytest.approx(2 * FORCE)
+    assert curve.displacement == pytest.approx(UP)
+    with pytest.raises(MeasurementError, match='no column for force'):
+        read_curves([path], {'force': '4', 'displacement': '2'})
+
+
 @given(values=st.lists(st.integers(0, 10_000_000), min_size=2, max_size=20),
        decimals=st.integers(0, 4), mark=st.sampled_from('.,'),
        by=st.sampled_from(('', 'other', ' ', '\u202f', '\u00a0', "'")), quoted=st.booleans())
