@@ -25,7 +25,7 @@ from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDO
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import KINEMATICS, TELEOP
+from soft_continuum.ros.names import KINEMATICS, NODES, TELEOP
 from soft_continuum.ros.network import PARENT, SAID
 from soft_continuum.ros.urdf import arm_urdf
 
@@ -70,10 +70,11 @@ def start(context):
     namespace, with_rviz = given['namespace'].strip('/'), given['rviz'] == 'true'
     files = [str(Path(path).expanduser())
              for path in (given['params_file'], given['more_params_file']) if path]
+    steering = STEERING * (given['teleop'] == 'true')
     try:
-        check_start(namespace, files, ('robot_state_publisher', 'rviz2') if with_rviz else ())
-        names = nodes_on(given['computer'], (
-            *nodes_of(files, namespace), *STEERING * (given['teleop'] == 'true')))
+        check_start(namespace, files, ('robot_state_publisher', 'rviz2') if with_rviz else (),
+                    nodes_on(given['computer'], (*NODES, *steering)))
+        names = nodes_on(given['computer'], (*nodes_of(files, namespace), *steering))
     except ParameterError as error:
         raise RuntimeError(f'nothing was started: {error}') from None
     asked = {name: given[name] for name in DRIVERS if given[name] != FROM_FILE}

@@ -77,19 +77,20 @@ def description_files(options: Namespace) -> list[str | Path]:
     return list(vars(options).get('params_file') or [description_file()])
 
 
-def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = ()) -> None:
+def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = (),
+                nodes: Sequence[str] = NODES) -> None:
     """
     Check what a launch file starts, before it starts anything.
 
-    Raises ParameterError for a namespace that ROS does not take, for a parameter file as the nodes
-    do, and for one of the ``packages`` of ROS that is not installed.
+    Raises ParameterError for a namespace that ROS does not take, for a parameter file as the
+    ``nodes`` do, and for one of the ``packages`` of ROS that is not installed.
     """
     try:
         validate_namespace('/' + namespace)
     except InvalidNamespaceException as error:
         raise ParameterError(f'namespace {namespace!r} is not one that ROS takes: '
                              f'{str(error).splitlines()[0]}') from None
-    check_parameter_files(start_arguments(namespace, files), NODES)
+    check_parameter_files(start_arguments(namespace, files), nodes)
     for package in packages:
         if package not in get_packages_with_prefixes():
             raise ParameterError(

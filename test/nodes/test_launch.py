@@ -157,6 +157,22 @@ def test_a_mistake_in_a_section_for_another_namespace_keeps_nothing_from_startin
         by_launch('kinematics', [path], namespace='right')
 
 
+@pytest.mark.parametrize('computer', ['all', 'workstation'])
+@pytest.mark.parametrize(('node', 'line', 'message'), [
+    ('teleop', 'teleop.tip_speeed: 0.1', 'teleop.tip_speeed'),
+    ('servo', 'payload: 0.1', 'payload'),
+    ('servo', 'arm: {payload: heavy}', 'arm.payload'),
+    ('shape_sequencer', 'loop.tip_tolerence: 0.1', 'loop.tip_tolerence')])
+def test_a_mistake_in_the_section_of_any_node_keeps_all_from_starting(
+        tmp_path: Path, node: str, line: str, message: str, computer: str) -> None:
+    path = tmp_path / 'more.yaml'
+    path.write_text(section(f'/{node}', line), encoding='utf-8')
+    with pytest.raises(RuntimeError, match=f'nothing was started: .*{message}'):
+        launched(more_params_file=str(path), teleop='true', computer=computer)
+    # Where it is not started it is not asked.
+    assert len(launched(more_params_file=str(path), teleop='true', computer='rig')) == 2
+
+
 @pytest.mark.parametrize(('asked', 'nodes'), [
     ({}, {'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer'}),
     ({'computer': 'rig'}, {'tendon_actuation', 'jamming_valves'}),
