@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array, SLACK
-from soft_continuum.mechanics.model import statics_of
-from soft_continuum.mechanics.spatial.directions import bending_vectors, within_limits
-from soft_continuum.mechanics.statics import HeldBending, SLACK_ALLOWANCE, StaticsError
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import SLACK
+from soft_continuum.mechanics.directions import bending_vectors, within_limits
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import HeldBending, SLACK_ALLOWANCE, Statics
 from soft_continuum.sequencing.plans import Move, PlanError, Shape, WHOLE_ARM
 from soft_continuum.sequencing.timing import timed
 
@@ -86,7 +86,7 @@ class MovePlanner:
         abandoned: whether the plan is no longer wanted.  offsets: (tendons,) m by which each
         tendon is pulled in beyond what its motor says.
         """
-        self.statics: Any = statics_of(arm)
+        self.statics: Any = Statics(arm)
         self.settings = settings
         self._abandoned = abandoned
         self._offsets = np.zeros(len(arm.tendon_names)) if offsets is None else np.array(offsets)

@@ -9,8 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Array
+from soft_continuum.mechanics.arm import Arm, Array
 
 WHOLE_ARM = -1
 """In the place of a segment (0-based): all of an arm without jamming, set at once."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Protocol
 
-from soft_continuum.mechanics.chain import Array
-from soft_continuum.mechanics.model import State
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.sequencing.plans import PlanError
 
 
@@ -31,7 +31,7 @@ class Surroundings(Protocol):
     The body that it measures is that of the state; distances may be too small, never too large.
     """
 
-    def clearance(self, state: State) -> Distance:
+    def clearance(self, state: Equilibrium) -> Distance:
         """Return the smallest distance between the arm and an obstacle."""
 
     def at(self, position: Array) -> Distance:
@@ -49,7 +49,7 @@ class Clear:
 class NoObstacles:
     """Surroundings without an obstacle."""
 
-    def clearance(self, state: State) -> Clear:
+    def clearance(self, state: Equilibrium) -> Clear:
         """Return that nothing is near."""
         return Clear()
 

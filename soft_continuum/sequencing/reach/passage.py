@@ -83,8 +83,8 @@ def body_radius(chain: Any) -> float:
         chain.disc_radii.max(), max(s.outer_diameter for s in chain.arm.segments) / 2))
 
 
-def between(one: Equilibrium | Placed, near_one: float, other: Equilibrium | Placed, near_other: float,
-            radius: float) -> tuple[float, float]:
+def between(one: Equilibrium | Placed, near_one: float, other: Equilibrium | Placed,
+            near_other: float, radius: float) -> tuple[float, float]:
     """Return how near obstacles are between two neighbouring states, how far points move, m."""
     way = DETOUR * moved(one, other, radius)
     return (near_one + near_other - way) / 2.0, way
