@@ -49,6 +49,8 @@ PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'v
 OF_CHANNELS = frozenset(
     ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
 """Words after the name of a quantity that do not change it: force cell 2, cycle count."""
+AMONG = 2.0
+"""Whole numbers up to so many times the largest one with a mark may be among them, as decimals."""
 JUMP, STEP = 0.5, 0.25
 """Largest step over the range of a column: more only with a wrong mark, less without."""
 MOTION_CAPTURE = re.compile(
@@ -561,19 +563,7 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
             f'{measured[0].path}, lines {excluded[","]} and {excluded["."]}: decimal points and '
             'decimal commas in one file; export it with one of them')
     if excluded or not unsure:
-        mark = ',' if '.' in excluded else '.'
-        for column in measured:
-            # 4,800; 5.100; 5,400: one that was put right by hand.
-            cells = [cell.replace(OTHER[mark], mark) if len(_marks(cell)) == 2 else cell
-                     for cell in column.cells]
-            if _jump(column.cells, mark) > JUMP and _jump(cells, mark) < STEP:
-                line, cell = next((line, was) for line, was, cell in zip(
-                    column.lines, column.cells, cells, strict=True) if was != cell)
-                raise MeasurementError(
-                    f'{column.path}, line {line}: {column.header} is {cell!r}, which is '
-                    f'{_number(cell, mark):g} with the decimal mark of the others, far from its '
-                    f'neighbours: correct it, or give --decimal {mark} if it is so')
-        return mark
+        return _checked(measured, ',' if '.' in excluded else '.')
     line, column = unsure[0]
     cell = column.cells[column.lines.index(line)]
     # What a column does with the other mark, such as a time of day, 10.15, says nothing of this.
@@ -581,13 +571,29 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
     votes = {mark for cells in table if any(shared in each for each in cells)
              for mark in _vote(cells)}
     if len(votes) == 1:
-        return votes.pop()
+        return _checked(measured, votes.pop())
     if delimiter == ',' and not any(',' in cell for column in measured for cell in column.cells):
         return '.'
     raise MeasurementError(
         f'{column.path}, line {line}: {column.header} is {cell!r}, which may be '
         f'{_number(cell, "."):g} or {_number(cell, ","):g}: say which mark is the decimal one, '
         'with --decimal . or --decimal ,')
+
+
+def _checked(measured: Sequence[Column], mark: str) -> str:
+    """Return the mark; raises MeasurementError for a number that stands out, so read."""
+    for column in measured:
+        # 4,800; 5.100; 5,400: one that was put right by hand.
+        cells = [cell.replace(OTHER[mark], mark) if len(_marks(cell)) == 2 else cell
+                 for cell in column.cells]
+        if _jump(column.cells, mark) > JUMP and _jump(cells, mark) < STEP:
+            line, cell = next((line, was) for line, was, cell in zip(
+                column.lines, column.cells, cells, strict=True) if was != cell)
+            raise MeasurementError(
+                f'{column.path}, line {line}: {column.header} is {cell!r}, which is '
+                f'{_number(cell, mark):g} with the decimal mark of the others, far from its '
+                f'neighbours: correct it, or give --decimal {mark} if it is so')
+    return mark
 
 
 def _jump(cells: Sequence[str], mark: str) -> float:
@@ -605,9 +611,13 @@ def _vote(cells: Sequence[str]) -> set[str]:
     if len(allowed) == 2 and len(marks) == 1:
         mark, = marks
         whole = any(mark not in cell and cell.strip('+-\u22120') for cell in filled)
-        # 267 and 1.600: no format drops decimals in one row and keeps a 0 behind them in another.
+        # 267 and 1.600: few formats drop decimals in one row and keep a 0 behind them in another.
+        # Whole numbers of those lie among the others: 1, 1.110, 1.220.
         if whole and any(mark in cell and cell.endswith('0') for cell in filled):
-            return {OTHER[mark]}
+            sizes = [max(abs(_number(cell, mark)) for cell in filled if (mark in cell) == marked)
+                     for marked in (False, True)]
+            if sizes[0] > AMONG * sizes[1]:
+                return {OTHER[mark]}
     return allowed
 
 

@@ -226,6 +226,45 @@ def test_what_may_be_read_in_two_ways_is_refused(tmp_path, text, message):
         read_curves([path])
 
 
+def whole_or_three(value):
+    """Return a number as programs do that drop decimals of whole numbers alone."""
+    return f'{value:.3f}'.removesuffix('.000')
+
+
+@pytest.mark.parametrize('step', [0.11, 0.125, 0.25, 0.5, 1.1, 1.5])
+@pytest.mark.parametrize('mark', '.,')
+def test_decimals_that_whole_numbers_lack_are_asked_for(tmp_path, step, mark):
+    """1, 1.110, 1.220, ...: by their trailing zeros these would be thousands."""
+    path = tmp_path / 'a.csv'
+    path.write_text('Displacement [mm];Force [mN]\n' + '\n'.join(
+        f'{whole_or_three(1 + step * k).replace(".", mark)};{72 + 8 * k}' for k in range(31)),
+        encoding='utf-8')
+    with pytest.raises(MeasurementError, match=re.escape(f'--decimal {mark}')):
+        read_curves([path])
+    curve, = read_curves([path], decimal=mark)
+    assert curve.displacement == pytest.approx(1e-3 * (1 + step * np.arange(31)), abs=1e-6)
+
+
+def test_the_same_in_a_column_that_nobody_needs_proves_nothing(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('Time;Displacement [mm];Force [mN]\n' + '\n'.join(
+        f'{whole_or_three(1 + 0.11 * k)};{1.234 + 1.001 * k:.3f};{72 + 8 * k}' for k in range(31)),
+        encoding='utf-8')
+    with pytest.raises(MeasurementError, match=re.escape('which may be 1.234 or 1234')):
+        read_curves([path])
+
+
+@pytest.mark.parametrize('rounds', [1, 2])
+def test_thousands_behind_numbers_below_a_thousand_are_read(tmp_path, rounds):
+    path = tmp_path / 'a.csv'
+    path.write_text('Weg [um];Kraft [mN]\n' + '\n'.join(
+        f'{grouped(200 * k, ".")};{72 + 8 * k}' for _ in range(rounds) for k in range(21)),
+        encoding='utf-8')
+    curves = read_curves([path])
+    assert len(curves) == rounds
+    assert curves[-1].displacement == pytest.approx(2e-4 * np.arange(21))
+
+
 def test_the_decimal_mark_can_be_given(tmp_path):
     path = tmp_path / 'a.csv'
     path.write_text(table('Weg [mm];Kraft [N]', lambda u, f: f'{u + 1.234:.3f};{f + 1:.3f}'),
