@@ -13,10 +13,10 @@ from typing import Any, NoReturn
 from soft_continuum.parameters.parameter import name_hint
 from soft_continuum.text import printable
 
-DONE, FAILED, WRONG_USAGE, NO_NODES, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, FAILED, WRONG_USAGE, NO_NODES, AS_PREDICTED, INTERRUPTED = 0, 1, 2, 3, 4, 130
 MAX_LINE = 4000  # characters of an error message
 EXIT_CODES = ('exit status: 0 done, 1 refused or failed, 2 wrong usage or bad input, 3 no nodes, '
-              '130 interrupted')
+              '4 done as predicted, 130 interrupted')
 SERVICE = re.compile(
     r'(call )?/?(?:(?:~|\btendon_actuation|\bkinematics)/(stop|resume|reference|reset)\b'
     r'|\bjamming_valves/segment_(\w+)/set_stiff)')

@@ -183,7 +183,8 @@ def source_html(state: ArmState, history: History) -> str:
         rows.append((_chip('PREDICTED', UNKNOWN),
                      f'the model alone; {age_text(estimate.age)}'))
         return _table(rows)
-    rows.append((_chip('ESTIMATED', MEASURED), f'{age_text(estimate.age)}{_within(estimate)}'))
+    chip = _chip('ESTIMATED', MEASURED) if estimate.fresh else _chip('PREDICTED', UNKNOWN)
+    rows.append((chip, f'{age_text(estimate.age)}{_within(estimate)}'))
     off = estimate.predicted_tip_error
     if off is not None:
         rows.append((_chip('PREDICTED', PREDICTED),

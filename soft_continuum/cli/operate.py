@@ -14,6 +14,7 @@ from time import sleep
 from typing import NoReturn, TYPE_CHECKING
 
 from soft_continuum.arguments import (
+    AS_PREDICTED,
     command_name,
     DONE,
     FAILED,
@@ -170,7 +171,7 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
         from soft_continuum.client.sequence import Held
         shapes = [Held(shape, options.vacuums) for shape in (*options.shapes, *options.angles)]
     status, done = DONE, 0
-    while status == DONE and (done < rounds or not rounds):
+    while status in (DONE, AS_PREDICTED) and (done < rounds or not rounds):
         status, done = watch_sequence(arm.start(
             *shapes, hold=options.hold, aim=options.aim),
             output), done + 1
@@ -197,7 +198,9 @@ def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
         reached = f'\n{reached_text(result.reached)}' if result.reached else ''
         lacks = f', but {result.message}' if result.message else ''
         output.print(f'done{lacks}{reached}', result='done', **asdict(result))
-        return INTERRUPTED if interrupted else DONE  # by a Ctrl-C that came too late
+        if interrupted:
+            return INTERRUPTED  # by a Ctrl-C that came too late
+        return AS_PREDICTED if result.reached and result.reached.lost else DONE
     except SequenceError as error:
         if output.as_json:
             output.print('', result='failed', **asdict(error.result))

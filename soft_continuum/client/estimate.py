@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, sqrt
 
+from soft_continuum.ros.ros_time import FRESH
+
 MAX_SHOWN = 1e6  # in SI units; also not what is not a number
 
 
@@ -81,6 +83,11 @@ class Estimate:
     predicted_tip_error: float | None = None
     parameters: tuple[LearnedParameter, ...] = ()
     anomalies: tuple[Anomaly, ...] = ()
+
+    @property
+    def fresh(self) -> bool:
+        """Whether it is measured now; else it is predicted, if only since it was measured."""
+        return self.measured and (self.age is None or self.age <= FRESH)
 
     @property
     def tip_deviation(self) -> float | None:

@@ -115,9 +115,10 @@ def _reached(message: RunShapeSequence.Result) -> Reached | None:
     if not angles:
         return None
     measured = message.source == RunShapeSequence.Result.MEASURED
-    return Reached(measured, angles, pose_of(message.tip.pose),
-                   tuple(message.angle_deviations[:MAX_ITEMS]),
-                   tuple(message.tip.covariance) if measured else (), float(message.tip_error),
+    deviations = tuple(message.angle_deviations[:MAX_ITEMS])
+    return Reached(measured, angles, pose_of(message.tip.pose), deviations,
+                   tuple(message.tip.covariance) if measured or deviations else (),
+                   float(message.tip_error),
                    message.corrections, tuple(message.bending_directions[:MAX_ITEMS]),
                    message.replans)
 

@@ -220,6 +220,11 @@ class Reached:
     bending_directions: tuple[float, ...] = ()
     replans: int = 0
 
+    @property
+    def lost(self) -> bool:
+        """Whether it is predicted though measurements were there before, in this sequence."""
+        return not self.measured and bool(self.angle_deviations)
+
 
 @dataclass(frozen=True)
 class SequenceResult:
@@ -290,7 +295,7 @@ def _stiffness_text(stiff: bool | None) -> str:
 def state_line(state: ArmState) -> str:
     """Return a state in one line."""
     estimate = state.estimate
-    source = UNKNOWN if estimate is None else 'estimated' if estimate.measured else 'predicted'
+    source = UNKNOWN if estimate is None else 'estimated' if estimate.fresh else 'predicted'
     alarms = ', '.join(anomaly.cause for anomaly in estimate.anomalies) if estimate else ''
     return ' | '.join((
         pulls_text(state),
@@ -341,7 +346,9 @@ def source_text(estimate: Estimate) -> str:
     if estimate.angle_deviations and all(map(isfinite, estimate.angle_deviations)):
         parts.append(f'angles +-{degrees(max(estimate.angle_deviations)):.1f} deg')
     source = 'measured tensions' if estimate.age is None else 'measurements'
-    return '; '.join(filter(None, (f'estimated from {source}', ', '.join(parts))))
+    return '; '.join(filter(None, (
+        f'estimated from {source}' if estimate.fresh else 'predicted since it was last measured',
+        ', '.join(parts))))
 
 
 def estimate_lines(estimate: Estimate | None) -> list[str]:
@@ -367,13 +374,16 @@ def reached_text(reached: Reached) -> str:
     directions = reached.bending_directions
     angles = angles_text(reached.bending_angles, directions)
     again = f', planned again {reached.replans} times' if reached.replans else ''
+    deviation = position_deviation(reached.tip_covariance)
+    within = '' if deviation is None else f', +-{millimetres(deviation)} mm'
+    if reached.lost:
+        return (f'predicted since measurements ended: {error} (by the model{within}), angles'
+                f'{angles}'.replace('  ', ' ') + again)
     if not reached.measured:
         return ('predicted: nothing was measured; '
                 + (f'angles{angles}'.replace('  ', ' ')
                    if not isfinite(reached.tip_error)
                    else f'{error} by the model') + again)
-    deviation = position_deviation(reached.tip_covariance)
-    within = '' if deviation is None else f', +-{millimetres(deviation)} mm'
     many = 'correction' if reached.corrections == 1 else 'corrections'
     return (f'reached: {error} (measured{within}), angles{angles}, {reached.corrections} {many}'
             .replace('  ', ' ') + again)

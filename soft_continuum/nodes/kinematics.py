@@ -54,6 +54,7 @@ from soft_continuum.ros.conversions import (
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
+from soft_continuum.ros.ros_time import FRESH
 from soft_continuum.ros.urdf import arm_urdf, joint_names
 from soft_continuum.sensing.rigid import UNKNOWN
 from soft_continuum_interfaces.msg import (
@@ -73,7 +74,6 @@ REFUSAL_PERIOD = 1.0  # s for which it is shown why a pose is none that can be u
 ACCURACY_PERIOD = 3.0  # s for which it is shown that what a device tells of itself is not used
 UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that most are not used
 ESTIMATION = ('scipy.linalg', 'scipy.special')  # what the first measurement needs: 0.4 s
-FRESH = 3.0  # s: an older measurement is not the shape's any more
 
 
 class Kinematics(Node):

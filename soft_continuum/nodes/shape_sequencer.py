@@ -356,20 +356,23 @@ class ShapeSequencer(Node):
         self._runner = None
         self._commander.end()
         self._planning.abandon()
-        self._end(self._handle, outcome, self._reached(runner))
+        self._end(self._handle, outcome, self._reached(runner, outcome))
 
-    def _reached(self, runner: Runner) -> Reached:
+    def _reached(self, runner: Runner, outcome: Outcome) -> Reached:
         shape, known = self._observed.shape, self._observed.kinematics
         if shape is None:
             return NOWHERE
+        deviations: Sequence[float] = ()
+        if outcome.measured or outcome.lost:  # it grows while nothing is measured
+            deviations = known.angle_deviations or [nan] * len(shape.bending_angles)
         aim = runner.aim if isinstance(runner, ClosedLoopRunner) else None
         if aim is None and runner.plan is not None and runner.plan.shape.tips:
             aim = tip_aim(runner.plan.shape, self._arm)
         return Reached(
-            shape.bending_angles.tolist(), known.angle_deviations,
+            shape.bending_angles.tolist(), deviations,
             shape.bending_directions.tolist(), PoseWithCovariance(
                 pose=poses_to_ros(shape.poses[-1:], PoseArray()).poses[0],
-                covariance=known.tip_covariance or [0.0] * 36),
+                covariance=deviations and known.tip_covariance or [0.0] * 36),
             aim.tip_error(shape) if aim is not None else nan)
 
     def _end(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:

@@ -12,6 +12,8 @@ from time import monotonic
 from builtin_interfaces.msg import Duration, Time
 from rclpy.clock import Clock
 
+FRESH = 3.0  # s: an older measurement is not the shape's any more
+
 
 def duration_to_ros(seconds: float) -> Duration:
     """Return s, not negative, as a message."""

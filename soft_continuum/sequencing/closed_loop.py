@@ -15,6 +15,7 @@ shape without vacuums it is taken back.
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from math import inf, isnan, nan
 
 import numpy as np
@@ -64,16 +65,17 @@ class ClosedLoopRunner(Runner):
         self.loop_settings = loop_settings
         """May be replaced at any time."""
         self._corrections, self._measured = 0, False
+        self._lost_since = ''  # the arm is as predicted, though it was measured; for people
         self.aim: Aim | None = None
         """Of the last shape, if it was set by measurements."""
 
     def _outcome(self, code: Code, message: str) -> Outcome:
         return replace(super()._outcome(code, message), measured=self._measured,
-                       corrections=self._corrections)
+                       corrections=self._corrections, lost=bool(self._lost_since))
 
     def _set(self, index: int, shape: Shape) -> Iterator[None]:
-        self._measured, self.warning = self._fresh(self._now), ''
-        if self._measured:
+        if self._fresh(self._now):
+            self._measured, self.warning, self._lost_since = True, '', ''
             try:
                 if shape.vacuums:
                     yield from self._set_to_relax(index, shape)
@@ -82,15 +84,16 @@ class ClosedLoopRunner(Runner):
                 return
             except _LostError:
                 self._lost()
+        elif self._measured:
+            self._lost()
+        self.warning = self._lost_since
         yield from self._set_as_predicted(index, shape)
 
     def _set_as_predicted(self, index: int, shape: Shape) -> Iterator[None]:
         self.aim = None
         self.progress = replace(self.progress, error=None, correction=0)
-        lost = self.warning
         yield from self._all_stiff()
         yield from super()._set(index, shape)
-        self.warning = '; '.join(filter(None, (lost, self.warning)))
 
     def _set_to_relax(self, index: int, shape: Shape) -> Iterator[None]:
         """Set a shape with vacuums to what it is to give way from, as it is planned."""
@@ -99,7 +102,7 @@ class ClosedLoopRunner(Runner):
         self.aim = None
 
     def _relax(self, index: int, shape: Shape) -> Iterator[None]:
-        yield from super()._relax(index, shape)
+        yield from self._relax_as_planned(index, shape)
         if not (shape.vacuums and self._measured):
             return
         try:
@@ -108,7 +111,12 @@ class ClosedLoopRunner(Runner):
             self._lost()
             if not self._held:
                 yield from self._set_as_predicted(index, shape)
-                yield from super()._relax(index, shape)
+                yield from self._relax_as_planned(index, shape)
+
+    def _relax_as_planned(self, index: int, shape: Shape) -> Iterator[None]:
+        yield from super()._relax(index, shape)
+        if self._lost_since not in self.warning:  # that of the plan took its place
+            self.warning = f'{self._lost_since}; {self.warning}'.strip('; ')
 
     def _correct_held(self, index: int, shape: Shape) -> Iterator[None]:
         """Measure a shape as it is held; as long as it is off, set it by what that taught."""
@@ -257,12 +265,13 @@ class ClosedLoopRunner(Runner):
         self._measured, self.aim = False, None
         measured = self._observed.measured
         since = self._now if measured is None else self._now - measured
-        lost = f'the arm, or one of its discs, has not been measured for {since:.1f} s'
+        lost = 'the arm, or one of its discs, has not been measured'
         if self.loop_settings.abort_when_lost:
             why = self._observed.anomaly or 'see what the camera and the other sensors report'
-            raise EndError(Code.HARDWARE_FAULT, f'{lost}; {why}. With loop.abort_when_lost false '
-                           'it would go on as predicted')
-        self.warning = f'{lost}: the shape is predicted'
+            raise EndError(Code.HARDWARE_FAULT, f'{lost} for {since:.1f} s; {why}. With '
+                           'loop.abort_when_lost false it would go on as predicted')
+        then = datetime.now() - timedelta(seconds=since)
+        self._lost_since = self.warning = f'{lost} since {then:%H:%M:%S}: the shape is predicted'
 
     def _tolerance(self, aim: Aim) -> float:
         settings = self.loop_settings

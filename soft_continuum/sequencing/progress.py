@@ -61,8 +61,8 @@ class Outcome:
     """
     How a run ended, and how many shapes were completed.
 
-    measured: whether the last shape was set by measurements.  corrections, replans: that were
-    made.
+    measured: whether the last shape was set by measurements.  lost: it was not, but measurements
+    were there before.  corrections, replans: that were made.
     """
 
     code: Code
@@ -71,3 +71,4 @@ class Outcome:
     measured: bool = False
     corrections: int = 0
     replans: int = 0
+    lost: bool = False

@@ -5,12 +5,18 @@
 from collections.abc import Callable
 import json
 from math import hypot, nan
+import re
 import threading
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from soft_continuum.browser.charts import History
+from soft_continuum.browser.html import source_html
 from soft_continuum.client import Arm
+from soft_continuum.client.estimate import Estimate
+from soft_continuum.client.state import source_text, state_line
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, KinematicsState
 from support.estimated_arm import (
@@ -78,6 +84,21 @@ def test_without_measurements_it_is_a_prediction_and_no_more_is_said(
     assert 'learned' not in output and 'ALARM' not in output
 
 
+@pytest.mark.parametrize(('age', 'text', 'line'), [
+    (2.0, 'estimated from measurements; last measured 2 s ago', 'estimated'),
+    (24.0, 'predicted since it was last measured; last measured 24 s ago', 'predicted')])
+def test_what_was_measured_long_ago_is_predicted_everywhere(age: float, text: str, line: str
+                                                            ) -> None:
+    estimate = Estimate(True, age, (0.002,) * 3)
+    assert source_text(estimate) == f'{text}, angles +-0.1 deg'
+    state = SimpleNamespace(
+        pulls=None, stiff=(), bending_angles=(), estimate=estimate,
+        node=lambda name: SimpleNamespace(message='idle'))
+    assert state_line(state).split(' | ')[3] == line
+    chip = re.sub('<[^>]*>', '', source_html(state, History(3, 2, 1e5)))
+    assert line.upper() in chip and f'last measured {age:.0f} s ago' in chip
+
+
 def test_measured_tensions_are_a_source_too(arm: EstimatedArm, call: Callable[..., Any]) -> None:
     arm.age = None  # no disc was ever seen
     assert 'shape      estimated from measured tensions; tip +-0.5 mm' in call('status')[1]
@@ -111,6 +132,12 @@ RESULTS = [
     ({'source': 1, 'tip': tip(0.1, 0.3, 0.6), 'corrections': 4},
      'reached: tip 0.6 mm from its aim (measured, +-0.5 mm), angles +5.7 +11.5 +17.2 deg, '
      '4 corrections'),
+    ({'angle_deviations': [0.002] * 3, 'tip': tip(0.1, 0.3, 0.6)},
+     'predicted since measurements ended: tip 0.6 mm from its aim (by the model, +-0.5 mm), '
+     'angles +5.7 +11.5 +17.2 deg'),
+    ({'angle_deviations': [nan] * 3},
+     'predicted since measurements ended: tip 0.6 mm from its aim (by the model), '
+     'angles +5.7 +11.5 +17.2 deg'),
     ({}, 'predicted: nothing was measured; tip 0.6 mm from its aim by the model'),
     ({'tip_error': nan}, 'predicted: nothing was measured; angles +5.7 +11.5 +17.2 deg')]
 
@@ -130,7 +157,7 @@ def test_run_says_where_it_ended_and_how_that_is_known(
     other.start()
     status, output, errors = call('run', 'c_form', '--aim', 'tip')
     other.join()
-    assert (status, errors) == (0, '')
+    assert (status, errors) == (4 if 'measurements ended' in text else 0, '')
     assert output.splitlines()[-2:] == ['done', text]
     assert arm.goals[-1].aim == RunShapeSequence.Goal.TIP
 

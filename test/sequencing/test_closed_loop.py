@@ -3,6 +3,7 @@
 """Shapes set by measurements on an arm that is not the model's, and what happens without them."""
 
 from dataclasses import replace
+from datetime import datetime
 import re
 
 import numpy as np
@@ -222,10 +223,27 @@ def test_when_measurements_stop_it_goes_on_as_predicted(lost_after):
     rig = MeasuredRig((SHAPE,), lost_after=lost_after, loop=GO_ON)
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
     assert (outcome.code, outcome.shapes_completed) == (Code.SUCCESSFUL, 1)
-    assert not outcome.measured
-    assert re.search(r'not been measured for 2\.\d s: the shape is predicted', rig.runner.warning)
+    assert outcome.lost and not outcome.measured
+    said = re.fullmatch(r'.* has not been measured since (\d\d:\d\d:\d\d): the shape is predicted',
+                        outcome.message)
+    assert said and outcome.message == rig.runner.warning  # once
+    age = (datetime.now() - datetime.strptime(said[1], '%H:%M:%S')).seconds  # noqa: DTZ005, DTZ007
+    assert 1.9 < age < 60.0
     assert rig.runner.aim is None
     at_rest_and_stiff(rig)
+
+
+@pytest.mark.parametrize('aborts', [False, True])
+def test_measurements_that_stop_between_two_shapes_are_lost_too(aborts):
+    held = replace(SHAPE, hold_time=4.0)
+    rig = MeasuredRig((held, held), loop=replace(LOOP, abort_when_lost=aborts))
+    rig.run(until=lambda rig: rig.runner.progress.phase is Phase.HOLDING)
+    rig.lost_after = rig.now - rig.begin
+    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
+    assert not outcome.measured
+    assert 'has not been measured' in outcome.message
+    assert (outcome.code, outcome.shapes_completed, outcome.lost) == (
+        (Code.HARDWARE_FAULT, 1, False) if aborts else (Code.SUCCESSFUL, 2, True))
 
 
 @pytest.mark.parametrize(('lost_after', 'hidden'), [
