@@ -50,6 +50,22 @@ def solved(an_arm, pulls=PULLS, soft=(True, True, True), start=None, **more):
 # What the planar statics say.
 
 
+@pytest.mark.parametrize('drive', [
+    lambda statics, start: statics.bend(start, 1, 0.4),
+    lambda statics, start: statics.bend(start, 0, -0.3, (True, False, True)),
+    lambda statics, start: statics.solve_tensions(start, (1.5, 0.0), (True,) * 3),
+    lambda statics, start: statics.solve(
+        start, (0.0, 0.004), (True,) * 3, tensions=(2.0, np.nan))],
+    ids=['a segment', 'of two soft ones', 'tensions', 'a tension and a length'])
+def test_an_arm_is_driven_alike_in_its_plane_and_in_space(drive):
+    flat = paper.build(bodies_per_segment=6)
+    one, other = (drive(statics, statics.chain.uniform([(0.0, 0.1)] * 3))
+                  for statics in (Statics(flat), SpaceStatics(flat)))
+    assert other.bending == pytest.approx(one.bending, abs=1e-7)
+    assert other.tensions == pytest.approx(one.tensions, abs=1e-5)
+    assert other.pulls == pytest.approx(one.pulls, abs=1e-8)
+
+
 @pytest.mark.parametrize('soft', [(True, False, False), (False, True, False),
                                   (False, False, True)])
 @pytest.mark.parametrize('pulls', [(0.004, -0.006), (-0.006, 0.004), (0.012, -0.02)])

@@ -41,6 +41,26 @@ def test_one_arm_under_many_pulls_and_given_tensions():
             statics.solve(start, row, SOFT, tensions=given).tip, abs=1e-12)
 
 
+@pytest.mark.parametrize('plane', [False, True], ids=['space', 'plane'])
+def test_friction_vacuum_and_given_tensions_of_each_row_are_as_one_by_one(plane):
+    arm = paper.build(bodies_per_segment=4) if plane else three_segments()
+    arm = replace(arm, segments=tuple(replace(s, jam=Jam(5.0)) for s in arm.segments),
+                  tendons=tuple(replace(t, friction=0.2) for t in arm.tendons))
+    statics, count = Statics(arm), len(arm.tendons)
+    start = statics.chain.uniform([(0.0, 0.1)] * 3)
+    more = {'vacuum': [(1.0, 0.5, 0.0), (0.2, 1.0, 1.0), (1.0, 1.0, 1.0)],
+            'sliding': np.array([(1, -1, 1), (0, 0, 0), (-1, 1, 0)])[:, :count],
+            'tensions': np.array([(np.nan,) * 3, (0.7, np.nan, np.nan), (np.nan,) * 3])[:, :count]}
+    with pytest.raises(ValueError, match='friction'):
+        solve_batch(statics, start, PULLS[:, :count], SOFT)
+    batch = solve_batch(statics, start, PULLS[:, :count], SOFT, **more)
+    for i, state in enumerate(batch):
+        alone = statics.solve(start, PULLS[i, :count], SOFT,
+                              **{name: rows[i] for name, rows in more.items()})
+        for name in ('configuration', 'tensions', 'pulls', 'slack', 'held', 'vacuum'):
+            assert getattr(state, name) == pytest.approx(getattr(alone, name), abs=1e-12), name
+
+
 def test_any_mixture_of_arms_starts_masks_and_drives_is_as_one_by_one():
     random = np.random.default_rng(3)
     hanging = three_segments(gravity=(3.0, 0.0, 9.0))
