@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 from unittest.mock import patch
 
-from soft_continuum.mechanics import _kernel, _newton, Equilibrium, Statics
+from soft_continuum.mechanics import _kernel, Equilibrium, Statics
 from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.plane import _newton
 
 
 class Kernel:
