@@ -200,7 +200,10 @@ class _Alone:
 
     def __init__(self, arm: Arm, step: paper.Step, joint_angles: Array) -> None:
         single = replace(arm, segments=arm.segments[step.segment:step.segment + 1],
-                         discs=arm.discs[step.segment:step.segment + 2])
+                         discs=arm.discs[step.segment:step.segment + 2],
+                         tendons=tuple(replace(
+                             t, end=1, offset=tuple(t.offset_at(step.segment, part) for part in
+                                                    (0.0, 1.0))) for t in arm.tendons))
         self._statics = Statics(single)
         self._reference = Reference(PlaneChain(single))
         self._start = self._statics.chain.straight()
