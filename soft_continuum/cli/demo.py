@@ -109,6 +109,9 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     description, shapes = arm.description, arm.shapes
     hold = HOLD + SETTLING + MEASURING if camera else HOLD
     reached, measured = _follow(arm, arm.start(*shapes, hold=hold), camera=camera)
+    if unseen := ', '.join(name for name in shapes if name not in reached):
+        raise ClientError(f'{unseen} was set, but not seen while it was held; is the computer '
+                          'overloaded? Try again with less beside it')
     drawn, chain = {}, Chain(description)
     for name, angles in shapes.items():
         towards = arm.shape_directions.get(name, ())
