@@ -43,19 +43,23 @@ def sliding_signs(sliding: Sequence[int], tendons: int = 2) -> tuple[int, ...]:
     return tuple(given)
 
 
-def of_tendons(values: ArrayLike, tendons: int, what: str) -> NDArray[np.float64]:
+def of_tendons(values: ArrayLike, tendons: int, what: str, rows: bool = False
+               ) -> NDArray[np.float64]:
     """Return a real number of each tendon, nan and -inf too; else raise ValueError."""
     wanted = f'{what}, one for each of the {tendons} tendons'
     given = real_array(values, wanted)
-    if given.shape != (tendons,) or not np.all((given < np.inf) | np.isnan(given)):
+    if rows and given.ndim == 1:
+        given = given[None]
+    if (given.ndim != 1 + rows or given.shape[-1] != tendons or given.size == 0
+            or not np.all((given < np.inf) | np.isnan(given))):
         raise ValueError(f'{wanted}; given: {values!r}')
     return given
 
 
-def pulls_of(pulls: ArrayLike, tendons: int) -> NDArray[np.float64]:
-    """Return a pull of each tendon, m or SLACK; else raise ValueError."""
+def pulls_of(pulls: ArrayLike, tendons: int, rows: bool = False) -> NDArray[np.float64]:
+    """Return a pull of each tendon, m or SLACK, or ``rows`` of them; else raise ValueError."""
     what = 'pulls must be finite numbers (m), or SLACK'
-    given = of_tendons(pulls, tendons, what)
+    given = of_tendons(pulls, tendons, what, rows)
     if np.isnan(given).any():
         raise ValueError(f'{what}; given: {pulls!r}')
     return given

@@ -147,7 +147,7 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
                          'arm.without_friction()')
     masks, parts = rows_of(soft), [None] if vacuum is None else rows_of(vacuum)
     ways = [sliding_signs(each, tendons) for each in rows_of(() if sliding is None else sliding)]
-    wanted = np.array([pulls_of(row, tendons) for row in rows_of(pulls)])
+    wanted = pulls_of(pulls, tendons, rows=True)
     given = np.array([np.full(tendons, np.nan) if row is None else
                       tensions_of(row, tendons, optional=True) for row in rows_of(tensions)])
     problems = Problems(models, starts, masks, wanted, given, parts, ways, common_count(

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.arm import Arm, Array, PAPER
 from soft_continuum.mechanics.directions import bending_directions
-from soft_continuum.mechanics.orientations import bending_between, quaternions
+from soft_continuum.mechanics.orientations import bending_between, bending_rates, quaternions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -331,6 +331,10 @@ class Chain:
     def bending(self, configuration: Array, /) -> Array:
         """Return the bending of configurations, (..., segments, 2), rad."""
         return bending_between(self.disc_rotations(configuration))
+
+    def bending_rates(self, configuration: Array, turned: Array) -> Array:
+        """Return how bending changes, (segments, 2, k), as discs turn, (discs, 3, k)."""
+        return bending_rates(self.disc_rotations(configuration), turned)
 
     def disc_rotations(self, configuration: Array) -> Array:
         """Return the orientation of every disc, base first, (..., discs, 3, 3)."""

@@ -96,12 +96,21 @@ def full_poses(planar: Array) -> Array:
     return poses
 
 
+def cross_matrices(vectors: Array) -> Array:
+    """Return the matrices of the cross product with vectors (..., 3), (..., 3, 3)."""
+    found = np.zeros((*vectors.shape, 3))
+    for row, column, other in ((2, 1, 0), (0, 2, 1), (1, 0, 2)):
+        found[..., row, column] = vectors[..., other]
+        found[..., column, row] = -vectors[..., other]
+    return found
+
+
 def bending_rates(orientations: Array, turned: Array) -> Array:
     """Return how bending (segments, 2, k) changes as the discs (discs, 3, k) turn."""
     below, above = orientations[:-1], orientations[1:, :, 2]
     axes = np.einsum('sji,sj->si', below, above)  # of each upper disc, in the frame below
     moved = np.einsum('sji,sjk->sik', below,
-                      np.cross(turned[1:] - turned[:-1], above[:, :, None], axis=1))
+                      -cross_matrices(above) @ (turned[1:] - turned[:-1]))
     sine = np.linalg.norm(axes[:, :2], axis=1)
     angle = np.arctan2(sine, axes[:, 2])
     small = sine < 1e-4

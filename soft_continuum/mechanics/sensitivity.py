@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.orientations import bending_rates
+from soft_continuum.mechanics.orientations import cross_matrices
 from soft_continuum.mechanics.statics import Statics
 
 
@@ -41,7 +41,7 @@ class Sensitivity:
         chain = self.state.chain
         along = chain.body_lengths[:, None] * chain.axes(self.state.configuration)
         ends = np.zeros((chain.bodies + 1, *self.turned.shape[1:]))
-        np.cumsum(np.cross(self.turned, along[:, :, None], axis=1), axis=0, out=ends[1:])
+        np.cumsum(cross_matrices(-along) @ self.turned, axis=0, out=ends[1:])
         return chain.along_discs(ends)
 
     @property
@@ -54,7 +54,7 @@ class Sensitivity:
     @property
     def bending(self) -> Array:
         """Of each segment about x and y, (segments, 2, k), rad per unit."""
-        return bending_rates(self.state.orientations, self.orientations)
+        return self.state.chain.bending_rates(self.state.configuration, self.orientations)
 
     @property
     def poses(self) -> Array:

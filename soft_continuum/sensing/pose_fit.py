@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from soft_continuum.mechanics.orientations import cross_matrices
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array
 from soft_continuum.sensing.ring_layout import Tag
@@ -229,14 +230,6 @@ def angle(one: Array, other: Array) -> float:
     return float(np.arccos(np.clip((np.trace(one.T @ other) - 1.0) / 2.0, -1.0, 1.0)))
 
 
-def cross(vectors: Array) -> Array:
-    """Return the matrices of the cross product with vectors (..., 3), (..., 3, 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    zero = np.zeros_like(x)
-    rows = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
-    return rows.reshape(*vectors.shape[:-1], 3, 3)
-
-
 def _moved(slopes: Array, axes: Array, arms: Array) -> Array:
     """
     Return how pixels go when corners are moved, (tags, 8, 6): shift, then turn, along ``axes``.
@@ -244,7 +237,7 @@ def _moved(slopes: Array, axes: Array, arms: Array) -> Array:
     slopes: (tags, 4, 2, 3).  axes: (tags, 3, 3), columns.  arms: (tags, 4, 3), from the centre
     of the turn.
     """
-    turned = -cross(arms) @ axes[:, None]
+    turned = -cross_matrices(arms) @ axes[:, None]
     shifted = np.broadcast_to(axes[:, None], turned.shape)
     found: Array = (slopes @ np.concatenate([shifted, turned], axis=-1)).reshape(
         len(slopes), 8, 6)

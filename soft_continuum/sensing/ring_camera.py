@@ -13,9 +13,10 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from soft_continuum.mechanics.orientations import cross_matrices
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, Picture
-from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, cross, PoseFit, TagGroup, width
+from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, PoseFit, TagGroup, width
 from soft_continuum.sensing.ring_layout import MIN_FIXED, off_a_line, RingLayout, Tag
 from soft_continuum.sensing.ring_tare import PlacedTags
 from soft_continuum.sensing.sight import DiscCamera, DiscPose
@@ -116,7 +117,7 @@ class RingCamera(DiscCamera):
         """Return the covariance of a disc by how its ring sits on it."""
         sits, turn = self._tags.ring_deviation, Rotation.from_quat(pose[3:]).as_matrix()
         lever = np.eye(6)  # a ring that is turned about its middle shifts the bottom of the disc
-        lever[:3, 3:] = cross(self.layout.heights[n] * turn[:, 2])
+        lever[:3, 3:] = cross_matrices(self.layout.heights[n] * turn[:, 2])
         squares = np.repeat([sits, sits / self.layout.radius], 3)**2
         covariance: Array = lever * squares @ lever.T
         return covariance
@@ -151,7 +152,7 @@ class View:
         """
         back = np.kron(np.eye(2), self.base.turn.T)
         by_base = np.hstack([-np.eye(6), fit.per_focal[:, None]])
-        by_base[:3, 3:6] = cross(fit.shift - self.base.shift)
+        by_base[:3, 3:6] = cross_matrices(fit.shift - self.base.shift)
         found = factor * (fit.covariance + by_base @ self.base.covariance @ by_base.T)
         covariance: Array = back @ found @ back.T
         return covariance

@@ -24,6 +24,7 @@ from soft_continuum.client.plot import plot
 from soft_continuum.nodes import servo
 from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.ros.conversions import pose_from_ros, poses_from_ros
+from soft_continuum.ros.qos import SENSOR
 from soft_continuum.sequencing.servo import AngleServo
 from soft_continuum.teleop import steered_arm
 from soft_continuum_interfaces.action import RunShapeSequence
@@ -174,9 +175,9 @@ def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendo
         joystick.show()
         joystick.wait_for('ready', enabled=False)
         joystick.assert_rests()
-        count = len(rig.disc_poses)  # kinematics may be behind the tendons
-        rig.wait_for(lambda: len(rig.disc_poses) > count + 3 and len(
-            {str(each.poses[-1]) for each in list(rig.disc_poses)[-3:]}) == 1, 'a shape at rest')
+        # Kinematics may be behind the tendons, by what waits in its queue.
+        queue = list(rig.wait_for_more(rig.disc_poses, SENSOR.depth + 3))
+        assert len({str(each.poses[-1]) for each in queue[-2:]}) == 1
         begin = leans()
         joystick.steer(**stick)
         rig.wait_for(lambda: abs(leans() - begin) > 5e-3, 'a bend')

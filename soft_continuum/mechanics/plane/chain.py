@@ -76,6 +76,10 @@ class PlaneChain(Chain):
 
     bending = summed
 
+    def bending_rates(self, configuration: Array, turned: Array) -> Array:
+        """Return how bending changes, (segments, 2, k), as discs turn about y, (discs, 3, k)."""
+        return np.diff(turned[:, :2], axis=0)
+
     def sizes(self, bending: Array) -> Array:
         """Return the bending angles (segments,) rad, which have a sign."""
         return bending[:, 1]

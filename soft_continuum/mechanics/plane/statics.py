@@ -199,9 +199,7 @@ class PlaneStatics(Statics):
         in one solve, and the solver's tolerance.  Where the springs outweigh the loads no path of
         an arm with a slack tendon was seen to end.
         """
-        locked = [s and segment.jam.rigid
-                  for s, segment in zip(stiff, self.chain.arm.segments, strict=True)]
-        free = np.repeat(np.logical_not(locked), self.chain.joints_per_segment)
+        free = ~self.chain.rigid(stiff)
         group, groups = np.cumsum(free) - 1, int(free.sum())
         system = System(self._bodies, self.laws.soft, self.laws.tables, self.chain.guides,
                         self._no_friction, group)

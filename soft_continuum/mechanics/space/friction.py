@@ -20,57 +20,59 @@ AT_ONE_PLACE = 1e-9  # m: between guides this close a tendon has no direction
 STRAIGHT = 1e-9  # rad: a turn this small has no slope, as in the straight arm
 
 
-def carried(chain: SpaceChain, rotations: Array, sliding: Sequence[int]
-            ) -> tuple[Array, Array]:
-    """
-    Return the tension of every span over that at the base (spans,), and compliances (tendons,).
+class Friction:
+    """What the tendons of one chain lose by friction where their guides turn them."""
 
-    rotations: (bodies, 3, 3).  sliding: of each tendon, 1 towards the base, -1 towards the tip, 0
-    without friction.  A compliance is m/N by the tension at the base.
-    """
-    ratios: list[float] = []
-    compliances = np.zeros(len(sliding))
-    for t, (tendon, runs, (is_span, lengths)) in enumerate(zip(
-            chain.arm.tendons, _runs(chain, rotations), _straight_runs(chain), strict=True)):
-        kept, angles, *_ = _turns(runs)
-        left = np.exp(-tendon.friction * sliding[t] * _passed(angles, kept, len(runs)))
-        ratios += left[is_span].tolist()
-        compliances[t] = (tendon.free_length + left @ lengths) / tendon.axial_stiffness
-    return np.array(ratios), compliances
+    def __init__(self, chain: SpaceChain) -> None:
+        """Find which runs of each tendon are spans, and their lengths in the straight arm, m."""
+        self._chain = chain
+        self._straight: list[tuple[list[bool], Array]] = []
+        for tendon, guides, runs in zip(chain.arm.tendons, chain.guides, _runs(
+                chain, np.tile(np.eye(3), (chain.bodies, 1, 1))), strict=True):
+            is_span = [False, *(ends for _, _, ends in guides[1:]), False]
+            lengths = np.linalg.norm(runs, axis=1)
+            lengths[np.logical_not(is_span)] = [
+                disc.height for disc in chain.arm.discs[:tendon.end + 1]]
+            self._straight.append((is_span, lengths))
 
+    def carried(self, rotations: Array, sliding: Sequence[int]) -> tuple[Array, Array]:
+        """
+        Return the tension of each span over that at the base (spans,), and compliances (tendons,).
 
-def rates(chain: SpaceChain, rotations: Array, sliding: Sequence[int]) -> tuple[Array, Array]:
-    """
-    Return how those change as bodies turn in base_link, per rad.
+        rotations: (bodies, 3, 3).  sliding: of each tendon, 1 towards the base, -1 towards the
+        tip, 0 without friction.  A compliance is m/N by the tension at the base.
+        """
+        ratios: list[float] = []
+        compliances = np.zeros(len(sliding))
+        for t, (tendon, runs, (is_span, lengths)) in enumerate(zip(
+                self._chain.arm.tendons, _runs(self._chain, rotations), self._straight,
+                strict=True)):
+            kept, angles, *_ = _turns(runs)
+            left = np.exp(-tendon.friction * sliding[t] * _passed(angles, kept, len(runs)))
+            ratios += left[is_span].tolist()
+            compliances[t] = (tendon.free_length + left @ lengths) / tendon.axial_stiffness
+        return np.array(ratios), compliances
 
-    (spans, bodies, 3), and (tendons, bodies, 3) in m/N; the arguments are those of ``carried``.
-    """
-    each: list[Array] = []
-    compliances = np.zeros((len(sliding), chain.bodies, 3))
-    for t, (tendon, runs, (is_span, lengths)) in enumerate(zip(
-            chain.arm.tendons, _runs(chain, rotations), _straight_runs(chain), strict=True)):
-        kept, angles, before, after = _turns(runs)
-        levers = _levers(chain, t, rotations)[kept]
-        slopes = _passed(np.cross(levers[:-1], before[:, None])
-                         + np.cross(levers[1:], after[:, None]), kept, len(runs))
-        lost = -tendon.friction * sliding[t]
-        slopes *= (lost * np.exp(lost * _passed(angles, kept, len(runs))))[:, None, None]
-        each.append(slopes[is_span])
-        compliances[t] = np.tensordot(lengths, slopes, 1) / tendon.axial_stiffness
-    return np.concatenate(each), compliances
+    def rates(self, rotations: Array, sliding: Sequence[int]) -> tuple[Array, Array]:
+        """
+        Return how those change as bodies turn in base_link, per rad.
 
-
-def _straight_runs(chain: SpaceChain) -> list[tuple[list[bool], Array]]:
-    """Return which runs of each tendon are spans, and their lengths in the straight arm, m."""
-    found = []
-    for tendon, guides, runs in zip(chain.arm.tendons, chain.guides, _runs(
-            chain, np.tile(np.eye(3), (chain.bodies, 1, 1))), strict=True):
-        is_span = [False, *(ends for _, _, ends in guides[1:]), False]
-        lengths = np.linalg.norm(runs, axis=1)
-        lengths[np.logical_not(is_span)] = [
-            disc.height for disc in chain.arm.discs[:tendon.end + 1]]
-        found.append((is_span, lengths))
-    return found
+        (spans, bodies, 3), and (tendons, bodies, 3) in m/N; the arguments are those of
+        ``carried``.
+        """
+        chain, each = self._chain, []
+        compliances = np.zeros((len(sliding), chain.bodies, 3))
+        for t, (tendon, runs, (is_span, lengths)) in enumerate(zip(
+                chain.arm.tendons, _runs(chain, rotations), self._straight, strict=True)):
+            kept, angles, before, after = _turns(runs)
+            levers = _levers(chain, t, rotations)[kept]
+            slopes = _passed(np.cross(levers[:-1], before[:, None])
+                             + np.cross(levers[1:], after[:, None]), kept, len(runs))
+            lost = -tendon.friction * sliding[t]
+            slopes *= (lost * np.exp(lost * _passed(angles, kept, len(runs))))[:, None, None]
+            each.append(slopes[is_span])
+            compliances[t] = np.tensordot(lengths, slopes, 1) / tendon.axial_stiffness
+        return np.concatenate(each), compliances
 
 
 def _runs(chain: SpaceChain, rotations: Array) -> list[Array]:

@@ -27,7 +27,6 @@ from soft_continuum.mechanics.space._laws import (
     STIFFNESS,
     YIELD,
 )
-from soft_continuum.mechanics.space.friction import carried, rates
 from soft_continuum.mechanics.space.joints import parts_of_laws
 from soft_continuum.mechanics.space.statics import SpaceStatics
 
@@ -48,6 +47,7 @@ class SpaceLinearisation(Linearisation):
         given = np.full(count, np.nan) if tensions is None else tensions_of(
             tensions, count, optional=True)
         self._chain, self._state, self._by_force = chain, state, ~np.isnan(given)
+        self._losses = statics.friction
         ways = sliding_signs(sliding, count) if any(sliding) else None
         tensions = np.nan_to_num(state.tensions)
         rigid = chain.rigid(state.stiff)
@@ -55,8 +55,8 @@ class SpaceLinearisation(Linearisation):
         self._system, _ = chain.system(
             state.rotations, self._link,
             chain.laws.joints(state.stiff, state.vacuum, state.held)[~rigid],
-            np.ones(len(chain.span_tendons)) if ways is None else carried(
-                chain, state.rotations, ways)[0])
+            np.ones(len(chain.span_tendons)) if ways is None else statics.friction.carried(
+                state.rotations, ways)[0])
         first = np.flatnonzero(~rigid)
         self._segment = first // chain.joints_per_segment  # of each link's joint
         self._rotations = np.ascontiguousarray(state.rotations[first])
@@ -97,7 +97,7 @@ class SpaceLinearisation(Linearisation):
         chain, size = self._chain, 3 * len(self._rotations)
         if ways is None:
             return np.zeros((size, 0)), np.zeros((size, 0)), np.zeros((size, len(tensions)))
-        ratios, compliances = rates(chain, self._state.rotations, ways)
+        ratios, compliances = self._losses.rates(self._state.rotations, ways)
         rub = np.flatnonzero(np.abs(ratios).max(axis=(1, 2)) * tensions[chain.span_tendons] > 0.0)
         each = np.concatenate([ratios[rub], compliances * tensions[:, None, None]])
         turned = self._by_torques(np.moveaxis(each, 0, 2))

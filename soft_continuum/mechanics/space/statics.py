@@ -24,7 +24,7 @@ from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.laws import outweigh, refuse_parts
 from soft_continuum.mechanics.space._laws import HELD, LAW, YIELD
 from soft_continuum.mechanics.space.chain import Integers, SpaceChain, sums
-from soft_continuum.mechanics.space.friction import carried
+from soft_continuum.mechanics.space.friction import Friction
 from soft_continuum.mechanics.statics import (
     Booleans,
     driven,
@@ -149,6 +149,7 @@ class SpaceStatics(Statics):
         self.chain = SpaceChain(arm)
         self.compliance = arm.compliance
         self._locks = lru_cache(maxsize=64)(self._find_locks)
+        self.friction = Friction(self.chain)
         self._no_friction = np.ones(len(self.chain.span_tendons))
 
     def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
@@ -217,7 +218,7 @@ class SpaceStatics(Statics):
 
     def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return by how much (tendons,) m each tendon stretches per N at the base."""
-        return carried(self.chain, state.rotations, sliding)[1] if any(sliding) else (
+        return self.friction.carried(state.rotations, sliding)[1] if any(sliding) else (
             self.compliance)
 
     def _holding(self, start: Equilibrium, stiff: tuple[bool, ...],
@@ -270,7 +271,7 @@ class SpaceStatics(Statics):
             return state
         before = self._no_friction
         for _ in range(MAX_FRICTION_ITERATIONS):  # friction depends on the shape it leads to
-            ratios, compliance = carried(self.chain, state.rotations, sliding)
+            ratios, compliance = self.friction.carried(state.rotations, sliding)
             jumped, state = state.jumped, self._led(
                 state, locks, by_force, target, compliance, ratios)
             state = replace(state, jumped=state.jumped or jumped)
