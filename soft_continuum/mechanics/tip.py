@@ -8,7 +8,7 @@ the tip that is fitted, until that changes no more.  Where that does not lead th
 of what the arm reaches and beyond it, the statics are fitted at last, which takes longer.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
@@ -38,7 +38,8 @@ MAX_EVALUATIONS = 60
 FITTED = 1e-4  # m: a tip by constant curvature this close is as good as reached
 NEAR = 0.05  # m: tips by constant curvature this close may be reached by the statics
 FAR = 0.2  # m: so far out of reach the nearest tip need not be known to a millimetre
-MAX_ROUNDS, MAX_FITS = 20, 16
+MAX_ROUNDS, MAX_FITS = 20, 20
+MAX_SHAPES = 150  # that are set for one tip, so that no search is without an end
 ROUGH, EXACT = 1e-6, 1e-13  # relative tolerances of fits by constant curvature
 DIFFERENCE = 1e-5  # rad, of bending
 INSIDE = 0.999  # of its limit, at which a fit may begin
@@ -78,7 +79,8 @@ def bending_for_tip(statics: Statics, position: ArrayLike,
     position: (3,) m, of the top of the last disc in base_link.  orientation: (3, 3) of that disc,
     wanted as well; it counts as 0.1 m per rad where both cannot be had.  start: the present shape
     (default: straight); segments that keep their bending need not be softened.  Out of reach, a
-    tip is returned that no small change brings nearer, with its distance; that takes seconds.
+    tip is returned that no small change brings nearer, with its distance; that takes seconds, and
+    at most MAX_SHAPES settings of the arm.
 
     Raises StaticsError where no tendon holds the segments on the way, ValueError for other shapes
     or numbers.
@@ -98,9 +100,10 @@ def bending_for_tip(statics: Statics, position: ArrayLike,
     check_start(begin)
     best: TipFit | None = None
     far: list[tuple[float, _Fit]] = []
+    tries = iter(range(MAX_SHAPES))
     for count in range(statics.chain.segments + 1):
         for segments in combinations(range(statics.chain.segments), count):
-            search = _Fit(statics, begin, segments, goal, turn)
+            search = _Fit(statics, begin, segments, goal, turn, tries)
             if not search.within_limits():
                 continue
             error = search.by_arcs()
@@ -115,7 +118,7 @@ def bending_for_tip(statics: Statics, position: ArrayLike,
         best = next((fit for _, search in far if (fit := search.run()) is not None), None)
     if best is None:
         raise StaticsError('no tendon holds the segments on the way to that tip', begin)
-    return _Fit(statics, begin, best.softened, goal, turn).by_statics(best)
+    return _Fit(statics, begin, best.softened, goal, turn, tries).by_statics(best)
 
 
 def _better(one: TipFit | None, other: TipFit | None) -> TipFit | None:
@@ -133,8 +136,9 @@ class _Fit:
     """Bending of some segments for one tip."""
 
     def __init__(self, statics: Statics, begin: Equilibrium,
-                 segments: Sequence[int], goal: Array, turn: Array | None) -> None:
-        arm = statics.chain.arm
+                 segments: Sequence[int], goal: Array, turn: Array | None,
+                 tries: Iterator[int]) -> None:
+        arm, self.tries = statics.chain.arm, tries
         self.statics, self.begin, self.segments = statics, begin, tuple(segments)
         self.goal, self.turn = goal, turn
         self.present = begin.bending
@@ -246,8 +250,13 @@ class _Fit:
         """Return the fit of the statics near one by constant curvature."""
         arm, goal, turn, best = self.statics.chain.arm, self.goal, self.turn, None
         for _ in range(MAX_ROUNDS):
-            state = set_shape(self.statics, bending, self.begin, self.segments)
-            fit = self.fit(state)
+            try:
+                fit = self.set(bending)
+            except StaticsError:
+                if best is None:
+                    raise
+                break
+            state = fit.state
             before = np.inf if best is None else _error(best)
             if _error(fit) < before:
                 best = fit
@@ -264,12 +273,13 @@ class _Fit:
     def by_statics(self, near: TipFit) -> TipFit:
         """Return the fit of the statics from one nearby on, by differences of solves."""
         best = near
+        known: tuple[Array, Array, Array] | None = None  # bending, what it misses, its slopes
 
         def left(values: Array) -> Array:
             nonlocal best
             bending = self.present.copy()
             bending[self.free] = values
-            fit = self.fit(set_shape(self.statics, bending, self.begin, self.segments))
+            fit = self.set(bending)
             over = np.linalg.norm(bending, axis=1) - self.limits
             if over.max() <= SAME_BENDING and self.allowed(fit) and _error(fit) < _error(best):
                 best = fit
@@ -280,9 +290,18 @@ class _Fit:
             return np.concatenate([away, BEYOND * np.maximum(over, 0.0)])
 
         def slopes(values: Array) -> Array:
+            """Take differences at first; from then on follow what steps show (Broyden, 1965)."""
+            nonlocal known
             here = left(values)
-            return np.column_stack([(left(values + step) - here) / DIFFERENCE
-                                    for step in DIFFERENCE * np.eye(len(values))])
+            if known is None:
+                matrix = np.column_stack([(left(values + step) - here) / DIFFERENCE
+                                          for step in DIFFERENCE * np.eye(len(values))])
+            else:
+                before, missed, matrix = known
+                step = values - before
+                matrix = matrix + np.outer(here - missed - matrix @ step, step) / (step @ step)
+            known = values.copy(), here, matrix
+            return matrix
 
         if not self.segments or (best.reached and best.turn < TURNED) or _error(best) > FAR:
             return best
@@ -292,6 +311,12 @@ class _Fit:
                           slopes, bounds=(-most, most), xtol=1e-9, ftol=1e-9, gtol=1e-12,
                           max_nfev=MAX_FITS)
         return best
+
+    def set(self, bending: Array) -> TipFit:
+        """Return the fit of the segments set to a bending; raises StaticsError."""
+        if next(self.tries, None) is None:
+            raise StaticsError(f'no nearer tip was found with {MAX_SHAPES} shapes', self.begin)
+        return self.fit(set_shape(self.statics, bending, self.begin, self.segments))
 
     def fit(self, state: Any) -> TipFit:
         """Return a state as a fit."""

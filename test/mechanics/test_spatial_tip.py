@@ -155,6 +155,20 @@ def test_a_tip_far_out_of_reach_is_soon_given_up(monkeypatch):
     assert len(calls) < 10
 
 
+def test_no_search_sets_more_shapes_than_it_may(sampled, monkeypatch):
+    statics, *_ = sampled
+    calls, shape, goal = [], tip_search.set_shape, (0.1, 0.05, 0.05)
+    monkeypatch.setattr(tip_search, 'set_shape', lambda *given: calls.append(0) or shape(*given))
+    full = bending_for_tip(statics, goal)
+    assert not full.reached
+    assert len(calls) < 40  # it took 60 when each step took differences
+    monkeypatch.setattr(tip_search, 'MAX_SHAPES', len(calls) - 5)
+    calls.clear()
+    fit = bending_for_tip(statics, goal)
+    assert len(calls) == tip_search.MAX_SHAPES
+    assert full.distance <= fit.distance < 1.1 * full.distance
+
+
 @pytest.mark.parametrize('counts', [(0, 6), (2, 0), (2.5, 6)])
 def test_what_is_no_workspace_is_refused(counts):
     with pytest.raises(ValueError, match='a whole number'):
