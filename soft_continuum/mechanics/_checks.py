@@ -50,7 +50,7 @@ def of_tendons(values: ArrayLike, tendons: int, what: str, rows: bool = False
     given = real_array(values, wanted)
     if rows and given.ndim == 1:
         given = given[None]
-    if (given.ndim != 1 + rows or given.shape[-1] != tendons or given.size == 0
+    if (given.ndim != 1 + rows or given.shape[-1] != tendons or len(given) < rows
             or not np.all((given < np.inf) | np.isnan(given))):
         raise ValueError(f'{wanted}; given: {values!r}')
     return given

@@ -171,7 +171,7 @@ def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendo
         p, below = (rig.disc_poses.last.poses[k].position for k in (-1, -3))
         return complex(p.x - below.x, p.y - below.y)
 
-    def bends(way: complex, **stick: float) -> bool:
+    def bend(way: complex, **stick: float) -> None:
         joystick.show()
         joystick.wait_for('ready', enabled=False)
         joystick.assert_rests()
@@ -182,13 +182,13 @@ def test_a_stick_bends_the_chosen_segment_to_either_side_of_where_it_leans(tendo
         joystick.steer(**stick)
         rig.wait_for(lambda: abs(leans() - begin) > 5e-3, 'a bend')
         moved = (leans() - begin) / way
-        return abs(moved.imag) < 0.3 * moved.real
+        assert abs(moved.imag) < 0.3 * moved.real, f'{begin} moved by {moved} along {way}'
 
     with closing(Joystick(rig, **given(TENDON_ARM))) as joystick:
         joystick.wait_for('ready to move segment 3', connected=True)
-        assert bends(1.0, x=RIGHT)
-        assert bends(1.0j, y=1.0)
-        assert bends(-1.0, x=LEFT)
+        bend(1.0, x=RIGHT)
+        bend(1.0j, y=1.0)
+        bend(-1.0, x=LEFT)
 
 
 def test_a_segment_that_takes_long_to_prepare_is_prepared_once_and_then_moves(

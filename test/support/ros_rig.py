@@ -30,7 +30,7 @@ import rclpy
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -338,9 +338,8 @@ class Rig:
         self.joints = self.record(JointState, 'joint_states', RELIABLE)
         self.segment_poses = self.record(PoseArray, 'segment_poses', RELIABLE)
         self.disc_poses = self.record(PoseArray, 'disc_poses', RELIABLE)
-        # Not the executor of the nodes: only this one tells when a message was written.
         self._observing = Spinner(
-            SingleThreadedExecutor(context=self.context), [self.observer], self.context)
+            BestExecutor(context=self.context), [self.observer], self.context)
         self._observing.start()
 
     # Nodes.
@@ -491,11 +490,15 @@ class Rig:
         recording = Recording(topic)
         self._recordings.append(recording)
 
-        def note(message: Any, info: Any) -> None:
+        def note(*given: Any) -> None:
+            # The executor of events gives both as one.
+            message, info = given if len(given) == 2 else given[0]
             recording.heard.append(Heard(info['source_timestamp'], message))
             self.changed()
 
-        self.observer.create_subscription(kind, topic, note, qos, event_callbacks=NO_EVENTS)
+        subscription = self.observer.create_subscription(
+            kind, topic, note, qos, event_callbacks=NO_EVENTS)
+        subscription._callback_type = subscription.CallbackType.WithMessageInfo
         return recording
 
     def forget(self) -> None:
