@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass, field
 from functools import cache
+from inspect import signature
 import threading
 import time
 import traceback
@@ -128,6 +129,9 @@ class Heard:
 
     time: int
     message: Any
+
+
+TWO = signature(lambda message, info: None)
 
 
 @dataclass
@@ -491,14 +495,13 @@ class Rig:
         self._recordings.append(recording)
 
         def note(*given: Any) -> None:
-            # The executor of events gives both as one.
+            # The executor of events gives both as one (rclpy 7.1).
             message, info = given if len(given) == 2 else given[0]
             recording.heard.append(Heard(info['source_timestamp'], message))
             self.changed()
 
-        subscription = self.observer.create_subscription(
-            kind, topic, note, qos, event_callbacks=NO_EVENTS)
-        subscription._callback_type = subscription.CallbackType.WithMessageInfo
+        note.__signature__ = TWO  # type: ignore[attr-defined]  # as rclpy asks what to give it
+        self.observer.create_subscription(kind, topic, note, qos, event_callbacks=NO_EVENTS)
         return recording
 
     def forget(self) -> None:
