@@ -59,8 +59,7 @@ SIGN_MOVE = 2.0  # mm
 MAX_JOG = 2.0  # mm
 TAKE_UP = 'dynamixel.take_up_tension'
 PULLED_IN, PAID_OUT = 'pulled-in', 'paid-out'
-DIRECTIONS = {PULLED_IN: 1.0, PAID_OUT: -1.0, 'pulled': 1.0, 'let-out': -1.0}
-"""Sign by what was seen; the last two are the words of version 0.1."""
+DIRECTIONS = {PULLED_IN: 1.0, PAID_OUT: -1.0}  # sign by what was seen
 OF_SENSORS = {CAMERA: calibrate_camera.main, LOAD_CELLS: calibrate_load_cells.main,
               'servos': calibrate_servos.main}
 """Procedures with options of their own."""

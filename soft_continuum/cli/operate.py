@@ -5,7 +5,6 @@
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from math import isfinite, radians
 import os
 import signal
@@ -291,29 +290,22 @@ def _vacuums(text: str) -> tuple[float, ...]:
 # Tendons.
 
 
-def _move(text: str, tendon: str = '') -> tuple[str, float]:
-    """Read ``right=1.5``, or 1.5 for the tendon given, in mm; return the tendon and m."""
-    distance = text
-    if not tendon:
-        tendon, equals, distance = text.partition('=')
-        if not (tendon and equals):
-            raise ArgumentTypeError(f'{text!r} given; needed: TENDON=MM, such as right=1.5')
+def _move(text: str) -> tuple[str, float]:
+    """Read ``right=1.5``, in mm; return the tendon and m."""
+    tendon, equals, distance = text.partition('=')
+    if not (tendon and equals):
+        raise ArgumentTypeError(f'{text!r} given; needed: TENDON=MM, such as right=1.5')
     return tendon, 1e-3 * number_in(-MAX_JOG, MAX_JOG, 'mm')(distance)
 
 
 def _jog_options(parser: Parser) -> None:
     parser.add_argument('moves', nargs='*', type=_move, metavar='TENDON=MM',
                         help='how far to pull in a tendon, such as right=1.5; negative: pay out')
-    for tendon in ('right', 'left'):
-        parser.add_argument(
-            f'--{tendon}', dest='moves_by_option', action='append', default=[], metavar='MM',
-            type=partial(_move, tendon=tendon),
-            help=f'the same as {tendon}=MM')
 
 
 def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
     from soft_continuum.client.state import pulls_text
-    arm.jog(**dict([*options.moves, *options.moves_by_option]))
+    arm.jog(**dict(options.moves))
     return output.done(f'pulls: {pulls_text(arm.state)}')
 
 
@@ -392,7 +384,7 @@ ACTIONS = {
     'soften': Action(_soften, _soften_options),
     'vacuum': Action(_vacuum, _vacuum_options),
     'jog': Action(_jog, _jog_options, lambda options: '' if options.moves
-                  or options.moves_by_option else 'give TENDON=MM, such as right=1.5 left=-1.5'),
+                  else 'give TENDON=MM, such as right=1.5 left=-1.5'),
     'obstacles': Action(_obstacles, _obstacles_options, lambda options: (
         '--list changes nothing; leave it out, or FILE, --remove and --clear'
         if options.list and (options.file or options.remove or options.clear) else '')),

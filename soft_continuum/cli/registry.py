@@ -63,7 +63,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _operate('vacuum', 'set the vacuum of a segment, where it has a regulator'),
         _operate('jog', 'pull in or pay out tendons by some mm, while a segment is soft'),
         _operate('obstacles', 'list, add or remove what the arm must not touch'),
-        _operate('home', 'straighten the arm from any shape, all segments soft at once'),
+        _operate('home', 'straighten the arm from any shape, by a sequence or all at once'),
         Verb('teleop', 'steer by the keyboard', 'cli.teleop:main'),
         _operate('stop', 'stop all motion, holding tension'),
         _operate('resume', 'allow motion after a stop'),

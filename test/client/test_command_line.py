@@ -145,11 +145,11 @@ def test_of_two_runs_at_once_the_newer_one_is_done(arm, command, call):
 
 
 def test_segments_and_tendons_are_operated_by_hand(new_arm, call, documents):
-    assert call('jog', '--right', '1')[::2] == (
+    assert call('jog', 'right=1')[::2] == (
         FAILED, 'soft_continuum jog: tendon_actuation: every segment is stiff; soften one first '
         '(`soft_continuum soften N`)\n')
     assert call('soften', '3')[:2] == (DONE, 'segment 3 is soft\n')
-    assert call('jog', '--right', '1', '--left', '-1.5')[:2] == (
+    assert call('jog', 'right=1', 'left=-1.5')[:2] == (
         DONE, 'pulls: right_tendon +1.00 mm, left_tendon -1.50 mm\n')
     assert call('jog', 'left=-0.5', 'right_tendon=0.5')[:2] == (
         DONE, 'pulls: right_tendon +1.50 mm, left_tendon -2.00 mm\n')
@@ -166,7 +166,7 @@ def test_segments_and_tendons_are_operated_by_hand(new_arm, call, documents):
 
 def test_an_interrupted_jog_holds_the_tendons(new_arm, command):
     new_arm.soften(3)
-    jog = command('jog', '--left', '-50')
+    jog = command('jog', 'left=-50')
     new_arm.wait_for(lambda: new_arm.pulls[1] < -1e-3, 'a motion')
     jog.process.send_signal(signal.SIGINT)
     assert jog.end() == (INTERRUPTED, '', '')
