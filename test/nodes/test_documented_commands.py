@@ -43,7 +43,7 @@ from support.processes import module_command, Processes
 from support.ros_rig import QUICK, Rig, STREAM
 
 FOLLOWED = ('README.md', 'docs/tutorials/first_shapes.md')
-REFUSED = ('soft_continuum jog --right 2', 'soft_continuum run no_such_shape')
+REFUSED = ('soft_continuum jog right=2', 'soft_continuum run no_such_shape')
 """Lines that show what is not allowed."""
 ELSEWHERE = ('up', 'ui', 'demo', 'characterize', 'converge', 'examples/hello_shapes.py')
 """What other tests run: the arm of this module is the one that up starts."""
