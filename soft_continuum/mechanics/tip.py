@@ -38,7 +38,7 @@ MAX_EVALUATIONS = 60
 FITTED = 1e-4  # m: a tip by constant curvature this close is as good as reached
 NEAR = 0.05  # m: tips by constant curvature this close may be reached by the statics
 FAR = 0.2  # m: so far out of reach the nearest tip need not be known to a millimetre
-MAX_ROUNDS, MAX_FITS = 20, 20
+MAX_ROUNDS, MAX_FITS = 20, 16
 MAX_SHAPES = 150  # that are set for one tip, so that no search is without an end
 ROUGH, EXACT = 1e-6, 1e-13  # relative tolerances of fits by constant curvature
 DIFFERENCE = 1e-5  # rad, of bending
@@ -273,7 +273,6 @@ class _Fit:
     def by_statics(self, near: TipFit) -> TipFit:
         """Return the fit of the statics from one nearby on, by differences of solves."""
         best = near
-        known: tuple[Array, Array, Array] | None = None  # bending, what it misses, its slopes
 
         def left(values: Array) -> Array:
             nonlocal best
@@ -290,18 +289,9 @@ class _Fit:
             return np.concatenate([away, BEYOND * np.maximum(over, 0.0)])
 
         def slopes(values: Array) -> Array:
-            """Take differences at first; from then on follow what steps show (Broyden, 1965)."""
-            nonlocal known
             here = left(values)
-            if known is None:
-                matrix = np.column_stack([(left(values + step) - here) / DIFFERENCE
-                                          for step in DIFFERENCE * np.eye(len(values))])
-            else:
-                before, missed, matrix = known
-                step = values - before
-                matrix = matrix + np.outer(here - missed - matrix @ step, step) / (step @ step)
-            known = values.copy(), here, matrix
-            return matrix
+            return np.column_stack([(left(values + step) - here) / DIFFERENCE
+                                    for step in DIFFERENCE * np.eye(len(values))])
 
         if not self.segments or (best.reached and best.turn < TURNED) or _error(best) > FAR:
             return best

@@ -161,7 +161,6 @@ def test_no_search_sets_more_shapes_than_it_may(sampled, monkeypatch):
     monkeypatch.setattr(tip_search, 'set_shape', lambda *given: calls.append(0) or shape(*given))
     full = bending_for_tip(statics, goal)
     assert not full.reached
-    assert len(calls) < 40  # it took 60 when each step took differences
     monkeypatch.setattr(tip_search, 'MAX_SHAPES', len(calls) - 5)
     calls.clear()
     fit = bending_for_tip(statics, goal)
