@@ -105,6 +105,8 @@ class GrblTendons:
         while thread.is_alive():
             self.clock.sleep(POLL_INTERVAL)
         with self._lock:
+            if self._session is not session:  # another thread was closing it too
+                return
             self._session = self._thread = None
             self._closed_reason = 'the GRBL controller is closed; configure the node'
         session.link.close()
