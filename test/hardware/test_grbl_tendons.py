@@ -5,6 +5,7 @@
 import math
 import random
 import sys
+import threading
 
 import pytest
 
@@ -218,6 +219,20 @@ def test_closing_in_motion_stops_and_holds():
         assert abs(where[0]) < steps((0.04, 0.0))[0]
         assert emulator.energised
         assert 'configure' in failed(tendons)
+
+
+def test_two_threads_that_close_it_close_its_descriptors_once(monkeypatch):
+    with rig() as (_, tendons):
+        link, closed, both = tendons._session.link, [], threading.Barrier(2)
+        close, wake = link.close, link.wake
+        monkeypatch.setattr(link, 'close', lambda: closed.append(0) or close())
+        monkeypatch.setattr(link, 'wake', lambda: (both.wait(20.0), wake()))
+        closers = [threading.Thread(target=tendons.close) for _ in range(2)]
+        for one in closers:
+            one.start()
+        for one in closers:
+            one.join(20.0)
+        assert len(closed) == 1
 
 
 @pytest.mark.parametrize('reset', [False, True])
