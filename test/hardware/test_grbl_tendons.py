@@ -223,10 +223,19 @@ def test_closing_in_motion_stops_and_holds():
 
 def test_two_threads_that_close_it_close_its_descriptors_once(monkeypatch):
     with rig() as (_, tendons):
-        link, closed, both = tendons._session.link, [], threading.Barrier(2)
-        close, wake = link.close, link.wake
+        link, thread = tendons._session.link, tendons._thread
+        close, is_alive = link.close, thread.is_alive
+        closed, closing, both = [], set(), threading.Event()
+
+        def waits_for_both():
+            closing.add(threading.get_ident())
+            if len(closing) == 2:
+                both.set()
+            assert both.wait(20.0)
+            return is_alive()
+
         monkeypatch.setattr(link, 'close', lambda: closed.append(0) or close())
-        monkeypatch.setattr(link, 'wake', lambda: (both.wait(20.0), wake()))
+        monkeypatch.setattr(thread, 'is_alive', waits_for_both)
         closers = [threading.Thread(target=tendons.close) for _ in range(2)]
         for one in closers:
             one.start()
