@@ -222,7 +222,7 @@ def test_closing_in_motion_stops_and_holds():
 
 
 def test_two_threads_that_close_it_close_its_descriptors_once(monkeypatch):
-    with rig() as (_, tendons):
+    with rig() as (emulator, tendons):
         link, thread = tendons._session.link, tendons._thread
         close, is_alive = link.close, thread.is_alive
         closed, closing, both = [], set(), threading.Event()
@@ -239,8 +239,7 @@ def test_two_threads_that_close_it_close_its_descriptors_once(monkeypatch):
         closers = [threading.Thread(target=tendons.close) for _ in range(2)]
         for one in closers:
             one.start()
-        for one in closers:
-            one.join(20.0)
+        until(emulator, lambda: not any(one.is_alive() for one in closers), 'both are done')
         assert len(closed) == 1
 
 
