@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 import pty
 import select
+import signal
 import struct
 import subprocess
 import sys
@@ -70,8 +71,13 @@ class Command:
         while text not in self.output[begin:]:
             assert self.process.poll() is None or self._reader.is_alive(), (
                 f'ended without {text!r}: {self.output}')
-            assert monotonic() < deadline, f'no {text!r} in: {self.output}'
+            assert monotonic() < deadline, f'no {text!r} in: {self.output}\n{self._where()}'
             sleep(0.01)
+
+    def _where(self) -> str:
+        """End it; return where its threads were, which Python's faulthandler says."""
+        self.process.send_signal(signal.SIGABRT)
+        return str(self.end())
 
     def end(self) -> tuple[int, str, str]:
         """Wait for its end; return exit status, stdout, stderr."""
