@@ -37,7 +37,7 @@ import sys
 from geometry_msgs.msg import Pose, PoseArray
 import rclpy
 from sensor_msgs.msg import JointState
-from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.qos import STREAM
 rclpy.init()
 node = rclpy.create_node('bare')
@@ -56,7 +56,7 @@ def publish():
         publisher.publish(message)
 
 node.create_timer(0.01, publish)
-executor = BestExecutor()
+executor = make_executor()
 executor.add_node(node)
 while rclpy.ok():
     executor.spin_once(timeout_sec=0.1)

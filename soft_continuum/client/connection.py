@@ -18,7 +18,7 @@ from soft_continuum.client.errors import ClientError, NoAnswerError
 from soft_continuum.client.requests import Requests
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
-from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.logs import require_log_folder
 from soft_continuum.ros.network import choose_own_network, security_problem, wait_until_up
 
@@ -66,7 +66,7 @@ class Connection:
                 raise ClientError(problem) from None
             raise
         self.requests = Requests(self.node, timeout, discovery_timeout)
-        self._executor = BestExecutor(context=self._context)
+        self._executor = make_executor(self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._spin, name='soft_continuum', daemon=True)
         self._thread.start()

@@ -32,7 +32,7 @@ from soft_continuum.parameters.overrides import full_name_of, Overrides
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX, VACUUM_PREFIX
 from soft_continuum.ros.enclaves import with_enclave
-from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.logs import discard_old_logs, require_log_folder
 from soft_continuum.ros.names import RECORDER, TELEOP
 from soft_continuum.ros.network import (
@@ -98,11 +98,6 @@ class Signals:
             except Exception:
                 get_logger('soft_continuum').error(
                     f'a callback failed; going on:\n{traceback.format_exc()}')
-
-
-def make_executor() -> Executor:
-    """Return the executor that serves these nodes best: events, in one thread."""
-    return BestExecutor()
 
 
 def end_with(parent: int) -> None:

@@ -27,7 +27,7 @@ from soft_continuum.recordings.about import PARAMETERS
 from soft_continuum.recordings.bag import BagError, BagReader, Topic
 from soft_continuum.recordings.topics import PICTURES
 from soft_continuum.ros.definitions import DefinitionError, message_class
-from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.names import KINEMATICS, NODES
 from soft_continuum.ros.network import choose_own_network
 from soft_continuum.ros.qos import EVERY_STATE, STREAM
@@ -108,7 +108,7 @@ class Playback:
         choose_own_network()
         self._context = Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._executor = BestExecutor(context=self._context)
+        self._executor = make_executor(self._context)
         self._nodes = [Node(
             name, namespace=self.namespace, context=self._context, enable_rosout=False,
             parameter_overrides=self._parameters.get(name, []),

@@ -4,8 +4,10 @@
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
+from io import StringIO
 from itertools import pairwise
 from math import inf, nan
+import sys
 import threading
 from time import monotonic, sleep
 from typing import Any
@@ -68,6 +70,12 @@ def test_the_state_of_a_straight_and_stiff_arm_is_complete(new_client):
     assert [node.level for node in state.nodes] == ['ok'] * 4
     assert all(node.running and node.age < DEADLINE for node in state.nodes)
     assert state.node('jamming_valves').values['stiff'] == 'true true true'
+
+
+def test_a_client_works_where_stderr_is_no_file_as_in_notebooks(arm, here, monkeypatch):
+    monkeypatch.setattr(sys, 'stderr', StringIO())
+    with Arm(arm.namespace, timeout=DEADLINE) as client:
+        assert client.state.stiff == (True, True, True)
 
 
 def test_an_unknown_node_is_named_with_the_known_ones(client):

@@ -23,7 +23,7 @@ from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_to_ros
-from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.names import NODES
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
@@ -108,7 +108,7 @@ class EstimatedArm:
         self._nodes[-1].create_service(PlanShapes, '~/plan_shapes', self._plan)
         node.create_timer(PERIOD, self._publish)
         self._spinner = Spinner(
-            BestExecutor(context=self._context), self._nodes, self._context)
+            make_executor(self._context), self._nodes, self._context)
         self._spinner.start()
 
     def close(self) -> None:

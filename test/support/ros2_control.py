@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.executor import make_executor
 
 DEADLINE = 20.0  # s
 RATE = 100.0  # Hz
@@ -48,7 +48,7 @@ class OtherNodes:
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = Node(name, context=self.context, namespace=namespace)
-        self._executor = BestExecutor(context=self.context)
+        self._executor = make_executor(self.context)
         self._executor.add_node(self.node)
         self._ending = False
         self._thread = threading.Thread(target=self._spin, daemon=True)

@@ -44,7 +44,7 @@ from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.runtime import node_class
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX
-from soft_continuum.ros.executor import BestExecutor
+from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.names import NODES
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
@@ -343,7 +343,7 @@ class Rig:
         self.segment_poses = self.record(PoseArray, 'segment_poses', RELIABLE)
         self.disc_poses = self.record(PoseArray, 'disc_poses', RELIABLE)
         self._observing = Spinner(
-            BestExecutor(context=self.context), [self.observer], self.context)
+            make_executor(self.context), [self.observer], self.context)
         self._observing.start()
 
     # Nodes.
@@ -356,7 +356,7 @@ class Rig:
             make(name, context=self.context, namespace=self.namespace, cli_args=rules,
                  parameter_overrides=parameter_values(name, **parameters))
             for name in names]
-        group = Spinner(BestExecutor(context=self.context), nodes, self.context)
+        group = Spinner(make_executor(self.context), nodes, self.context)
         self._groups.append(group)
         for node in nodes:
             node.start()
