@@ -15,7 +15,7 @@ from benchmarks.lab import CAMERA, Description, Lab, Pose
 from benchmarks.loop import judged, judged_in, random_goal, Result
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_differences
 from soft_continuum.user_files import description_file
 
 FIRST_SEED, SEEDS = 200, 20  # of rigs on which nothing was tried before
@@ -51,7 +51,7 @@ FAULTS: dict[str, Callable[[Seen], Seen]] = {
 class _Blinded(Lab):
     """A lab whose pictures from a number on are spoilt."""
 
-    def __init__(self, description: Description, given: Differences, first: int,
+    def __init__(self, description: Description, given: ModelErrors, first: int,
                  spoil: Callable[[Seen], Seen]) -> None:
         super().__init__(description, given, CAMERA)
         self._first_spoilt, self._spoil, self.looks = first, spoil, 0

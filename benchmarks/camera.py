@@ -20,7 +20,7 @@ from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sensing.tag_camera import TagCamera
-from soft_continuum.twin.differences import Differences, PRESETS, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_differences
 from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
 
@@ -68,7 +68,7 @@ def run(quick: bool) -> Section:
     return Section('sensing.md', 'camera', body)
 
 
-def _measure(chain: PlaneChain, layout: TagLayout, given: Differences,
+def _measure(chain: PlaneChain, layout: TagLayout, given: ModelErrors,
              random: np.random.Generator) -> tuple[NDArray[np.float64], ...]:
     """Return errors (k, 3), those against where the tags were stuck, which are inside, and s."""
     drawn = TagTwinCamera(layout, given)

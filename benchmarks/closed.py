@@ -18,7 +18,7 @@ from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
+from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.planner import Planner, Shape, ShapePlan
@@ -138,7 +138,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
         lambda _: planned(lambda planner: aim),
         lambda segments, aim: planned(lambda planner: next_step(
             planner, state(), lab.pulls.tolist(), segments, aim, DEAD_BAND)),
-        lambda segments, aim, limit: planned(lambda planner: worth_setting_again(
+        lambda segments, aim, limit: planned(lambda planner: segments_worth_correcting(
             planner, state(), lab.pulls.tolist(), segments, aim, LOCK_IN_DEVIATION,
             limit)),
         state)

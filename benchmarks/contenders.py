@@ -13,7 +13,7 @@ from soft_continuum.mechanics import Arm, constant_curvature, Jam
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.timing import timed
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 
 SETTLING = 1.0  # s after each motion
 
@@ -69,7 +69,7 @@ def open_loop_told(lab: Lab, goal: Goal, arm: Arm) -> Outcome:
     return open_loop(lab, goal, told(arm, lab.differences))
 
 
-def told(arm: Arm, given: Differences) -> Arm:
+def told(arm: Arm, given: ModelErrors) -> Arm:
     """Return the arm with the stiffnesses, masses, K and yield moment of a plant."""
     factors = np.broadcast_to(given.stiffness_factors, len(arm.segments)).tolist()
     jam = Jam(ratio=given.stiff_ratio, yield_moment=given.yield_moment)

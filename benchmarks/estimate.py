@@ -31,7 +31,7 @@ from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.rigid import displacement, IDENTITY, in_plane
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
-from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_differences
 from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'bad')
@@ -61,7 +61,7 @@ class Tick:
 class RecordedLab(Lab):
     """A rig of which every 20 ms are recorded."""
 
-    def __init__(self, description: Description, given: Differences) -> None:
+    def __init__(self, description: Description, given: ModelErrors) -> None:
         """Begin to record as soon as it rests."""
         self.ticks: list[Tick] = []
         self._recording = False
@@ -167,7 +167,7 @@ def run(quick: bool) -> Section:
     return Section('estimation.md', 'estimate', body)
 
 
-def recorded(description: Description, given: Differences, shapes: int) -> Sequence[Tick]:
+def recorded(description: Description, given: ModelErrors, shapes: int) -> Sequence[Tick]:
     """Set a rig to random shapes, and return what happened."""
     lab = RecordedLab(description, given)
     for plan in _plans(description, given.seed, shapes):
@@ -193,7 +193,7 @@ def _plans(description: Description, seed: int, shapes: int) -> Sequence[ShapePl
             continue
 
 
-def replayed(description: Description, given: Differences, ticks: Sequence[Tick],
+def replayed(description: Description, given: ModelErrors, ticks: Sequence[Tick],
              sensors: Sequence[str], costs: list[tuple[float, float]]) -> list[Judged]:
     """Let an estimate follow a recording with some of its sensors; costs: s of each step."""
     settings = estimation_from_parameters(load_description(description_file(), node='kinematics'))
@@ -218,7 +218,7 @@ def replayed(description: Description, given: Differences, ticks: Sequence[Tick]
     return found
 
 
-def _judged(shape: ArmShape, given: Differences, truth: Array) -> Judged:
+def _judged(shape: ArmShape, given: ModelErrors, truth: Array) -> Judged:
     assert shape.state is not None
     tip = float(np.linalg.norm((shape.state.tip - truth[-1])[:2]))
     estimate = shape.estimate

@@ -17,7 +17,7 @@ from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 
 PERIOD = 0.02  # s of the motors' positions
@@ -109,7 +109,7 @@ class _Push:
 class Rig:
     """The plant with its boards."""
 
-    def __init__(self, arm: Any, differences: Differences, fault: Fault, seed: int,
+    def __init__(self, arm: Any, differences: ModelErrors, fault: Fault, seed: int,
                  harmless: bool) -> None:
         self.harmless = harmless
         self.plant: Any = Plant(arm, differences)
@@ -266,7 +266,7 @@ def moved(poses: Array, shift: Array, turn: float) -> Array:
     return np.column_stack([middle + shift + turned, poses[:, 2] + turn])
 
 
-def simulate(arm: Any, differences: Differences, fault: Fault, seed: int, shapes: int = 1,
+def simulate(arm: Any, differences: ModelErrors, fault: Fault, seed: int, shapes: int = 1,
              harmless: bool = False, kind: type[Rig] = Rig) -> Run:
     """
     Return a sequence of random shapes in which a fault happens in a random move.
@@ -324,7 +324,7 @@ def simulate(arm: Any, differences: Differences, fault: Fault, seed: int, shapes
     return Run(fault, seed, times, pulls, soft, poses, rig.moment, rig.detail)
 
 
-def displacement(arm: Arm, differences: Differences, run: Run) -> float:
+def displacement(arm: Arm, differences: ModelErrors, run: Run) -> float:
     """Return by how much at most a fault displaced a disc, m: against the run without it."""
     without = simulate(arm, differences, run.fault, run.seed, harmless=True)
     return float(np.linalg.norm((run.poses - without.poses)[:, :, :2], axis=2).max())
@@ -362,7 +362,7 @@ def _plan(arm: Arm, random: np.random.Generator, shapes: int
 class _Recorder(Lab):
     """A rig that its controller sees by a SyntheticCamera, and that is recorded."""
 
-    def __init__(self, description: Description, differences: Differences) -> None:
+    def __init__(self, description: Description, differences: ModelErrors) -> None:
         self.rows: list[tuple[float, Array, Array, Array]] = []
         self._synthetic = SyntheticCamera(np.random.default_rng(differences.seed))
         super().__init__(description, differences, TRUTH)
@@ -379,7 +379,7 @@ class _Recorder(Lab):
                 for n, pose in enumerate(self._synthetic(self.truth[::2]))}
 
 
-def closed_loop(description: Description, differences: Differences, seed: int) -> Run:
+def closed_loop(description: Description, differences: ModelErrors, seed: int) -> Run:
     """Return how the closed loop sets a random shape, without a fault, and holds it a little."""
     lab = _Recorder(description, replace(differences, seed=seed))
     outcome = closed.closed_loop(lab, random_goal(description, seed), description.arm)

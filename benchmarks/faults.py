@@ -30,7 +30,7 @@ from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.user_files import description_file
 
 RUNS, OPEN, CLOSED = 20, 60, 120  # of each fault; sequences without one; goals of a closed loop

@@ -24,11 +24,11 @@ from soft_continuum.mechanics.orientations import bending_between, full_poses, m
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
+from soft_continuum.sensing.detections import TagDetections
 from soft_continuum.sensing.rigid import mean_pose, planar_pose
 from soft_continuum.sensing.ring_layout import layout_of, RingLayout
-from soft_continuum.sensing.sight import Sight
 from soft_continuum.sequencing.planner import PlanSettings
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.twin.sensors import Sensors
 from soft_continuum.twin.tag_camera import TagTwinCamera
@@ -105,7 +105,7 @@ class Lab:
     violations: what exceeded a limit, at most one entry of each kind for one call.
     """
 
-    def __init__(self, description: Description, differences: Differences,
+    def __init__(self, description: Description, differences: ModelErrors,
                  sensor: str = CAMERA, tared: bool = True) -> None:
         """
         Put up the rig.
@@ -328,10 +328,10 @@ class Lab:
         return {n: Pose(planar_pose(disc.pose), disc.covariance[IN_PLANE])
                 for n, disc in self._sight(discs, self.time).discs.items()}
 
-    def _sight(self, discs: Array, time: float) -> Sight:
+    def _sight(self, discs: Array, time: float) -> TagDetections:
         """Draw a picture and return what is measured in it."""
         assert self._drawn is not None
-        sight: Sight = self._camera.measure(self._drawn.picture(full_poses(discs), time))
+        sight: TagDetections = self._camera.measure(self._drawn.picture(full_poses(discs), time))
         return sight
 
 

@@ -18,7 +18,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
-from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_differences
 from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'bad')
@@ -95,7 +95,7 @@ def random_goal(description: Description, seed: int) -> Goal:
         return Goal(angles, (x, z))
 
 
-def judged(description: Description, given: Differences, goal: Goal, contender: Contender,
+def judged(description: Description, given: ModelErrors, goal: Goal, contender: Contender,
            sensor: str = CAMERA, tared: bool = True) -> Result:
     """Let a contender set a goal on a rig of its own, stiffen what it left soft, and judge."""
     return judged_in(Lab(description, given, sensor, tared), goal, contender)

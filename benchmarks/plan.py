@@ -17,7 +17,7 @@ from benchmarks.timing import progress
 from soft_continuum.mechanics.arm import Arm, Array, mounted
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.sequencing.planner import Move, PlanError
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.user_files import description_file
 
 QUERIES, IN_SPACE, ON_TWIN, QUICK = 500, 200, 60, 7

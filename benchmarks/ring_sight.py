@@ -13,7 +13,7 @@ from soft_continuum.sensing.rigid import displacement
 from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.sensing.straight_corners import at_rest
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 
 TARE_PICTURES = 6
@@ -25,7 +25,7 @@ Seen = tuple[Array, Array]
 class RingSight:
     """Cameras before a spatial arm, tared on the straight arm."""
 
-    def __init__(self, layout: RingLayout, given: Differences, straight: Array,
+    def __init__(self, layout: RingLayout, given: ModelErrors, straight: Array,
                  cameras: int = 1) -> None:
         """Place 1 or 2; straight: (discs, 7), poses of the discs in the beginning."""
         self._drawn = [RingTwinCamera(layout, given, direction)

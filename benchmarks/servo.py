@@ -19,7 +19,7 @@ from soft_continuum.mechanics import Arm, Jam, Statics
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.servo import AngleServo, ServoSettings
-from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_differences
 from soft_continuum.user_files import description_file
 
 IMAGE = DOCUMENTS.parent / 'images' / 'servo.svg'
@@ -74,7 +74,7 @@ def run(quick: bool) -> Section:
     return Section('../how_to/follow_a_moving_target.md', 'servo', body)
 
 
-def _sines(arm: Arm, presets: dict[str, Differences], quick: bool) -> list[tuple[str, ...]]:
+def _sines(arm: Arm, presets: dict[str, ModelErrors], quick: bool) -> list[tuple[str, ...]]:
     rows = []
     for name, given in presets.items():
         for segment in range(1 if quick else len(arm.segments)):
@@ -90,7 +90,7 @@ def _sines(arm: Arm, presets: dict[str, Differences], quick: bool) -> list[tuple
     return rows
 
 
-def _responses(arm: Arm, given: Differences, quick: bool) -> list[list[complex]]:
+def _responses(arm: Arm, given: ModelErrors, quick: bool) -> list[list[complex]]:
     """Return the frequency response of each segment."""
     responses = []
     for segment in range(1 if quick else len(arm.segments)):

@@ -25,7 +25,7 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.sequencing.servo import AngleServo, ServoSettings
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 
 CONTROL_PERIOD = 0.02  # s, of tendon_actuation
@@ -77,7 +77,7 @@ class StaticPlant:
 class TwinPlant:
     """The MuJoCo twin, with one segment that was softened."""
 
-    def __init__(self, arm: Arm, given: Differences, segment: int) -> None:
+    def __init__(self, arm: Arm, given: ModelErrors, segment: int) -> None:
         """Soften the segment and wait."""
         self._plant = Plant(arm, given)
         self._pulls = np.zeros(2)

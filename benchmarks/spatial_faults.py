@@ -30,7 +30,7 @@ from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'

@@ -21,7 +21,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.tilt import ImuSample, SensorError
-from soft_continuum.twin.differences import Differences, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_differences
 from soft_continuum.twin.plant import TIME_STEP
 from soft_continuum.user_files import description_file
 
@@ -37,7 +37,7 @@ HEAD = ('mounted', 'preset', 'tip of the prediction, mm: median', 'worst',
 class TiltedLab(Lab):
     """A rig whose estimate follows it by its IMUs alone."""
 
-    def __init__(self, description: Description, given: Differences) -> None:
+    def __init__(self, description: Description, given: ModelErrors) -> None:
         """Begin straight, and tare the IMUs there."""
         self._following = False
         super().__init__(description, given, NOTHING)
@@ -103,7 +103,7 @@ def run(quick: bool) -> Section:
     return Section('estimation.md', 'spatial_imus', body)
 
 
-def _errors(description: Description, given: Differences) -> tuple[float, float]:
+def _errors(description: Description, given: ModelErrors) -> tuple[float, float]:
     """Return by how much the tips of prediction and estimate are off, m."""
     goal: Goal = random_goal(description, given.seed)
     lab = TiltedLab(description, given)

@@ -14,7 +14,7 @@ from benchmarks.loop import HEAD, judged, line, Result, row
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'

@@ -15,7 +15,7 @@ from benchmarks.timing import progress
 from soft_continuum.mechanics import Jam, pulls_for_bending, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, Array, mounted, STANDARD_GRAVITY
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.differences import Differences, PRESETS, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.user_files import description_file
 
@@ -68,7 +68,7 @@ def run(quick: bool) -> Section:
     return Section('../how_to/try_it_on_a_simulated_rig.md', 'twin', body)
 
 
-def _rows(arm: str, distances: Array, ideal: Differences) -> list[tuple[str, ...]]:
+def _rows(arm: str, distances: Array, ideal: ModelErrors) -> list[tuple[str, ...]]:
     """Return rows of the table for distances (steps, 2), mm."""
     rows: list[tuple[str, ...]] = []
     for name, each in zip(('rigid, as described', f'K = {ideal.stiff_ratio:,.0f} as in `ideal`'),
@@ -82,7 +82,7 @@ def _rows(arm: str, distances: Array, ideal: Differences) -> list[tuple[str, ...
     return rows
 
 
-def _walk(arm: Arm, ideal: Differences, random: np.random.Generator) -> Array:
+def _walk(arm: Arm, ideal: ModelErrors, random: np.random.Generator) -> Array:
     """Return how far a disc is at most from each statics after each step, (STEPS, 2), m."""
     plant, rigid = Plant(arm, ideal), Statics(arm)
     described: Any = arm
@@ -144,7 +144,7 @@ def _apart(one: Array, other: Array) -> float:
     return float(np.linalg.norm((one - other)[:, :3], axis=1).max())
 
 
-def _rate(arm: Arm, given: Differences) -> float:
+def _rate(arm: Arm, given: ModelErrors) -> float:
     """Return how many seconds the plant simulates in one of this thread, while it is bent."""
     plant, vacuum = Plant(arm, given), 1.0 - np.array(only(1), dtype=float)
     goal = np.array([0.012, *[-0.02] * (len(arm.tendon_names) - 1)])

@@ -28,7 +28,7 @@ from websockets.http11 import Request, Response
 from websockets.server import ServerProtocol
 
 from soft_continuum.browser.bar import Bar, PAGE, PATH
-from soft_continuum.browser.crowd import Crowd, MAX_SOCKETS
+from soft_continuum.browser.connection_limiter import ConnectionLimiter, MAX_SOCKETS
 from soft_continuum.browser.inbound import MAX_MESSAGE, only_controls
 from soft_continuum.browser.log import LOG, SERVER_LOG
 
@@ -76,7 +76,7 @@ def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
         reason = getattr(error, 'strerror', '') or error
         raise AccessError(f'cannot listen on {host} port {port}: {reason}; '
                         'choose others with --host and --port') from None
-    checked, crowd = False, Crowd()
+    checked, crowd = False, ConnectionLimiter()
     serve = websocket_server.serve
 
     def checked_serve(viser_handler: Conversation, *arguments: Any, process_request: Files,
@@ -132,8 +132,8 @@ async def _converse(bar: Bar, viser_handler: Conversation, connection: ServerCon
 class _Connection(ServerConnection):
     """A connection that is counted, and answers what is no HTTP request at all, too."""
 
-    def __init__(self, crowd: Crowd, protocol: ServerProtocol, *arguments: Any, **options: Any
-                 ) -> None:
+    def __init__(self, crowd: ConnectionLimiter, protocol: ServerProtocol, *arguments: Any,
+                 **options: Any) -> None:
         super().__init__(protocol, *arguments, **options)
         self._crowd = crowd
         send_eof = protocol.send_eof
@@ -157,7 +157,7 @@ class _Connection(ServerConnection):
 class _Requests:
     """Answers the requests of browsers: refuses one, takes its token, or serves what it wants."""
 
-    def __init__(self, token: str, files: Files, crowd: Crowd) -> None:
+    def __init__(self, token: str, files: Files, crowd: ConnectionLimiter) -> None:
         """``files``: serves those of viser, and lets its WebSocket pass."""
         self._token, self._files, self._crowd = token, files, crowd
         # Of this run alone, whatever its token: nobody guesses it, so it need not wait.

@@ -18,10 +18,10 @@ from time import monotonic
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
-from soft_continuum.browser.crowd import Pace
+from soft_continuum.browser.connection_limiter import RateLimiter
 from soft_continuum.browser.log import LOG
+from soft_continuum.browser.messages import plain
 from soft_continuum.browser.session import Notice
-from soft_continuum.browser.words import plain
 from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.observed import STALE_AFTER
 from soft_continuum.client.state import ArmState, error_text
@@ -125,7 +125,7 @@ class Bar:
 
     async def follow(self, connection: ServerConnection) -> None:
         """Serve the bar of one page until that is closed."""
-        sender, pace = asyncio.create_task(self._send(connection)), Pace()
+        sender, pace = asyncio.create_task(self._send(connection)), RateLimiter()
         try:
             async for word in connection:
                 await pace.keep()

@@ -13,7 +13,7 @@ from typing import Annotated, get_args, Literal
 import msgspec
 from websockets.asyncio.server import ServerConnection
 
-from soft_continuum.browser.crowd import Pace
+from soft_continuum.browser.connection_limiter import RateLimiter
 from soft_continuum.browser.log import LOG
 
 MAX_MESSAGE = 2**14  # bytes
@@ -77,7 +77,7 @@ def only_controls(connection: ServerConnection) -> ServerConnection:
 
 
 def _filtered(receive: Callable[[], Awaitable[str | bytes]]) -> Callable[[], Awaitable[bytes]]:
-    pace = Pace()
+    pace = RateLimiter()
 
     async def receive_filtered() -> bytes:
         while True:

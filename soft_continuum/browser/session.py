@@ -13,11 +13,11 @@ from typing import Any, TYPE_CHECKING, TypeVar
 
 from visualization_msgs.msg import MarkerArray
 
+from soft_continuum.browser.messages import plain
 from soft_continuum.browser.picture import CameraPicture
 from soft_continuum.browser.points import Points
 from soft_continuum.browser.saved import SavedShapes
 from soft_continuum.browser.tip_planning import TipPlanning
-from soft_continuum.browser.words import plain
 from soft_continuum.cli.up import nodes_for
 from soft_continuum.client.errors import (
     ClientError,

@@ -12,10 +12,10 @@ from soft_continuum.emulators.driving import parameter_lines
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.twin.differences import (
+from soft_continuum.twin.model_errors import (
     DEFAULT_PRESET,
-    Differences,
     load_cell_parameters,
+    ModelErrors,
     PRESETS,
     read_differences,
     TwinError,
@@ -39,7 +39,7 @@ def add_preset_options(parser: Parser) -> None:
                         help='where the presets are (default: config/twin.yaml)')
 
 
-def chosen_differences(options: Namespace) -> Differences:
+def chosen_differences(options: Namespace) -> ModelErrors:
     """Return what these options ask for; raises as read_differences does."""
     from soft_continuum.user_files import description_file
     return read_differences(
@@ -83,9 +83,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     from soft_continuum.parameters.arm import arm_from_parameters
     from soft_continuum.parameters.files import load_description
+    from soft_continuum.twin.ground_truth import GroundTruth
     from soft_continuum.twin.rig import TwinRig
     from soft_continuum.twin.sensor_topics import SensorTopics
-    from soft_continuum.twin.truth import Truth
     from soft_continuum.user_files import description_file
 
     def begin(running: ExitStack) -> None:
@@ -97,7 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             arm, chosen_differences(options), options.tendon_link or '',
             options.modbus_link or '', tendon_driver=options.tendon_driver,
             jams=bool(values['arm.jamming']), regulators=options.regulators))
-        running.enter_context(Truth(rig, options.namespace))
+        running.enter_context(GroundTruth(rig, options.namespace))
         running.enter_context(SensorTopics(rig, options.namespace))
         given = rig.parameters() | load_cell_parameters(len(arm.tendon_names))
         print(CONFIGURATION.format(

@@ -16,7 +16,7 @@ from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
-from soft_continuum.twin.differences import DEFAULT_PRESET, load_cell_parameters, PRESETS
+from soft_continuum.twin.model_errors import DEFAULT_PRESET, load_cell_parameters, PRESETS
 
 PERIOD = 0.05  # s between two looks at whether it is ready
 START_TIMEOUT = 120.0  # s: it imports MuJoCo, and makes the model of the arm

@@ -68,7 +68,7 @@ class Anomaly:
     message: str
 
 
-class Watch:
+class AnomalyDetector:
     """Watches one arm; ``active``: what was found wrong in the last REPORTED s."""
 
     def __init__(self) -> None:

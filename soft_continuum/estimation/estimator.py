@@ -54,7 +54,7 @@ PERSISTENT = 2  # measurements beyond the gate in turn, after which the arm has 
 REOPENED = 2.0  # times what they are at first: offsets and held shapes then
 LINEAR = 2.0  # distance of a measurement up to which one Newton step is enough
 MAX_STEPS, STEP_PARTS = 3, (1.0, 0.4, 0.15)
-ENOUGH = 0.05  # of what is left: a step that gains less is the last
+MIN_RELATIVE_GAIN = 0.05  # of what is left: a step that gains less is the last
 MINUTE, CENTIMETRE = 60.0, 0.01
 
 
@@ -249,7 +249,7 @@ class Estimator:
         innovation = Innovation(point.values, covariance, distance, used)
         if used:
             told = np.full(self.layout.size, float(seen))
-            told[self.layout.told_by_tensions] = 1.0
+            told[self.layout.observable_from_tension] = 1.0
             self._take(self._best(point, past, measurements, distance, told), past, told)
             self.updated = max(time, self.updated or time)
             for one in measurements:
@@ -297,7 +297,7 @@ class Estimator:
             gained = cost - there.misfit - float(tried @ spread @ tried)
             foretold = there.rows is point.rows
             point, weights, cost = there, tried, cost - gained
-            if foretold or gained < ENOUGH * cost:
+            if foretold or gained < MIN_RELATIVE_GAIN * cost:
                 break
         return point
 
@@ -370,7 +370,7 @@ class Estimator:
                                   sliding=past.sliding)
         expected = predicted(statics, layout, there, past.sliding)
         values = np.concatenate([one.away(expected, unknowns) for one in measurements])
-        if before is not None and before.foretells(change, there, values):
+        if before is not None and before.jacobian_valid(change, there, values):
             return replace(before, change=change, unknowns=unknowns, statics=statics,
                            start=start, state=there, values=values)
         found = [one.observation(expected) for one in measurements]

@@ -20,7 +20,8 @@ from soft_continuum.sensing.rigid import displacement
 MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measured
 ALONG_AXIS = 1.0 - 1e-9  # cosine of a direction to an axis that it is along
 CARRIES = 3.0  # deviations of a tension, beyond which the tendon is not slack
-FORETOLD = 1e-6  # squared distance over its expected value, by which derivatives may be wrong
+LINEARITY_TOLERANCE = 1e-6
+"""Squared distance over its expected value, by which derivatives may be wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,10 +240,11 @@ class Point:
         """What is left, by its noise."""
         return float(self.values @ np.linalg.solve(self.noise, self.values))
 
-    def foretells(self, change: Array, state: Any, values: Array) -> bool:
+    def jacobian_valid(self, change: Array, state: Any, values: Array) -> bool:
         """Whether its derivatives hold for another change: they foretell the values there."""
         wrong = self.values - self.rows @ (change - self.change) - values
-        return state.taut == self.state.taut and relative_distance(wrong, self.noise) < FORETOLD
+        return state.taut == self.state.taut and (
+            relative_distance(wrong, self.noise) < LINEARITY_TOLERANCE)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.estimation.anomalies import Anomaly, Watch
+from soft_continuum.estimation.anomalies import Anomaly, AnomalyDetector
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator, HISTORY
 from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
@@ -62,7 +62,7 @@ class ArmShape:
         self.unpredicted: Exception | None = None
         """Why the model alone has no shape now."""
         self._path: Any = None  # what it had last
-        self._watch = Watch()
+        self._watch = AnomalyDetector()
         self._tolerance = straight_tolerance
         self._arm = arm
         self._stretches = bool(self.statics.compliance.any())
@@ -154,7 +154,7 @@ class ArmShape:
         self._path, self.unpredicted, self._solved, self._stood = state, None, (), None
 
     def _forget_estimate(self) -> None:
-        self.estimator, self._measured, self._watch = None, None, Watch()
+        self.estimator, self._measured, self._watch = None, None, AnomalyDetector()
         if self._commands is not None:
             self._watch.follow(self._commands)
         self._failures = self._far_off = 0

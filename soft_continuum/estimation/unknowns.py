@@ -95,7 +95,7 @@ class Layout:
         return slice(self.model, self.size)
 
     @property
-    def told_by_tensions(self) -> list[int]:
+    def observable_from_tension(self) -> list[int]:
         """What tensions correct: all else would be bent to what the statics lack of friction."""
         return [*range(self.stiffness.start, self.stiffness.stop),
                 *range(self.tension_bias(0), self.size)]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.grid import set_on_grid, workspace
     from soft_continuum.mechanics.inverse import BendingFit, pulls_for_bending, set_shape
     from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
-    from soft_continuum.mechanics.self_contact import self_intersections, wound_up
+    from soft_continuum.mechanics.self_contact import exceeds_pi, self_intersections
     from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
     from soft_continuum.mechanics.statics import Statics
     from soft_continuum.mechanics.tip import bending_for_tip, TipFit
@@ -41,8 +41,9 @@ __all__ = [
     'Chain', 'Disc', 'Equilibrium', 'Jam', 'LawError', 'Linearisation', 'MomentCurvature',
     'OverconstrainedError', 'Segment', 'Sensitivity', 'Statics', 'StaticsError', 'Tendon',
     'TipFit', 'Wrench', 'bending_directions', 'bending_for_tip', 'bending_vectors',
-    'constant_curvature', 'mounted', 'pulls_for_bending', 'self_intersections', 'set_on_grid',
-    'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'tendon_pair', 'workspace', 'wound_up',
+    'constant_curvature', 'exceeds_pi',
+    'mounted', 'pulls_for_bending', 'self_intersections', 'set_on_grid',
+    'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'tendon_pair', 'workspace',
 ]
 
 # Cheap ones first: who wants an Arm does not load the solver, who solves does not load SciPy.

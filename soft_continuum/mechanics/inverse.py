@@ -32,7 +32,7 @@ from soft_continuum.mechanics.statics import Booleans, SLACK_ALLOWANCE, Statics
 
 SAME_BENDING, HELD = Statics.precision
 STEP = 0.3  # rad of bending at first
-ENOUGH = 0.01  # of a change: tensions that miss it by less bring it about
+CHANGE_TOLERANCE = 0.01  # of a change: tensions that miss it by less bring it about
 LEAST_STEP = 1e-3  # of the way of Newton's method
 CAUGHT, MAX_JUMPS = 0.05, 3  # rad of a jump at which another tendon holds the arm; how many
 MAX_STEPS = 100
@@ -237,7 +237,7 @@ class _Search:
         more = tensions - state.tensions
         missed = np.abs(slopes @ tensions - needed).max()
         pulls = self.statics.commanded_pulls(state) - paths @ more + self.statics.compliance * more
-        return (tensions, pulls, bool(missed <= ENOUGH * np.abs(change).max()))
+        return (tensions, pulls, bool(missed <= CHANGE_TOLERANCE * np.abs(change).max()))
 
     def solve(self, state: Equilibrium, tensions: Array, pulls: Array
               ) -> Equilibrium:

@@ -44,7 +44,7 @@ def self_intersections(state: Equilibrium, radius: float) -> list[tuple[int, int
     return sorted(pairs)
 
 
-def wound_up(state: Equilibrium) -> Booleans:
+def exceeds_pi(state: Equilibrium) -> Booleans:
     """
     Return which segments are bent by more than pi, (segments,).
 

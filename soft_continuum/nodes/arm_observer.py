@@ -144,27 +144,27 @@ class ArmObserver(ReportedArm):
             return faults
         if self.tendons.connected and not self.tendons.referenced:
             return f'{TENDON_ACTUATION}: {NOT_REFERENCED}'
-        if unheard := self.unheard:
-            return (f'nothing received yet from {", ".join(unheard)}; do they run, and what is '
-                    'their status?')
+        if missing_sources := self.missing_sources:
+            return (f'nothing received yet from {", ".join(missing_sources)}; do they run, and '
+                    'what is their status?')
         stale = {name: timeout for name, age in self._ages.items() if age.seconds > (
             timeout := shape_timeout if age is self.shape_age else self.timeout)}
         return (f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
                 if stale else '')
 
     @property
-    def unheard(self) -> list[str]:
+    def missing_sources(self) -> list[str]:
         """
         What was not received, in the first moments of this node or after ~/reference.
 
         Nodes and topics.
         """
-        unheard = [name for name, age in self._ages.items() if age.seconds == inf]
+        missing_sources = [name for name, age in self._ages.items() if age.seconds == inf]
         if not self.tendons_heard:
-            unheard.append(f'{TENDON_ACTUATION} (~/state)')
+            missing_sources.append(f'{TENDON_ACTUATION} (~/state)')
         if None in self.stiff:
-            unheard.append(f'{JAMMING_VALVES} (~/state)')
-        return unheard
+            missing_sources.append(f'{JAMMING_VALVES} (~/state)')
+        return missing_sources
 
     @property
     def interlock(self) -> str:

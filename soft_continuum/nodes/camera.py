@@ -39,7 +39,7 @@ from soft_continuum.sensing.tare import Window
 from soft_continuum.sensing.tilt import SensorError
 
 if TYPE_CHECKING:  # OpenCV may not be there
-    from soft_continuum.sensing.sight import DiscCamera, Sight
+    from soft_continuum.sensing.detections import DiscCamera, TagDetections
 
 MAX_AGE = 1.0  # s between a picture's stamp and now
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
@@ -95,7 +95,7 @@ class Camera(Node):
         self._model: Any = None  # disc_poses of the model, (2 * discs, 7)
         self._model_age = Age()
         self._shown = 0.0  # when an overlay was published, s
-        self._seen = Window['Sight']()
+        self._seen = Window['TagDetections']()
         self._tared = ''
         self._worker = Worker('pictures', self._on_failure)
         self._newest = Newest(self._worker.submit, self._look)
@@ -229,7 +229,7 @@ class Camera(Node):
             self._publish(stamp, sight)
         self._show(stamp, picture, camera, sight)
 
-    def _publish(self, stamp: Time, sight: 'Sight') -> None:
+    def _publish(self, stamp: Time, sight: 'TagDetections') -> None:
         """Publish where the discs are, and what was seen."""
         self._seen.add(monotonic(), sight)
         for n, disc in sight.discs.items():
@@ -249,7 +249,7 @@ class Camera(Node):
             self._reports.put((OK, 'all discs are seen', values))
 
     def _show(self, stamp: Time, picture: Any, camera: 'DiscCamera | None',
-              sight: 'Sight | None') -> None:
+              sight: 'TagDetections | None') -> None:
         """Draw for those who look; most of all when nothing could be measured."""
         now = monotonic()
         if now - self._shown < OVERLAY_PERIOD or not self._overlays.get_subscription_count():

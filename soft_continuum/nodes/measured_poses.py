@@ -16,7 +16,7 @@ from soft_continuum.ros.conversions import measured_pose_from_ros, seconds
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR
 
-PATIENCE = 0.02  # s for which a pose waits for those of the other discs
+SYNC_WINDOW = 0.02  # s for which a pose waits for those of the other discs
 MAX_WAITING = 20
 """Times of which poses wait; of more, as in a burst, the oldest are left out."""
 MAX_RATE = 60.0
@@ -72,7 +72,7 @@ class MeasuredPoses:
     def take(self) -> list[tuple[float, list[DiscMeasurement]]]:
         """Return what need not wait any longer: times in s, and what was measured then."""
         now = STEADY()
-        ready = [stamp for stamp, (came, _) in self._waiting.items() if now - came >= PATIENCE]
+        ready = [stamp for stamp, (came, _) in self._waiting.items() if now - came >= SYNC_WINDOW]
         found = []
         for stamp in sorted(ready):
             _, discs = self._waiting.pop(stamp)

@@ -13,10 +13,10 @@ from soft_continuum_interfaces.msg import TendonActuationState
 
 PERIOD = 0.1
 """s between two that are used: each costs as much as a pose, and says less of a resting arm."""
-UNTOLD_TIME = 2.0
+UNCHECKED_TIME = 2.0
 """s for which the first tensions wait for how well they are known; it is told once a second."""
-SURE = 3.0  # deviations, beyond which a difference is not what the device does not know
-PATIENCE = 2.0  # s for which a difference lasts before it is reported
+OUTLIER_SIGMA = 3.0  # deviations, beyond which a difference is not what the device does not know
+REPORT_DELAY = 2.0  # s for which a difference lasts before it is reported
 SLACK = 0.1  # of what the model has: with less, a tendon carries nothing
 
 
@@ -33,13 +33,13 @@ class MeasuredTensions:
         self._tendons, self._parameters = tendons, parameters
         self._check = TensionCheck(tendons)
         self._accuracy: Accuracy | None = None
-        self._first, self._untold_time = inf, 0.0  # s, of the first tensions; see UNTOLD_TIME
+        self._first, self._unchecked_time = inf, 0.0  # s, of the first; see UNCHECKED_TIME
         self._waiting: tuple[float, list[TensionMeasurement]] | None = None
         self._taken = -inf
 
     def expect_accuracy(self) -> None:
         """Let the first tensions wait for how well they are known: ``hear`` will be told."""
-        self._untold_time = UNTOLD_TIME
+        self._unchecked_time = UNCHECKED_TIME
 
     def hear(self, state: TendonActuationState) -> None:
         """Note how well the device knows tensions; raises ValueError, and keeps what it told."""
@@ -59,7 +59,7 @@ class MeasuredTensions:
         if abs(time - self._taken) < PERIOD:
             return
         self._first = min(self._first, time)
-        if self._accuracy is None and time - self._first < self._untold_time:
+        if self._accuracy is None and time - self._first < self._unchecked_time:
             return
         found = [TensionMeasurement(t, tensions[name], deviation, relative)
                  for t, (name, deviation, relative) in enumerate(
@@ -87,7 +87,8 @@ class MeasuredTensions:
         least = self._parameters['tension_tolerance']
         if self._accuracy is None or not self._accuracy.tension_deviations:
             return [least] * len(self._tendons)
-        return [max(least, SURE * hypot(deviation, relative * min(tensions.get(name, 0.0), own)))
+        return [max(least, OUTLIER_SIGMA * hypot(
+                    deviation, relative * min(tensions.get(name, 0.0), own)))
                 for name, own, deviation, relative in zip(
                     self._tendons, model, *self._deviations(), strict=True)]
 
@@ -114,7 +115,7 @@ class TensionCheck:
             if not abs(seen - expected) > tolerance:  # also what is not known
                 self._since.pop(name, None)
                 self._said.pop(name, None)
-            elif now - self._since.setdefault(name, now) > PATIENCE:
+            elif now - self._since.setdefault(name, now) > REPORT_DELAY:
                 cause = _cause(seen, expected, tolerance)
                 if cause not in self._said.get(name, ''):
                     self._said[name] = (f'the tension of {name} is {seen:.1f} N, by the model '

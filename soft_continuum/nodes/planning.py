@@ -15,7 +15,7 @@ from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.obstacles import Surroundings
-from soft_continuum.sequencing.aiming import Aim, next_step, Step, worth_setting_again
+from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting, Step
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans
 from soft_continuum.sequencing.moves import PlanSettings
@@ -156,7 +156,7 @@ class Planning:
         lock_in = self._parameters['loop.lock_in_deviation'] if jamming else 0.0
         # What is set again was not planned among obstacles: it must hardly move the arm.
         near = self._parameters['obstacles.margin'] if self._surroundings().obstacles else inf
-        return self._start(lambda planner, state, pulls: worth_setting_again(
+        return self._start(lambda planner, state, pulls: segments_worth_correcting(
             planner, state, pulls, segments, aim, lock_in, min(release_limit, near)))
 
     def _start(self, work: Callable[[Any, Any, tuple[float, ...]], Result]) -> 'Future[Result]':

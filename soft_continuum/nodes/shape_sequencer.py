@@ -219,12 +219,12 @@ class ShapeSequencer(Node):
     def _waits(self, check: Check) -> bool:
         """Whether nothing is wrong but that the other nodes have only been started."""
         observed, age = self._observed, check.age.seconds
-        if not observed.unheard or observed.reported_fault or observed.stopped:
+        if not observed.missing_sources or observed.reported_fault or observed.stopped:
             return False
         if age < FIRST_MESSAGE_TIMEOUT:
             return True
-        unheard = [one.partition(' ')[0] for one in observed.unheard]
-        return age < STARTING_TIMEOUT and all(running_nodes(self, unheard).values())
+        missing_sources = [one.partition(' ')[0] for one in observed.missing_sources]
+        return age < STARTING_TIMEOUT and all(running_nodes(self, missing_sources).values())
 
     def _shapes_of(self, items: Sequence[ShapeMessage]) -> list[Shape]:
         return shapes_of(items, self._library, self._arm, self.parameters)
@@ -404,7 +404,7 @@ class ShapeSequencer(Node):
         else:
             state.shape_index, state.shape, state.segment, state.phase = 0, '', 0, ''
             if self._check is not None and self._check.plans is None:
-                text = f'waiting for {", ".join(self._observed.unheard)}'
+                text = f'waiting for {", ".join(self._observed.missing_sources)}'
         values |= self._obstacles.report
         if self._rejected:
             values['rejected'] = self._rejected

@@ -26,7 +26,7 @@ CONVEX = 1e-5  # of its volume by which the hull of a convex mesh is larger, for
 
 
 @dataclass(frozen=True)
-class Placed:
+class BodyFrames:
     """
     A geometry of coal at its place.
 
@@ -38,16 +38,16 @@ class Placed:
     pose: Any
 
 
-def placed(obstacle: Obstacle) -> Placed:
+def placed(obstacle: Obstacle) -> BodyFrames:
     """Return an obstacle as coal has it; raises ObstacleError without coal."""
     with needed(ObstacleError):
         import coal
     geometry, hull = _geometry(coal, obstacle.shape)
-    return Placed(geometry, hull, coal.Transform3s(
+    return BodyFrames(geometry, hull, coal.Transform3s(
         obstacle.rotation, np.array(obstacle.position, dtype=float)))
 
 
-def distance(centre: Array, axis: Array, length: float, radius: float, other: Placed,
+def distance(centre: Array, axis: Array, length: float, radius: float, other: BodyFrames,
              most: float = inf) -> float:
     """
     Return the distance of a cylinder from an obstacle, m; negative where they overlap.

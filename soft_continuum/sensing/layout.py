@@ -21,8 +21,8 @@ from soft_continuum.sensing.tare import straight_heights, tag_mount
 from soft_continuum.sensing.tilt import SensorError
 
 if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
+    from soft_continuum.sensing.detections import DiscCamera, TagDetections
     from soft_continuum.sensing.pages import Page
-    from soft_continuum.sensing.sight import DiscCamera, Sight
 
 FIRST_FIXED = 100
 """Number of the first fixed tag; the tag of disc N has the number N, the base disc being 0."""
@@ -80,7 +80,7 @@ class Layout(ABC):
         """Return how parameters tags.* say that tags are stuck; raises ParameterError."""
 
     @abstractmethod
-    def tared(self, stuck: Any, seen: 'Sequence[Sight]') -> tuple[list[int], Any, str]:
+    def tared(self, stuck: Any, seen: 'Sequence[TagDetections]') -> tuple[list[int], Any, str]:
         """
         Return the discs of which something was seen, how tags are stuck, and that as a parameter.
 
@@ -132,7 +132,7 @@ class TagLayout(Layout):
                 f'parameter tags.fixed_positions has {len(positions)} numbers; needed: x and z of '
                 f'at least {MIN_FIXED} tags')
         fixed = np.reshape(np.array(positions, dtype=float), (-1, 2))
-        if not carry_a_plane(fixed):
+        if not not_collinear(fixed):
             raise ParameterError(
                 'parameter tags.fixed_positions: the tags stand almost in a line, but for one at '
                 'most; put them around the arm, such as at the corners of a rectangle')
@@ -158,7 +158,7 @@ class TagLayout(Layout):
                                  f'and angle for each of {discs} discs, or 0.0 for none')
         return tuple(full_poses(np.reshape(given, (discs, 3))))
 
-    def tared(self, stuck: tuple[Array, ...], seen: 'Sequence[Sight]'
+    def tared(self, stuck: tuple[Array, ...], seen: 'Sequence[TagDetections]'
               ) -> tuple[list[int], tuple[Array, ...], str]:
         """Return it of the discs that are seen in more than half of the pictures."""
         mounts, discs = list(stuck), []
@@ -203,7 +203,7 @@ def directions(angle: float) -> tuple[Array, Array]:
     return np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
 
 
-def carry_a_plane(centres: Array) -> bool:
+def not_collinear(centres: Array) -> bool:
     """Return whether four of these points (k, 2) m have no three of them almost in a line."""
     size = float(np.ptp(centres, axis=0).max())
     return any(min(_height(*three) for three in combinations(four, 3)) > MIN_HEIGHT * size

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 
 from soft_continuum.colours import Colour, MEASURED, MODEL
+from soft_continuum.sensing.detections import DiscCamera, TagDetections
 from soft_continuum.sensing.pictures import Array, Picture
 from soft_continuum.sensing.rigid import rotate
-from soft_continuum.sensing.sight import DiscCamera, Sight
 
 SIZE = 640  # px, longer edge of what is drawn
 QUALITY = 75  # of the JPEG
@@ -18,7 +18,7 @@ ON_CURVE = 12  # points of a segment's middle line
 SHIFT = 4  # bits after the point of a pixel, as OpenCV draws
 
 
-def overlay(picture: Picture, camera: DiscCamera | None = None, sight: Sight | None = None,
+def overlay(picture: Picture, camera: DiscCamera | None = None, sight: TagDetections | None = None,
             model: Array | None = None) -> bytes:
     """
     Return a JPEG of a grey picture (height, width), 640 px large, with what is known over it.
@@ -36,7 +36,7 @@ def overlay(picture: Picture, camera: DiscCamera | None = None, sight: Sight | N
             _draw(drawn, camera.lens.distorted(corners) * scale, MEASURED, closed=True)
         if sight.view is not None and model is not None and np.abs(model).max() < FAR:
             for points, closed in _wireframe(model, camera.layout.rim):
-                pixels = sight.view.seen_at(points)
+                pixels = sight.view.project(points)
                 _draw(drawn, camera.lens.distorted(pixels) * scale, MODEL, closed)
     return bytes(cv2.imencode('.jpg', drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1])
 

@@ -14,12 +14,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.orientations import cross_matrices
+from soft_continuum.sensing.detections import DiscCamera, DiscPose
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, Picture
 from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, PoseFit, TagGroup, width
 from soft_continuum.sensing.ring_layout import MIN_FIXED, off_a_line, RingLayout, Tag
 from soft_continuum.sensing.ring_tare import PlacedTags
-from soft_continuum.sensing.sight import DiscCamera, DiscPose
 from soft_continuum.sensing.tag_camera import MAX_RESIDUAL, MAX_SCALE_ERROR
 
 FAR_OFF = 0.5  # of a size, relative: no printer does that
@@ -130,7 +130,7 @@ class View:
         """Take the pose of base_link in the frame of the camera."""
         self.base, self._lens = base, lens
 
-    def seen_at(self, points: Array) -> Array:
+    def project(self, points: Array) -> Array:
         """Return where points (k, 3) m in base_link are seen, (k, 2) px; nan if not before it."""
         places = points @ self.base.turn.T + self.base.shift
         depths = np.where(places[:, 2:] > 0.0, places[:, 2:], np.nan)

@@ -21,8 +21,8 @@ from soft_continuum.sensing.pictures import Array, FAMILY_SIZE
 from soft_continuum.sensing.straight_corners import as_numbers, at_rest, Corners, from_numbers
 
 if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
+    from soft_continuum.sensing.detections import DiscCamera, TagDetections
     from soft_continuum.sensing.pages import Page
-    from soft_continuum.sensing.sight import DiscCamera, Sight
 
 MIN_FIXED = 3
 MIN_WIDTH = 0.1
@@ -148,7 +148,8 @@ class RingLayout(Layout):
                                  'tags.straight, which a tare answers: tare again')
         return from_numbers(values['tags.straight'])
 
-    def tared(self, stuck: Corners, seen: 'Sequence[Sight]') -> tuple[list[int], Corners, str]:
+    def tared(self, stuck: Corners, seen: 'Sequence[TagDetections]'
+              ) -> tuple[list[int], Corners, str]:
         """Return it of the tags that are seen in more than half of the pictures."""
         corners = at_rest([sight.corners for sight in seen])
         discs = [n for n in range(len(self.heights)) if not corners.keys().isdisjoint(

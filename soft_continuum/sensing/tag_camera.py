@@ -15,11 +15,11 @@ import cv2
 import numpy as np
 
 from soft_continuum.mechanics.orientations import full_poses
-from soft_continuum.sensing.layout import carry_a_plane, directions, MIN_FIXED, TagLayout
+from soft_continuum.sensing.detections import DiscCamera, DiscPose
+from soft_continuum.sensing.layout import directions, MIN_FIXED, not_collinear, TagLayout
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, Picture
 from soft_continuum.sensing.rigid import compose, IDENTITY, in_plane
-from soft_continuum.sensing.sight import DiscCamera, DiscPose
 
 SHARED_DEVIATION = 0.05  # px that all corners of a tag are off alike: residuals do not show it
 FOCAL_DEVIATION = 0.005  # relative, of a good calibration
@@ -49,7 +49,7 @@ class TagCamera(DiscCamera):
         seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
         if len(seen) < MIN_FIXED:
             return self._too_few(picture, corners, len(seen), MIN_FIXED)
-        if not carry_a_plane(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
+        if not not_collinear(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
             return 'the fixed tags that are seen stand in a line, but for one; uncover the others'
         plane = Plane(self.layout, self.lens, seen)
         return plane.problem() or plane
@@ -114,26 +114,27 @@ class Plane:
         self._matrix = matrix / matrix[2, 2]
         self._foot, self._distance, self._foot_covariance = _viewpoint(
             self._points, self._pixels, lens)
-        errors = self.project(self._points) - self._pixels
+        errors = self.project_at(self._points) - self._pixels
         self.squares = float((errors**2).sum())
         self.freedom = max(1, errors.size - 8)
         slopes = self._slopes(self._points).reshape(-1, 8)
         self._covariance = np.linalg.inv(slopes.T @ slopes)
         shifts = np.zeros((len(slopes), 2 * len(seen)))  # of the pixels with that of each tag
         for i, step in enumerate(1e-6 * np.eye(2)):
-            moved = (self.project(self._points + step) - self.project(self._points - step)) / 2e-6
+            moved = (self.project_at(self._points + step)
+                     - self.project_at(self._points - step)) / 2e-6
             for k in range(len(seen)):
                 shifts[8 * k:8 * k + 8, 2 * k + i] = moved[4 * k:4 * k + 4].ravel()
         of_tags = self._covariance @ slopes.T @ shifts
         self._placement = of_tags @ of_tags.T
 
-    def project(self, points: Array, depth: float = 0.0) -> Array:
+    def project_at(self, points: Array, depth: float = 0.0) -> Array:
         """Return where points (k, 2) m, nearer to the camera by ``depth``, are seen, (k, 2) px."""
         return _mapped(self._matrix, self._behind(points, depth))
 
-    def seen_at(self, points: Array) -> Array:
+    def project(self, points: Array) -> Array:
         """Return where points (k, 3) m of the arm, in base_link, are seen, (k, 2) px."""
-        return self.project(points[:, [0, 2]], self._layout.depth)
+        return self.project_at(points[:, [0, 2]], self._layout.depth)
 
     def pose(self, fit: _Fit) -> Array:
         """Return the pose (7,) of a disc."""
@@ -186,13 +187,13 @@ class Plane:
         pose[:2] = flat.mean(axis=0) - layout.disc_corners(disc, pose).mean(axis=0)
         slopes = np.empty((8, 3))
         for _ in range(ITERATIONS):
-            errors = (pixels - self.project(layout.disc_corners(disc, pose), depth)).ravel()
+            errors = (pixels - self.project_at(layout.disc_corners(disc, pose), depth)).ravel()
             for i, size in enumerate((1e-6, 1e-6, 1e-5)):
                 step = np.zeros(3)
                 step[i] = size
                 slopes[:, i] = (
-                    self.project(layout.disc_corners(disc, pose + step), depth)
-                    - self.project(layout.disc_corners(disc, pose - step), depth)
+                    self.project_at(layout.disc_corners(disc, pose + step), depth)
+                    - self.project_at(layout.disc_corners(disc, pose - step), depth)
                 ).ravel() / (2.0 * size)
             change = np.linalg.lstsq(slopes, errors, rcond=None)[0]
             pose = pose + change
@@ -201,7 +202,7 @@ class Plane:
         own = np.linalg.inv(slopes.T @ slopes)
         gain = own @ slopes.T @ self._slopes(
             layout.disc_corners(disc, pose), depth).reshape(8, 8)
-        residual = pixels - self.project(layout.disc_corners(disc, pose), depth)
+        residual = pixels - self.project_at(layout.disc_corners(disc, pose), depth)
         covariance = own + gain @ self._covariance @ gain.T
         covariance[:2, :2] += (depth / self._distance)**2 * self._foot_covariance
         return _Fit(pose, covariance,

@@ -32,7 +32,7 @@ STEP = 1e-3  # rad, for derivatives
 LIMIT_SHARE = 0.999  # of the bending angle limit
 FARTHEST = 0.5  # rad from a wanted angle: only a wrong model asks for more to get there
 MIN_DURATION = 0.5  # s: a motion that is over before it arrives would be too fast
-WORTH = 0.7  # of the present error: what would not be less than that is left
+MIN_IMPROVEMENT = 0.7  # of the present error: what would not be less than that is left
 LEAST_RATIO = 8.0  # of a jam: one that seems softer yields, and loses again what it is set to
 
 
@@ -200,7 +200,7 @@ def _change(goal: Array, now: Array, segment: int) -> float:
     return float(turns.max() if segment == WHOLE_ARM else turns[segment])
 
 
-def worth_setting_again(planner: Planner, state: Any, pulls: Sequence[float],
+def segments_worth_correcting(planner: Planner, state: Any, pulls: Sequence[float],
                         segments: Sequence[int], aim: Aim, lock_in: float,
                         release_limit: float = inf) -> tuple[int, ...]:
     """
@@ -218,7 +218,7 @@ def worth_setting_again(planner: Planner, state: Any, pulls: Sequence[float],
         return ()
     now = aim.error(state)
     best: tuple[int, ...] = ()
-    least = WORTH * now
+    least = MIN_IMPROVEMENT * now
     for first in range(len(segments) - 1, -1, -1):
         again = segments[first:]
         if release_limit < inf and _released(planner, state, pulls, again[0]) > release_limit:
@@ -229,7 +229,7 @@ def worth_setting_again(planner: Planner, state: Any, pulls: Sequence[float],
             continue
         left = float(np.hypot(aim.error(after), lock_in * _lever(state, again, aim)))
         if left < least:  # a longer list has to be better by a good part
-            best, least = tuple(again), WORTH * left
+            best, least = tuple(again), MIN_IMPROVEMENT * left
     return best
 
 

@@ -65,9 +65,10 @@ class BendingMap:
     The states of one soft segment (0-based).
 
     free: whether it leans along x and y.  middle: rad, straight, or as near to it as it can be.
-    edge: (WAYS,) complex, rad, the largest change from there in each direction.  whys: why it is
-    the largest; empty in directions that a hinge does not have.  table: of complex bendings (k,),
-    returns pulls, which tendons carry, 0 to 1, and tips, (k, 2 * tendons + 3), m.  slope: largest
+    edge: (WAYS,) complex, rad, the largest change from there in each direction.
+    limit_reasons: why it is the largest; empty in directions that a hinge does not have.
+    table: of complex bendings (k,), returns pulls, which tendons carry, 0 to 1, and tips,
+    (k, 2 * tendons + 3), m.  slope: largest
     change of a pull per change of the bending, m/rad.
     """
 
@@ -75,7 +76,7 @@ class BendingMap:
     free: tuple[bool, bool]
     middle: complex
     edge: Array
-    whys: tuple[str, ...]
+    limit_reasons: tuple[str, ...]
     table: Callable[[Array], Array]
     slope: float
 
@@ -93,7 +94,7 @@ class BendingMap:
     def end(self, bending: complex) -> str:
         """Return why the map ends in the direction of a bending."""
         away = self.along(bending) - self.middle
-        return self.whys[int(np.abs(np.angle(WAYS / (away or 1.0))).argmin())]
+        return self.limit_reasons[int(np.abs(np.angle(WAYS / (away or 1.0))).argmin())]
 
     def _limit(self, away: complex) -> float:
         """Return how far it is to the edge, a polygon, in a direction from the middle, rad."""
@@ -194,20 +195,20 @@ def bending_map(statics: Any, state: Any, segment: int, limits: BendingLimits,
             why = str(error)
             if rows:  # then it cannot be straighter
                 break
-    edge, whys, slope = limit * WAYS, [''] * len(WAYS), 0.0
+    edge, limit_reasons, slope = limit * WAYS, [''] * len(WAYS), 0.0
     for k, way in enumerate(WAYS if rows else []):
         if _along(free, way) != way:
             continue
         found, before, largest, across = begin, rows[0], 0.0, places[0] / way
         reach = sqrt(max(0.0, limit**2 - across.imag**2)) - across.real
-        whys[k] = f'the bending angle limit of {degrees(limit):.1f} degrees'
+        limit_reasons[k] = f'the bending angle limit of {degrees(limit):.1f} degrees'
         step = reach / max(1, ceil(reach / longest))
         while largest < INSIDE * reach:
             away = min(largest + step, reach)
             try:
                 found, there = solved(found, places[0] + away * way)
             except StaticsError as error:
-                whys[k] = why = str(error)
+                limit_reasons[k] = why = str(error)
                 step *= 0.5
                 if step < 0.4 * longest:
                     break
@@ -221,7 +222,8 @@ def bending_map(statics: Any, state: Any, segment: int, limits: BendingLimits,
     at = np.array(places)
     if not rows or np.linalg.matrix_rank(_plane(at - at[0])) < sum(free):
         raise StaticsError(f'segment {segment + 1} cannot be bent from here: {why}', state)
-    return BendingMap(segment, free, places[0], edge, tuple(whys), _table(free, at, rows), slope)
+    return BendingMap(
+        segment, free, places[0], edge, tuple(limit_reasons), _table(free, at, rows), slope)
 
 
 def bending_of(bending: Array, segment: int) -> complex:

@@ -26,7 +26,7 @@ from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.plans import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
-from soft_continuum.sequencing.runner import EndError, LeaveError, Plan, Runner
+from soft_continuum.sequencing.runner import EndError, Plan, PlanInvalidError, Runner
 from soft_continuum.sequencing.settings import ABORT, LoopSettings, PAUSE, RunnerSettings
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
@@ -245,7 +245,7 @@ class ClosedLoopRunner(Runner):
             self._lost()
             yield from self._all_stiff()
         except EndError as error:
-            if not (error.code is Code.MODEL_FAILURE or isinstance(error, LeaveError)):
+            if not (error.code is Code.MODEL_FAILURE or isinstance(error, PlanInvalidError)):
                 raise
             yield from self._wind_down()
             yield from self._all_stiff()

@@ -19,7 +19,7 @@ from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sequencing.moves import MovePlanner
 from soft_continuum.sequencing.plans import PlanError, PlannedStep, Shape, ShapePlan
 from soft_continuum.sequencing.reach.limits import Clear, NoObstacles, ReachSettings
-from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 
 PASSES = 6
 """Plans of a shape that are made at most, each set further by what the one before it missed."""
@@ -42,7 +42,7 @@ SetTo = Callable[[Array | None], Held]
 """Sets what is wanted, moved by a shift, None for not; raises PlanError or BlockedError."""
 
 
-def held(passages: Passages, node: Node, vacuums: Sequence[float]) -> Held:
+def held(passages: MotionValidator, node: Node, vacuums: Sequence[float]) -> Held:
     """Return how the arm gives way under vacuums (Pa) of every segment; raises BlockedError."""
     try:
         return Held(node, passages.relaxed(node, vacuums))
@@ -51,7 +51,7 @@ def held(passages: Passages, node: Node, vacuums: Sequence[float]) -> Held:
                            error.limit) from None
 
 
-def made_up_for(planner: MovePlanner, set_to: SetTo, missed: Callable[[Any], Array],
+def compensate_relaxation(planner: MovePlanner, set_to: SetTo, missed: Callable[[Any], Array],
                 tolerance: float) -> tuple[Held, float]:
     """
     Return what to set, so that what is wanted holds in the end, and by how much it is off then.
@@ -90,7 +90,8 @@ def plan_held(planner: MovePlanner, shape: Shape, set_to: SetTo) -> tuple[ShapeP
     tolerance = planner.settings.angle_tolerance
     wanted = bending_vectors(
         planner.statics.chain.arm, shape.bending_angles, shape.bending_directions)
-    found, off = made_up_for(planner, set_to, lambda state: wanted - state.bending, tolerance)
+    found, off = compensate_relaxation(
+        planner, set_to, lambda state: wanted - state.bending, tolerance)
     warning = '' if off <= tolerance else (
         f'{shape.name} is predicted to be {np.degrees(off):.1f} degrees off with its vacuums')
     return ShapePlan(shape, found.node.moves, found.end, relaxing=found.relaxing,
@@ -104,7 +105,7 @@ def plan_held_from_base(planner: MovePlanner, state: Any, start: Array, shape: S
 
     start: (tendons,) present pulls of the motors, m.  Raises PlanError.
     """
-    passages = Passages(planner, NoObstacles(), ReachSettings())
+    passages = MotionValidator(planner, NoObstacles(), ReachSettings())
 
     def set_to(shift: Array | None) -> Held:
         moves, stiff = planner.moves(state, start, shape, shift)

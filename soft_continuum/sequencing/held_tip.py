@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.held_plan import Held, held, made_up_for
+from soft_continuum.sequencing.held_plan import compensate_relaxation, Held, held
 from soft_continuum.sequencing.moves import MovePlanner
 from soft_continuum.sequencing.plans import (
     PlanError,
@@ -27,11 +27,11 @@ from soft_continuum.sequencing.plans import (
     ways_of,
     with_relaxing,
 )
-from soft_continuum.sequencing.reach.arcs import Miss
+from soft_continuum.sequencing.reach.arcs import TipResidual
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
 from soft_continuum.sequencing.reach.limits import ReachSettings, Surroundings
-from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 from soft_continuum.sequencing.reach.search import AIM, as_shape, reach, Search
 
 SHARE = 0.7
@@ -51,12 +51,13 @@ def reach_held(planner: MovePlanner, state: Any, pulls: Sequence[float], shape: 
     search = _Search(planner, state, pulls, shape, surroundings, settings)
     goal, least = shape.tips[0], inf
     best: Held | None = None
-    miss = Miss(goal)
+    miss = TipResidual(goal)
     try:
         for begin in search.plans(first):
             try:
-                found, off = made_up_for(planner, partial(search.to, begin), lambda state: -(
-                    miss.of_state(state).reshape(-1, 3)), AIM)
+                found, off = compensate_relaxation(
+                    planner, partial(search.to, begin),
+                    lambda state: -miss.of_state(state).reshape(-1, 3), AIM)
             except BlockedError as error:
                 search.note(error)
                 continue
@@ -91,7 +92,7 @@ class _Search:
         self.why, self.blocked_by, self.cut_short = '', tuple[str, ...](), False
         self._goal, self._vacuums, self._settings = shape.tips[0], shape.vacuums, settings
         self.budget = Budget(settings.states, settings.time_limit)
-        self._passages = Passages(planner.until(self.budget.judge), surroundings, settings)
+        self._passages = MotionValidator(planner.until(self.budget.judge), surroundings, settings)
         self._start = self._last = self._passages.start(state, np.array(pulls, dtype=float))
 
     def note(self, error: BlockedError) -> None:

@@ -27,7 +27,8 @@ from soft_continuum.sequencing.timing import timed
 
 SLACK_DEVIATIONS = 2.0
 """Deviations of a tendon's length by which one that does not carry is paid out more."""
-LEAN = 0.1  # rad that a segment may lean over when it becomes soft, until its tendons hold it
+MAX_SOFTENING_TILT = 0.1
+"""Angle (rad) that a segment may lean when it becomes soft, until its tendons hold it."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ class MovePlanner:
         StaticsError where no tendon holds the segment at its goal.
         """
         bent = self.softened(state, start, segment)
-        if bent.jumped and np.abs(bent.bending - state.bending).max() > LEAN:
+        if bent.jumped and np.abs(bent.bending - state.bending).max() > MAX_SOFTENING_TILT:
             raise PlanError('when it becomes soft, the arm goes over to another shape: its '
                             'tendons do not hold it; pull them in, or straighten the arm by '
                             '`soft_continuum home`')

@@ -42,7 +42,7 @@ class EndError(Exception):
         self.code = code
 
 
-class LeaveError(EndError):
+class PlanInvalidError(EndError):
     """The plan must not be followed any further; ends the run unless there is another one."""
 
 
@@ -149,7 +149,7 @@ class Runner:
             try:
                 yield from self._set(index, shape)
                 yield from self._relax(index, shape)
-            except LeaveError as reason:
+            except PlanInvalidError as reason:
                 self.plan = None
                 if not left:
                     raise EndError(reason.code, f'{reason}; it was planned again '
@@ -379,10 +379,10 @@ class Runner:
     def _check_plan(self) -> None:
         """Leave the plan when an obstacle is in its way or the arm is too far from it."""
         if obstructed := self._observed.obstructed:
-            error = EndError if self._settings.on_obstacle == ABORT else LeaveError
+            error = EndError if self._settings.on_obstacle == ABORT else PlanInvalidError
             raise error(Code.OBSTRUCTED, obstructed)
         if departed := self._observed.departed:
-            raise LeaveError(Code.HARDWARE_FAULT, departed)
+            raise PlanInvalidError(Code.HARDWARE_FAULT, departed)
 
     def _check_stiff(self, soft: int | None) -> None:
         """Every segment but the one being set must stay stiff, or with the vacuum it was told."""

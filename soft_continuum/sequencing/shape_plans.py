@@ -32,7 +32,7 @@ from soft_continuum.sequencing.reach import (
     reach,
     ReachSettings,
 )
-from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 
 Ended = TypeVar('Ended')
 
@@ -127,7 +127,7 @@ def _step(planner: Planner, state: Any, move: Move, settings: ReachSettings) -> 
 def _in_some_order(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
                    surroundings: Surroundings, settings: ReachSettings) -> Reach:
     """Return the plan to angles in the first order that is clear of obstacles."""
-    passages = Passages(planner, surroundings, settings)
+    passages = MotionValidator(planner, surroundings, settings)
     start = passages.start(state, np.array(pulls, dtype=float))
     blocked_by: dict[str, None] = {}
     try:
@@ -145,7 +145,7 @@ def _in_some_order(planner: Planner, state: Any, pulls: Sequence[float], shape: 
                  with_relaxing(found.node.steps, found.relaxing))
 
 
-def _ordered(passages: Passages, start: Node, shape: Shape, blocked_by: dict[str, None],
+def _ordered(passages: MotionValidator, start: Node, shape: Shape, blocked_by: dict[str, None],
              ended: Callable[[Node], Ended], shift: Array | None = None) -> Ended:
     """
     Return what comes of the first order of segments that is clear of obstacles.

@@ -19,7 +19,7 @@ NEXT_SEGMENT = 'next_segment'
 SOFTEN, STIFFEN = 'soften', 'stiffen'
 BUTTONS = (DEAD_MAN, EMERGENCY_STOP, RESET, MODE, NEXT_SEGMENT, SOFTEN, STIFFEN)
 AXES = ('x', 'y', 'z')
-MOST = 1.001  # that an axis may show; joy_node goes to 1
+MAX_AXIS = 1.001  # that an axis may show; joy_node goes to 1
 
 
 class PadError(ValueError):
@@ -79,7 +79,7 @@ class Pad:
         if not axes and not buttons:
             raise PadError('the message has no axes and no buttons; is the joystick plugged in?')
         for n, value in enumerate(axes):
-            if n in self.axes and not (isfinite(value) and abs(value) <= MOST):
+            if n in self.axes and not (isfinite(value) and abs(value) <= MAX_AXIS):
                 raise PadError(f'axis {n} is {value:g}; allowed: -1 to 1; check the driver of the '
                                'joystick')
         stick = []

@@ -4,7 +4,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from soft_continuum.twin.differences import Obstacle
+from soft_continuum.twin.model_errors import Obstacle
 
 # MuJoCo lets a taut tendon be some tenths of a mm too long: it is tightened until it is not.
 LIMIT = 'solreflimit="0.01 1" solimplimit="0.9 0.95 0.001 0.5 1"'

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from soft_continuum.sensing.layout import QUIET
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, MODULES, Picture
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 
 WIDTH, HEIGHT = 1280, 960  # px
 MARGIN = 1.25  # of what has to be in the picture
@@ -35,7 +35,7 @@ class Optics:
     Directions and points are in the axes of a camera that looks straight: right, down, forward.
     """
 
-    def __init__(self, given: Differences, random: np.random.Generator) -> None:
+    def __init__(self, given: ModelErrors, random: np.random.Generator) -> None:
         """Draw where it looks, and how wrong its calibration is."""
         focal = WIDTH / 2.0 / FIELD
         self._focal, self._middle = focal, np.array([WIDTH / 2.0 - 0.5, HEIGHT / 2.0 - 0.5])
@@ -77,7 +77,7 @@ def _undistorted(focal: float, right: float, down: float, bent: float) -> Array:
 class Sensor:
     """What shade, blur and noise make of a picture."""
 
-    def __init__(self, given: Differences, random: np.random.Generator) -> None:
+    def __init__(self, given: ModelErrors, random: np.random.Generator) -> None:
         """Draw the noise; which part of it a picture has is drawn with each."""
         v, u = np.mgrid[:HEIGHT, :WIDTH]
         dark = (u / WIDTH + v / HEIGHT) / 2.0 * given.shade * SUNK

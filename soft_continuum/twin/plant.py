@@ -20,8 +20,8 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.twin import mjcf
-from soft_continuum.twin.differences import Differences, TwinError
 from soft_continuum.twin.joints import Array, Balls, Hinges
+from soft_continuum.twin.model_errors import ModelErrors, TwinError
 
 TIME_STEP = 0.002  # s
 TIGHTENING = 0.02  # of the excess of a taut tendon, in each time step
@@ -39,7 +39,7 @@ class Plant:
     Arrays have one entry for each tendon (m, N), joint (rad), or segment.
     """
 
-    def __init__(self, arm: Arm, differences: Differences) -> None:
+    def __init__(self, arm: Arm, differences: ModelErrors) -> None:
         """Build the arm with its differences; raises TwinError for what MuJoCo cannot be given."""
         self.arm, self.differences = arm, differences
         self._per_segment = arm.bodies_per_segment + 1
@@ -266,7 +266,7 @@ def _guides(arm: Arm, turns: list[float]) -> list[list[Guide]]:
     return found
 
 
-def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, differences: Differences
+def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, differences: ModelErrors
            ) -> str:
     """Return the arm as MJCF, in base_link: z along the straight arm."""
     sites: dict[int, str] = {}
@@ -296,7 +296,7 @@ def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, differen
         ''.join(tendons), ''.join(joints.actuator.format(j) for j in range(joint)))
 
 
-def _stiffnesses(arm: Arm, differences: Differences) -> Array:
+def _stiffnesses(arm: Arm, differences: ModelErrors) -> Array:
     """
     Return those of each segment about x, y and z, (segments, 3), N m^2, times its factor.
 

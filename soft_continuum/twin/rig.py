@@ -16,7 +16,7 @@ from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.parameter import Value
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 
 PERIOD = 0.005  # s between two looks at the boards
@@ -34,7 +34,7 @@ class TwinRig:
     the computer was too slow.
     """
 
-    def __init__(self, arm: Arm, differences: Differences, tendon_link: str | Path = '',
+    def __init__(self, arm: Arm, differences: ModelErrors, tendon_link: str | Path = '',
                  modbus_link: str | Path = '', clock: Clock = STEADY, *,
                  tendon_driver: str = 'grbl', jams: bool = True,
                  regulators: bool = False) -> None:

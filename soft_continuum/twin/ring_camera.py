@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.sensing.layout import QUIET
 from soft_continuum.sensing.pictures import Array, Picture, white_modules
 from soft_continuum.sensing.ring_layout import RingLayout
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.occluders import Occluders
 from soft_continuum.twin.optics import (
     blotched,
@@ -62,7 +62,7 @@ class _Piece:
 class RingTwinCamera:
     """A webcam beside a spatial arm; ``lens`` is what its calibration says of it."""
 
-    def __init__(self, layout: RingLayout, differences: Differences, direction: float = FRONT
+    def __init__(self, layout: RingLayout, differences: ModelErrors, direction: float = FRONT
                  ) -> None:
         """Place it in a direction from the arm, rad about z from x, where it sees all of it."""
         self._layout, given = layout, differences
@@ -96,7 +96,7 @@ class RingTwinCamera:
             cv2.fillConvexPoly(grey, np.round(corners * 16).astype(np.int32), DARK, cv2.LINE_AA, 4)
         return self._sensor.exposed(grey)
 
-    def seen_at(self, points: Array) -> Array:
+    def project(self, points: Array) -> Array:
         """Return where points (k, 3) m in base_link are in the picture, (k, 2) px."""
         return self._optics.seen((points - self._eye) @ self._axes.T)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from soft_continuum.sensing.layout import CORNERS, QUIET, TagLayout
 from soft_continuum.sensing.pictures import Array, Picture, white_modules
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.twin.differences import Differences
+from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.occluders import Occluders
 from soft_continuum.twin.optics import (
     blotched,
@@ -39,7 +39,7 @@ from soft_continuum.twin.optics import (
 class TagTwinCamera:
     """A webcam before the arm, looking along +y; ``lens`` is what its calibration says of it."""
 
-    def __init__(self, layout: TagLayout, differences: Differences) -> None:
+    def __init__(self, layout: TagLayout, differences: ModelErrors) -> None:
         """Place the camera where all tags of the fixed board are in the picture."""
         self._layout, given = layout, differences
         self._random = np.random.default_rng(given.seed)
@@ -77,7 +77,7 @@ class TagTwinCamera:
         for below, above, height in zip(
                 discs, discs[1:], self._layout.disc_heights, strict=False):
             top = below[:2] + height * _directions(below[2])[1]
-            ends = np.round(self.seen_at(np.array([top, above[:2]]), self._depth)
+            ends = np.round(self.project(np.array([top, above[:2]]), self._depth)
                             * 16).astype(int)
             cv2.line(grey, ends[0].tolist(), ends[1].tolist(), SKIN, 24, cv2.LINE_AA, 4)
         for n, pose in enumerate(discs):
@@ -86,7 +86,7 @@ class TagTwinCamera:
             cv2.fillConvexPoly(grey, np.round(corners * 16).astype(np.int32), DARK, cv2.LINE_AA, 4)
         return self._sensor.exposed(grey)
 
-    def seen_at(self, points: Array, depth: float) -> Array:
+    def project(self, points: Array, depth: float) -> Array:
         """Return where points (k, 2) m on a plane before the board are in the picture, px."""
         return self._optics.seen(np.column_stack([
             points[:, 0] - self._foot[0], self._foot[1] - points[:, 1],
@@ -154,7 +154,7 @@ class TagTwinCamera:
 
     def _box(self, points: Array, depth: float) -> tuple[slice, slice]:
         """Return the rows and columns that hold all of the points."""
-        seen = self.seen_at(points, depth)
+        seen = self.project(points, depth)
         (u0, v0), (u1, v1) = seen.min(axis=0) - 2.0, seen.max(axis=0) + 3.0
         return (slice(max(0, floor(v0)), max(0, min(HEIGHT, ceil(v1)))),
                 slice(max(0, floor(u0)), max(0, min(WIDTH, ceil(u1)))))

@@ -20,7 +20,7 @@ from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.user_files import description_file
 

@@ -18,10 +18,10 @@ import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from soft_continuum.browser import access, crowd
+from soft_continuum.browser import access, connection_limiter
 from soft_continuum.browser.access import open_server
 from soft_continuum.browser.bar import Bar, PATH
-from soft_continuum.browser.crowd import MAX_REQUESTS
+from soft_continuum.browser.connection_limiter import MAX_REQUESTS
 
 TOKEN = 'a-token-of-this-test'
 PROTOCOL = f'viser-v{viser.__version__}'
@@ -196,8 +196,8 @@ def test_a_hundred_pages_are_more_than_are_served_and_those_that_are_open_stop(v
 
 def test_a_page_that_sends_without_end_holds_up_only_itself(
         view: View, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(crowd, 'RATE', 1.0)
-    monkeypatch.setattr(crowd, 'BURST', 20.0)
+    monkeypatch.setattr(connection_limiter, 'RATE', 1.0)
+    monkeypatch.setattr(connection_limiter, 'BURST', 20.0)
     with view.attacker(view.handshake(PATH, view.cookie)) as flood:
         flood.sendall(5000 * frame(1, b'stop'))
         for _ in range(20):

@@ -15,7 +15,7 @@ from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, Layout
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD, UNTOLD_TIME
+from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD, UNCHECKED_TIME
 from soft_continuum_interfaces.msg import TendonActuationState
 from support.true_arm import ARM, only, Session, STIFF, TrueArm
 
@@ -198,7 +198,7 @@ def test_tensions_wait_for_how_well_they_are_known_but_not_for_long():
         assert each.take() == []
     told_at.hear(told(tension_deviations=[8.2, 8.2]))
     for each, deviation in ((told_at, 8.2), (never, 0.3)):
-        each.put(100.0 + UNTOLD_TIME, {NAMES[0]: 20.0})
+        each.put(100.0 + UNCHECKED_TIME, {NAMES[0]: 20.0})
         (_, (one,)), = each.take()
         assert one.deviation == deviation
 

@@ -10,7 +10,7 @@ from soft_continuum.emulators.driving import SPOOL_RADIUS
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.twin.rig import TwinRig
 from soft_continuum.user_files import description_file
 from support.servo_rig import go, SPEED, spools

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from soft_continuum.mechanics.arm import Arm, Disc, Segment
-from soft_continuum.mechanics.self_contact import self_intersections, wound_up
+from soft_continuum.mechanics.self_contact import exceeds_pi, self_intersections
 from soft_continuum.mechanics.space.chain import SpaceChain
 from support.spatial_arms import three_segments
 
@@ -25,7 +25,7 @@ def ring(angle, rise=0.0):
 def test_a_straight_arm_does_not_run_into_itself():
     chain = SpaceChain(three_segments())
     assert self_intersections(chain.straight(), 0.03) == []
-    assert not wound_up(chain.straight()).any()
+    assert not exceeds_pi(chain.straight()).any()
 
 
 @pytest.mark.parametrize(('angle', 'meets'), [(1.6 * pi, False), (1.95 * pi, True)])
@@ -70,7 +70,7 @@ def test_the_pairs_are_those_of_points_sampled_along_the_backbone(seed):
 @pytest.mark.parametrize('angle', [0.9, 1.1, 1.9, -1.1])
 def test_a_segment_bent_beyond_pi_is_wound_up_though_its_discs_hide_it(angle):
     state = ring(angle * pi)
-    assert wound_up(state).tolist() == [abs(angle) > 1.0]
+    assert exceeds_pi(state).tolist() == [abs(angle) > 1.0]
     assert np.linalg.norm(state.bending) <= pi
 
 

@@ -7,7 +7,7 @@ from math import nan
 
 import pytest
 
-from soft_continuum.nodes.measured_tensions import PATIENCE, TensionCheck
+from soft_continuum.nodes.measured_tensions import REPORT_DELAY, TensionCheck
 
 NAMES = ('right_tendon', 'left_tendon')
 TOLERANCES = (5.0, 5.0)
@@ -23,8 +23,8 @@ def test_what_differs_for_long_is_told_with_its_tendon(tendon, seen, model, word
     measured = {other: 2.0} | ({} if seen is None else {tendon: seen})
     by_model = [model if name == tendon else 2.0 for name in NAMES]
     assert check.problem(100.0, measured, by_model, TOLERANCES) == ''
-    assert check.problem(100.0 + 0.99 * PATIENCE, measured, by_model, TOLERANCES) == ''
-    problem = check.problem(100.0 + 1.01 * PATIENCE, measured, by_model, TOLERANCES)
+    assert check.problem(100.0 + 0.99 * REPORT_DELAY, measured, by_model, TOLERANCES) == ''
+    problem = check.problem(100.0 + 1.01 * REPORT_DELAY, measured, by_model, TOLERANCES)
     assert words in problem
     assert bool(problem) is bool(words)
     assert (tendon in problem) is bool(words)

@@ -23,9 +23,9 @@ def test_a_disc_behind_an_occluder_is_not_measured_the_others_are_and_nothing_fa
     layout, truth = views.layout(), views.discs(0.3, -0.2, 0.4)
     drawn = views.camera(occluders=2)
     measuring = TagCamera(layout, drawn.lens)
-    tags = [drawn.seen_at(layout.disc_corners(n, pose), layout.depth)
+    tags = [drawn.project(layout.disc_corners(n, pose), layout.depth)
             for n, pose in enumerate(truth)]
-    fixed = [drawn.seen_at(layout.fixed_corners(n), 0.0) for n in layout.fixed_numbers]
+    fixed = [drawn.project(layout.fixed_corners(n), 0.0) for n in layout.fixed_numbers]
     looked_at, hidden_ones = 0, set()
     for time in range(0, 600, 2):
         bars = drawn.occluders.corners(time)
@@ -49,7 +49,7 @@ def test_a_tag_that_a_bar_cuts_is_measured_right_or_not_at_all():
     drawn = views.camera(occluders=1, seed=3)
     measuring, times, seen = TagCamera(views.layout(), drawn.lens), [], []
     layout = views.layout()
-    tags = [drawn.seen_at(layout.disc_corners(n, pose), layout.depth)
+    tags = [drawn.project(layout.disc_corners(n, pose), layout.depth)
             for n, pose in enumerate(truth)]
     for time in np.arange(0.0, 600.0, 0.5):
         bars = drawn.occluders.corners(time)

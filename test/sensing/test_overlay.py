@@ -58,7 +58,7 @@ def test_the_model_is_where_the_camera_sees_it(preset):
     pixels = magenta(drawn(picture, tags, tags.measure(picture), model))
     scale = SIZE / picture.shape[1]
     # The twin's own projection, which shares nothing with the one that is drawn with.
-    corners = camera.seen_at(model[:, [0, 2]], camera._layout.depth) * scale
+    corners = camera.project_at(model[:, [0, 2]], camera._layout.depth) * scale
     for corner in corners:
         assert np.linalg.norm(pixels - corner, axis=1).min() < 2.5
     # And nowhere but along the arm.
@@ -75,7 +75,7 @@ def test_the_model_of_an_arm_in_space_is_where_the_camera_sees_it():
     outer, turns = tags.layout.radius / np.cos(np.pi / 6), np.pi / 6 + np.arange(6) * np.pi / 3
     rim = outer * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(6)])
     for pose in poses:
-        corners = camera.seen_at(Rotation.from_quat(pose[3:]).apply(rim) + pose[:3])
+        corners = camera.project(Rotation.from_quat(pose[3:]).apply(rim) + pose[:3])
         for corner in corners * SIZE / picture.shape[1]:
             assert np.linalg.norm(pixels - corner, axis=1).min() < 2.5
 

@@ -164,7 +164,7 @@ def test_what_is_nearer_hides_what_is_behind_it(ideal):
 def covered(drawn, picture, points, half=45):
     """Return a picture with grey squares over points (k, 3)."""
     hidden = picture.copy()
-    for u, v in drawn.seen_at(points).astype(int):
+    for u, v in drawn.project(points).astype(int):
         hidden[max(0, v - half):v + half, max(0, u - half):u + half] = 90
     return hidden
 
@@ -202,7 +202,7 @@ def test_a_ring_with_one_wrong_tag(ideal):
 def test_a_number_that_is_seen_twice(ideal):
     twice = ideal[2].copy()
     tag = views.layout().ring(1)[10]
-    u, v = ideal[0].seen_at(tag.centre[None] + STRAIGHT[1, :3])[0].astype(int)
+    u, v = ideal[0].project(tag.centre[None] + STRAIGHT[1, :3])[0].astype(int)
     twice[400:470, 1150:1220] = ideal[2][v - 35:v + 35, u - 35:u + 35]
     sight = ideal[1].measure(twice)
     assert list(sight.discs) == [0, 1, 2, 3]  # the other tag of disc 1 is seen from its side

@@ -21,7 +21,7 @@ from soft_continuum.sequencing.aiming import (
     FARTHEST,
     next_step,
     predicted,
-    worth_setting_again,
+    segments_worth_correcting,
 )
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, WHOLE_ARM
 from support.flat_arm import about_y
@@ -78,7 +78,7 @@ def shifted(statics, state, segment, change):
 
 def again_of(statics, state, *arguments):
     """Return what is worth setting again of an arm whose motors stand where the tendons do."""
-    return worth_setting_again(Planner(statics.chain.arm, SETTINGS), state, state.pulls,
+    return segments_worth_correcting(Planner(statics.chain.arm, SETTINGS), state, state.pulls,
                                *arguments)
 
 
@@ -269,10 +269,10 @@ def test_what_would_fall_is_not_softened_by_itself(good):
     seen = replace(planner.statics.chain.state(off.joint_angles), held=off.held)
     limit = 0.01
     taut = off.pulls - (5e-4, -5e-4)
-    assert worth_setting_again(planner, seen, taut, ALL, aim, LOCK_IN, limit) == (1, 2)
+    assert segments_worth_correcting(planner, seen, taut, ALL, aim, LOCK_IN, limit) == (1, 2)
     slack = taut - 0.01  # nothing but the jams holds the arm up
-    assert worth_setting_again(planner, seen, slack, ALL, aim, LOCK_IN, limit) == ()
-    assert worth_setting_again(planner, seen, slack, ALL, aim, LOCK_IN) != ()
+    assert segments_worth_correcting(planner, seen, slack, ALL, aim, LOCK_IN, limit) == ()
+    assert segments_worth_correcting(planner, seen, slack, ALL, aim, LOCK_IN) != ()
 
 
 def test_a_jam_that_seems_to_yield_is_not_set_to_an_angle_again(good):
@@ -306,7 +306,7 @@ def test_a_segment_that_would_fall_over_is_held_by_all_tendons():
 def test_what_is_not_wanted_any_more_ends(spatial, bending):
     planner = Planner(spatial.chain.arm, PlanSettings(), lambda: True)
     with pytest.raises(PlanError, match='abandoned'):
-        worth_setting_again(planner, spatial.chain.straight(), [0.0] * 3, ALL,
+        segments_worth_correcting(planner, spatial.chain.straight(), [0.0] * 3, ALL,
                             Aim(bending, np.zeros(3)), 0.006)
 
 

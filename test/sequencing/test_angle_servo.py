@@ -28,7 +28,7 @@ from soft_continuum.sequencing.servo import (
     ServoSettings,
     TargetError,
 )
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.user_files import description_file
 from support.spatial_arms import in_space
 

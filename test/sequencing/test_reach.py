@@ -25,7 +25,7 @@ from soft_continuum.sequencing.reach import (
     ReachSettings,
     TipGoal,
 )
-from soft_continuum.sequencing.reach.passage import BlockedError, moved, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, moved
 from support.flat_arm import of_segments
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -149,7 +149,7 @@ def test_a_segment_is_set_twice_where_no_two_settings_of_a_whole_grid_get_there(
     found = query.first()
     assert not found.why
     assert angles(found)[:, 0].tolist() == [1, 0, 1]
-    passages = Passages(query.planner, query.surroundings, query.settings)
+    passages = MotionValidator(query.planner, query.surroundings, query.settings)
     start = passages.start(query.start, np.zeros(2))
     grid = 0.9 * TWO.segments[0].bending_angle_limit * np.linspace(-1.0, 1.0, 7)
     ends = 0

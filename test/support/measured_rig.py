@@ -12,7 +12,7 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.sequencing.aiming import Aim, next_step, worth_setting_again
+from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.settings import LoopSettings
@@ -79,8 +79,9 @@ class MeasuredRig(VirtualRig):
             lambda shape: self.asked(lambda *_: self.aim(shape)),
             lambda segments, aim: self.asked(lambda planner, state: next_step(
                 planner, state, self.tendons.reading.pulls, segments, aim, 5e-5)),
-            lambda segments, aim, limit: self.asked(lambda planner, state: worth_setting_again(
-                planner, state, self.tendons.reading.pulls, segments, aim, 0.006, limit)),
+            lambda segments, aim, limit: self.asked(
+                lambda planner, state: segments_worth_correcting(
+                    planner, state, self.tendons.reading.pulls, segments, aim, 0.006, limit)),
             lambda: self.estimated()[1]),
             self, self.settings, self.loop, self.arm.tendon_names)
 

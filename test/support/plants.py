@@ -8,7 +8,7 @@ import numpy as np
 
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.user_files import description_file
 

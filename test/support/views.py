@@ -11,7 +11,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
 

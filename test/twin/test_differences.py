@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from soft_continuum.cli import twin
-from soft_continuum.twin.differences import Obstacle, RANGES, read_differences, TwinError
+from soft_continuum.twin.model_errors import Obstacle, RANGES, read_differences, TwinError
 from soft_continuum.user_files import description_file
 
 FILE = description_file().with_name('twin.yaml')

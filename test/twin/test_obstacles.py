@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.twin.differences import Obstacle, TwinError
+from soft_continuum.twin.model_errors import Obstacle, TwinError
 from support.plants import ARM, FREE, only, plant, points_of, run, SOFT
 
 PULLS = np.array([0.016, -0.05])  # m: 30 degrees and more to the right

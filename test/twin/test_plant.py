@@ -13,7 +13,7 @@ from soft_continuum.mechanics import MomentCurvature, pulls_for_bending, set_sha
 from soft_continuum.mechanics.arm import Arm, Disc, mounted, Segment, Tendon, Wrench
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.differences import Obstacle, read_differences, TwinError
+from soft_continuum.twin.model_errors import Obstacle, read_differences, TwinError
 from soft_continuum.twin.plant import Plant
 from soft_continuum.twin.sensors import Sensors
 from soft_continuum.user_files import description_file

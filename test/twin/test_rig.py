@@ -5,7 +5,7 @@
 import pytest
 
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.differences import read_differences
+from soft_continuum.twin.model_errors import read_differences
 from soft_continuum.twin.plant import TIME_STEP
 from soft_continuum.twin.rig import MAX_LATENESS, PERIOD, TwinRig
 from soft_continuum.user_files import description_file

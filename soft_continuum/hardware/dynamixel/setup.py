@@ -326,7 +326,7 @@ def _model(name: str, number: int) -> Model:
 
 
 @dataclass(frozen=True)
-class Unfit:
+class RegisterMismatch:
     """A register that must be different; needed: the value that calibrate servos writes."""
 
     register: Register
@@ -339,11 +339,11 @@ class Unfit:
         return f'{self.register} is {self.value}, needed: {self.needed}, {self.why}'
 
 
-def unfit_settings(servo: Servo, speed_limit: float) -> list[Unfit]:
+def unfit_settings(servo: Servo, speed_limit: float) -> list[RegisterMismatch]:
     """Return what must be changed in the EEPROM of a servo; speed_limit: m/s of the tendon."""
-    def unless(register: Register, fits: bool, needed: int, why: str) -> list[Unfit]:
+    def unless(register: Register, fits: bool, needed: int, why: str) -> list[RegisterMismatch]:
         value = servo.get(register)
-        return [] if fits else [Unfit(register, value, needed, why)]
+        return [] if fits else [RegisterMismatch(register, value, needed, why)]
 
     get = servo.get
     velocity = round(1.1 * speed_limit / servo.radius / VELOCITY_UNIT) + 1
@@ -398,7 +398,7 @@ def problems(servo: Servo, speed_limit: float) -> list[str]:
     return found
 
 
-def write_settings(bus: DynamixelBus, servo: Servo, unfit: Sequence[Unfit]) -> None:
+def write_settings(bus: DynamixelBus, servo: Servo, unfit: Sequence[RegisterMismatch]) -> None:
     """
     Switch the torque of a servo off and write its EEPROM; the tendon must be slack.
 

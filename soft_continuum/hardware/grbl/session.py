@@ -61,7 +61,7 @@ REFERENCE = 'straighten the arm, make all tendons just taut and call reference'
 
 
 @dataclass
-class Watch:
+class ProgressTimer:
     """Something that must happen in time: since when (s), and reports or attempts meanwhile."""
 
     since: float
@@ -98,8 +98,8 @@ class GrblSession:
         self._unanswered_queries = 0
         self._idle_reports = CERTAIN_REPORTS  # in succession, at one place
         self._stray_reports = 0  # in succession, off the planned path
-        self._acknowledgement = Watch(now)
-        self._state_watch = Watch(now)  # since the state began or, in JOGGING, the last progress
+        self._acknowledgement = ProgressTimer(now)
+        self._state_watch = ProgressTimer(now)  # since it began or, in JOGGING, the last progress
         self._hold_sent_at = 0.0  # feed hold, or soft reset while homing, s
         self._reset_sent_at = 0.0  # s, 0 when none is under way
 
@@ -206,7 +206,7 @@ class GrblSession:
             self._send(jog_line(subtract(jog.end, jog.start), jog.feed * MINUTE))
 
     def _send(self, line: str) -> None:
-        self._acknowledgement = Watch(self.link.clock())
+        self._acknowledgement = ProgressTimer(self.link.clock())
         self.link.send(line)
 
     def _query_status(self, now: float) -> None:
@@ -287,7 +287,7 @@ class GrblSession:
         idle = status.state == 'Idle' and still and not self.link.unanswered
         self._idle_reports = self._idle_reports + 1 if idle else 0
         if self.state is State.JOGGING and (not still or self._jogs.arrived(steps)):
-            self._state_watch = Watch(now)
+            self._state_watch = ProgressTimer(now)
         self._check_path(steps)
         if self._marked and not self._unreferenced and not bears_mark(status, self._zero):
             self._doubt()
@@ -387,7 +387,7 @@ class GrblSession:
     def _fire(self, event: Event) -> None:
         before, self.state = self.state, next_state(self.state, event)
         if self.state is not before:
-            self._state_watch = Watch(self.link.clock())
+            self._state_watch = ProgressTimer(self.link.clock())
 
     def _aim(self, now: float) -> None:
         """Move to the target, if there is one."""

@@ -163,7 +163,7 @@ class Listener:
         return _other_type(where, found, self._kind)
 
 
-class Speaker:
+class CommandPublisher:
     """Publishes commands on a topic."""
 
     def __init__(self, link: 'RosLink', kind: Any, parameter: str, topic: str) -> None:
@@ -230,7 +230,7 @@ class RosLink:
                 parameter_overrides=[Parameter('start_type_description_service', value=False)])
         except Exception as error:  # no DDS, or its context was shut down
             raise HardwareError(f'ROS cannot be used: {type(error).__name__}: {error}') from error
-        self.topics: list[Listener | Speaker] = []
+        self.topics: list[Listener | CommandPublisher] = []
         self._looked, self._found = clock(), ''  # when the graph was looked at, and what was wrong
 
     def resolve(self, parameter: str, topic: str) -> str:
@@ -248,9 +248,10 @@ class RosLink:
         self.topics.append(listener)
         return listener
 
-    def speak(self, kind: str, parameter: str, topic: str) -> Speaker:
+    def speak(self, kind: str, parameter: str, topic: str) -> CommandPublisher:
         """Return what publishes on a topic; kind: such as std_msgs/Float64MultiArray."""
-        speaker: Speaker = _made(Speaker, self, message_class(kind), parameter, topic)
+        speaker: CommandPublisher = _made(
+            CommandPublisher, self, message_class(kind), parameter, topic)
         self.topics.append(speaker)
         return speaker
 

@@ -8,7 +8,7 @@ from typing import Any, TYPE_CHECKING
 from soft_continuum.hardware.protocols import HardwareError
 
 if TYPE_CHECKING:
-    from soft_continuum.hardware.ros_topics.link import Listener, RosLink, Speaker
+    from soft_continuum.hardware.ros_topics.link import CommandPublisher, Listener, RosLink
 
 PREFIX = 'ros_jamming.'
 BOOL, NUMBER, ARRAY = 'std_msgs/Bool', 'std_msgs/Float64', 'std_msgs/Float64MultiArray'
@@ -60,7 +60,7 @@ class Commands:
 
         self._message, self._array = message_class(kind), kind == ARRAY
         self._of: Callable[[float], Any] = bool if kind == BOOL else float
-        self._speakers: list[Speaker] = [
+        self._speakers: list[CommandPublisher] = [
             link.speak(kind, PREFIX + name, topic) for topic in topics]
 
     def send(self, item: int, values: Sequence[float]) -> None:

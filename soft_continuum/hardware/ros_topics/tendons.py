@@ -24,7 +24,7 @@ from soft_continuum.hardware.ros_topics.joint_states import Joints, JointWatch, 
 from soft_continuum.parameters.parameter import Parameter, TOPIC_NAME
 
 if TYPE_CHECKING:
-    from soft_continuum.hardware.ros_topics.link import Listener, RosLink, Speaker
+    from soft_continuum.hardware.ros_topics.link import CommandPublisher, Listener, RosLink
 
 FOLLOW_TIME = 0.3
 """s for which a joint may be farther from its set-point than following_error."""
@@ -92,7 +92,7 @@ class RosTendons(RosDevice):
         self._joints, self._topics, self._type = joints, (state_topic, command_topic), command_type
         self._following_error, self._timeout = following_error, timeout
         self._states: Listener
-        self._commands: Speaker
+        self._commands: CommandPublisher
         self._publisher = b''  # of the states
         self._reset(JointWatch(joints))
 

@@ -216,8 +216,8 @@ class Continuation:
             if iterations > MAX_TOTAL_ITERATIONS:
                 raise StaticsError(f'not converged after {iterations} iterations',
                                    self.result(point, problem))
-            crept = self.laws.crept(joint_angles(point.theta), problem.system.joints)
-            problem = problem._replace(system=problem.system._replace(joints=crept))
+            problem = problem._replace(system=problem.system._replace(
+                joints=self.laws.plastic_update(joint_angles(point.theta), problem.system.joints)))
         return point._replace(iterations=iterations, slack=_slack(point, drive)), problem, jumped
 
     def _gap(self, point: Point, problem: Problem) -> Array:

@@ -132,13 +132,13 @@ class JointLaws:
         """Return the angles (joints,) rad that the jams hold, after creep; others as they are."""
         if self.rigid_only:
             return angles
-        crept = self.crept(angles, joints)[:, HELD]
+        held_after = self.plastic_update(angles, joints)[:, HELD]
         jammed = np.repeat([s and not segment.jam.rigid for s, segment in
                             zip(stiff, self._segments, strict=True)], self._per_segment)
-        held: Array = np.where(jammed, crept, angles)
+        held: Array = np.where(jammed, held_after, angles)
         return held
 
-    def crept(self, angles: Array, joints: Array) -> Array:
+    def plastic_update(self, angles: Array, joints: Array) -> Array:
         """
         Return the joints array whose held angles have followed where the jam yields.
 

@@ -14,7 +14,7 @@ from soft_continuum.mechanics.batch import Batch, in_parts, Problems
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.space._laws import HELD
 from soft_continuum.mechanics.space.chain import Integers
-from soft_continuum.mechanics.space.statics import Locks, slack_of, SpaceStatics
+from soft_continuum.mechanics.space.statics import ConstraintState, slack_of, SpaceStatics
 from soft_continuum.mechanics.statics import driven, LOCKED_TOLERANCE
 
 
@@ -62,11 +62,11 @@ class _Problem(NamedTuple):
 
     model: SpaceStatics
     start: Equilibrium
-    locks: Locks
+    locks: ConstraintState
     kind: Hashable
 
 
-def _problem(model: SpaceStatics, start: Equilibrium, locks: Locks) -> _Problem:
+def _problem(model: SpaceStatics, start: Equilibrium, locks: ConstraintState) -> _Problem:
     _, tendons, begins, bodies, _ = model.chain.layout[3]
     kind = None if locks.yields or not locks.free.any() else tuple(
         each.tobytes() for each in (locks.link, tendons, begins, bodies, model.chain.laws.tables))

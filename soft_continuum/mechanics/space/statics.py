@@ -43,7 +43,7 @@ TURN = 1e-6  # rad, for slopes
 LEAST_PART = 2e-3  # m of tendon that is paid out at once, where that is tried by halves
 
 
-class Locks(NamedTuple):
+class ConstraintState(NamedTuple):
     """
     What stiff segments and their vacuum make of a chain.
 
@@ -77,7 +77,7 @@ class _Links:
     tendons).  bias: (2, links, 3) N m.  bodies: (bodies, 3, 3), rotations of all bodies.
     """
 
-    def __init__(self, chain: SpaceChain, start: Equilibrium, locks: Locks,
+    def __init__(self, chain: SpaceChain, start: Equilibrium, locks: ConstraintState,
                  by_force: Booleans, tendons: tuple[Array, Array]) -> None:
         """
         Begin at a state.
@@ -199,7 +199,7 @@ class SpaceStatics(Statics):
         return together(problems)
 
     def begin(self, start: Equilibrium, soft: Sequence[bool],
-              vacuum: Sequence[float] | None = None) -> tuple[Equilibrium, Locks]:
+              vacuum: Sequence[float] | None = None) -> tuple[Equilibrium, ConstraintState]:
         """
         Return the start with the segments that are stiff from now on, and what they lock.
 
@@ -246,7 +246,7 @@ class SpaceStatics(Statics):
         return Equilibrium(start.configuration, start.tensions, start.pulls, start.slack, 0.0,
                                   0, stiff, held, vacuum=vacuum, chain=self.chain)
 
-    def _find_locks(self, stiff: tuple[bool, ...], vacuum: tuple[float, ...]) -> Locks:
+    def _find_locks(self, stiff: tuple[bool, ...], vacuum: tuple[float, ...]) -> ConstraintState:
         chain = self.chain
         free = ~chain.rigid(stiff)
         link = np.cumsum(free) - 1
@@ -258,21 +258,22 @@ class SpaceStatics(Statics):
         direct = not (yields or chain.moments.any()) and outweigh(
             chain.laws.least_stiffness()[free],
             sums(link[link >= 0], loads[link >= 0], len(joints)))
-        return Locks(link, free, joints, still, yields, direct)
+        return ConstraintState(link, free, joints, still, yields, direct)
 
-    def _follow(self, start: Equilibrium, locks: Locks, by_force: Booleans,
+    def _follow(self, start: Equilibrium, locks: ConstraintState, by_force: Booleans,
                 target: Array, sliding: Sequence[int]) -> Equilibrium:
         """Return the equilibrium for pulls (m), or tensions (N) of those by force."""
         if not locks.free.any():
             return self._locked(start, by_force, target)
-        state = self._led(start, locks, by_force, target, self.compliance, self._no_friction)
+        state = self._follow_load_path(
+            start, locks, by_force, target, self.compliance, self._no_friction)
         if not any(t.friction and way for t, way in zip(
                 self.chain.arm.tendons, sliding, strict=False)):
             return state
         before = self._no_friction
         for _ in range(MAX_FRICTION_ITERATIONS):  # friction depends on the shape it leads to
             ratios, compliance = self.friction.carried(state.rotations, sliding)
-            jumped, state = state.jumped, self._led(
+            jumped, state = state.jumped, self._follow_load_path(
                 state, locks, by_force, target, compliance, ratios)
             state = replace(state, jumped=state.jumped or jumped)
             if np.abs(ratios - before).max() < 1e-13:
@@ -280,8 +281,8 @@ class SpaceStatics(Statics):
             before = ratios
         raise StaticsError('the friction at the guides did not converge', state)
 
-    def _led(self, start: Equilibrium, locks: Locks, by_force: Booleans, target: Array,
-             compliance: Array, ratios: Array) -> Equilibrium:
+    def _follow_load_path(self, start: Equilibrium, locks: ConstraintState, by_force: Booleans,
+                          target: Array, compliance: Array, ratios: Array) -> Equilibrium:
         """Lead lengths, tensions and what is out of balance at the start to the target."""
         if locks.still.any():
             self._refuse_short(np.where(locks.still & ~by_force, target - start.pulls, 0.0), start)
@@ -298,9 +299,10 @@ class SpaceStatics(Statics):
             out = start.pulls - start.slack - target
             if not by_force.any() and out.min() > 0.0 and LEAST_PART < out.max() < np.inf:
                 # It falls over as all tendons are paid out: they are by halves.
-                half = self._led(start, locks, by_force, target + 0.5 * out, compliance, ratios)
-                return replace(self._led(half, locks, by_force, target, compliance, ratios),
-                               jumped=True)
+                half = self._follow_load_path(
+                    start, locks, by_force, target + 0.5 * out, compliance, ratios)
+                return replace(self._follow_load_path(
+                    half, locks, by_force, target, compliance, ratios), jumped=True)
             raise StaticsError(
                 f'the arm loses its equilibrium after {100.0 * done:.0f} % of the way to '
                 'these pulls and loads, and no other was found near it; pay out a tendon, '

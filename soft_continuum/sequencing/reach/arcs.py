@@ -25,7 +25,7 @@ LEAST_DAMPING = 1e-8  # of many bendings with one tip the nearest is taken
 STUCK = 1e8  # damping at which a fit gets no nearer
 
 
-class Miss:
+class TipResidual:
     """How far tips are from a goal, in parts of its tolerances."""
 
     def __init__(self, goal: TipGoal) -> None:
@@ -108,13 +108,13 @@ class Arcs:
         """Return bendings (m, segments, 2) within the limits, the nearest to those given."""
         return within_limits(bending, self.limits)
 
-    def fit(self, bending: Array, movers: Sequence[int], miss: Miss) -> tuple[Array, Array]:
+    def fit(self, bending: Array, movers: Sequence[int], miss: TipResidual) -> tuple[Array, Array]:
         """
         Bring tips to a goal by what some segments, or WHOLE_ARM, set.
 
         bending: (m, segments, 2) rad, from where.
-        Returns the bendings and what is missed, as Miss.of; Levenberg and Marquardt's method, all
-        at once.
+        Returns the bendings and what is missed, as TipResidual.of; by the method of Levenberg and
+        Marquardt, all at once.
         """
         columns, bent = self.columns(movers), self.within(bending)
         left = miss.of(*self.tips(bent))
@@ -132,7 +132,7 @@ class Arcs:
                 damping[going] * np.where(better, 0.2, 8.0), LEAST_DAMPING)
         return bent, left
 
-    def slopes(self, bending: Array, columns: NDArray[np.intp], miss: Miss) -> Array:
+    def slopes(self, bending: Array, columns: NDArray[np.intp], miss: TipResidual) -> Array:
         """Return how what is missed changes with some columns of bendings (m, ...): (m, k, n)."""
         count = len(columns)
         flat = np.repeat(bending.reshape(1, len(bending), -1), count + 1, axis=0)
@@ -141,7 +141,7 @@ class Arcs:
         return np.moveaxis((missed[:-1] - missed[-1]) / STEP, 0, -1)
 
     def _change(self, bending: Array, left: Array, columns: NDArray[np.intp], damping: Array,
-                miss: Miss) -> Array:
+                miss: TipResidual) -> Array:
         """Return by how much bendings (m, ...) are too large for what is left (m, k)."""
         count, slopes = len(columns), self.slopes(bending, columns, miss)
         square = slopes.swapaxes(1, 2) @ slopes

@@ -20,14 +20,14 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sequencing.moves import PlanSettings
 from soft_continuum.sequencing.plans import WHOLE_ARM
-from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
+from soft_continuum.sequencing.reach.arcs import Arcs, size, TipResidual
 
 AXIS_VALUES = 17  # bendings of a segment about its only axis, between its limits
 RINGS, SPOKES = (0.35, 0.7, 1.0), 8  # of one that bends to all sides: parts of its limit, ways
 WHOLE_VALUES = 60  # shapes of an arm without jamming
 STARTS, FEW_STARTS = 24, 3  # shapes that fits in space begin at; the latter after given settings
 NEAR, NEAR_TURN = 0.01, 0.1  # m, rad: what arcs reach so nearly may be reached by the statics
-ALIKE = 0.02  # rad: shapes that differ by less are one
+SAME_SHAPE = 0.02  # rad: shapes that differ by less are one
 CHUNK, CHUNKS = 100, 400  # sequences drawn at a time, and how often
 PEAK = 15 / 8  # of the speed of a minimum-jerk motion over the mean
 NUMBERS = {'position': (2, 3), 'direction': (3, 5), 'pose': (3, 6)}
@@ -54,7 +54,7 @@ class Candidate:
 class Candidates:
     """What is worth a try to reach one goal from one shape."""
 
-    def __init__(self, arcs: Arcs, settings: PlanSettings, miss: Miss, start: Array,
+    def __init__(self, arcs: Arcs, settings: PlanSettings, miss: TipResidual, start: Array,
                  draw: np.random.Generator) -> None:
         """Take the arm, the limits of its motions, the goal, and the bending at present, rad."""
         self.arcs, self.miss, self.start, self.draw = arcs, miss, start, draw
@@ -174,7 +174,7 @@ class Candidates:
         parts = size(left)
         seen, found = set(), []
         for row in np.flatnonzero(np.broadcast_to(arrives, away.shape)).tolist():
-            key = (which[row], *np.rint(bent[row].ravel() / ALIKE).astype(int).tolist())
+            key = (which[row], *np.rint(bent[row].ravel() / SAME_SHAPE).astype(int).tolist())
             if key in seen:
                 continue
             seen.add(key)

@@ -27,11 +27,11 @@ from soft_continuum.sequencing.plans import (
     TipGoal,
     WHOLE_ARM,
 )
-from soft_continuum.sequencing.reach.arcs import Arcs, Miss
+from soft_continuum.sequencing.reach.arcs import Arcs, TipResidual
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
 from soft_continuum.sequencing.reach.limits import ReachSettings, Surroundings
-from soft_continuum.sequencing.reach.passage import BlockedError, Node, Passages
+from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 from soft_continuum.sequencing.reach.search import as_shape, Search
 
 WIDTH = 3  # plans that are carried on from goal to goal
@@ -61,7 +61,8 @@ def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequ
         goal.check(planner.statics.chain.arm)
         if (inside := surroundings.at(goal.position)).distance <= 0.0:
             raise PlanError(f'a goal of the path is in {inside.obstacle}')
-    start = Passages(planner, surroundings, settings).start(state, np.array(pulls, dtype=float))
+    start = MotionValidator(planner, surroundings, settings).start(
+        state, np.array(pulls, dtype=float))
     yield from _Following(planner, start, goals, surroundings, settings).run()
 
 
@@ -140,7 +141,7 @@ class _Following:
 
     def _fitted(self, mover: int) -> list[tuple[float, Array]]:
         """Return shapes from which a segment comes near to all goals, and what it misses."""
-        arcs, goals = self.arcs, [Miss(goal) for goal in self.goals]
+        arcs, goals = self.arcs, [TipResidual(goal) for goal in self.goals]
         own = arcs.columns([mover])
         others = np.setdiff1d(arcs.columns(self.movers), own)
 
@@ -205,7 +206,7 @@ class _Following:
     def _seen(self, track: _Track, node: Node, number: int) -> _Track:
         """Return a track that goes on to a node, at a goal of that number."""
         goal = self.goals[number]
-        away, turn = Miss(goal).errors(node.state)
+        away, turn = TipResidual(goal).errors(node.state)
         if number:
             tips = np.array([state.backbone[-1] for step in node.steps[len(track.node.steps):]
                              for state in step.states])

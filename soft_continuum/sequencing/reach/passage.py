@@ -62,14 +62,14 @@ class Node:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class BodyFrames:
     """Where the bodies of a state are: backbone and rotations, as of Equilibrium."""
 
     backbone: Array
     rotations: Array
 
 
-def moved(one: Equilibrium | Placed, other: Equilibrium | Placed, radius: float) -> float:
+def moved(one: Equilibrium | BodyFrames, other: Equilibrium | BodyFrames, radius: float) -> float:
     """Return how far no point within ``radius`` (m) of the backbone is from itself, m."""
     ends = np.linalg.norm(one.backbone[1:] - other.backbone[1:], axis=1)
     turns = np.linalg.norm(one.rotations - other.rotations, axis=(1, 2)) / np.sqrt(2.0)
@@ -83,14 +83,14 @@ def body_radius(chain: Any) -> float:
         chain.disc_radii.max(), max(s.outer_diameter for s in chain.arm.segments) / 2))
 
 
-def between(one: Equilibrium | Placed, near_one: float, other: Equilibrium | Placed,
+def between(one: Equilibrium | BodyFrames, near_one: float, other: Equilibrium | BodyFrames,
             near_other: float, radius: float) -> tuple[float, float]:
     """Return how near obstacles are between two neighbouring states, how far points move, m."""
     way = DETOUR * moved(one, other, radius)
     return (near_one + near_other - way) / 2.0, way
 
 
-class Passages:
+class MotionValidator:
     """Moves of one arm among its surroundings."""
 
     def __init__(self, planner: MovePlanner, surroundings: Surroundings, settings: ReachSettings
@@ -138,7 +138,7 @@ class Passages:
         stiff.  Raises BlockedError.
         """
         planner = self.planner
-        way = _Way(self, self.needed(node.locked, None),
+        way = _ClearanceChecker(self, self.needed(node.locked, None),
                    lambda state, parts: planner.jammed(state, node.pulls, parts))
         parts = np.ones(len(vacuums))
         try:
@@ -187,8 +187,9 @@ class Passages:
         """Follow the pulls of a move, from a node on."""
         soft = None if move.segment == WHOLE_ARM else move.segment
         state = self.planner.softened(node.state, node.pulls, move.segment)
-        way = _Way(self, self.needed(node.locked, soft), lambda state, pulls: self.planner.held(
-            state, pulls, move.segment, move.sliding))
+        way = _ClearanceChecker(
+            self, self.needed(node.locked, soft), lambda state, pulls: self.planner.held(
+                state, pulls, move.segment, move.sliding))
         if not node.moves:  # from where the arm is nearer to something it may go away
             near = self.surroundings.clearance(state)
             clear = min(node.near.distance, near.distance) - DETOUR * moved(
@@ -209,14 +210,14 @@ class Passages:
         return Node(state, move.pulls[-1], near, (*node.moves, move), (*node.steps, step), locked)
 
 
-class _Way:
+class _ClearanceChecker:
     """
     The states on a way; least: the smallest clearance up to now.
 
     solve: returns the state that follows from another one, by pulls or by parts of the vacuum.
     """
 
-    def __init__(self, passages: Passages, needed: float, solve: Callable[[Any, Array], Any]
+    def __init__(self, passages: MotionValidator, needed: float, solve: Callable[[Any, Array], Any]
                  ) -> None:
         self.passages, self.needed, self.solve = passages, needed, solve
         self.states: list[Any] = []

@@ -19,11 +19,17 @@ import numpy as np
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.moves import MovePlanner
 from soft_continuum.sequencing.plans import PlanError, Reach, Shape, ShapePlan, TipGoal
-from soft_continuum.sequencing.reach.arcs import Arcs, Miss, size
+from soft_continuum.sequencing.reach.arcs import Arcs, size, TipResidual
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
 from soft_continuum.sequencing.reach.limits import Distance, ReachSettings, Surroundings
-from soft_continuum.sequencing.reach.passage import BlockedError, moved, Node, Passages, Placed
+from soft_continuum.sequencing.reach.passage import (
+    BlockedError,
+    BodyFrames,
+    MotionValidator,
+    moved,
+    Node,
+)
 
 ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is, at least
 ARC_FACTOR = 1.5  # of how far arcs are off in one shape: in others they may be more
@@ -33,7 +39,7 @@ CORRECTIONS = 8  # of bendings, by the statics
 AIM = 0.3  # of the tolerances: so near the correction ends
 DIVERGED = 3.0  # times what was missed at best: a correction does not come back from there
 RANK = 1e-6  # of singular values of slopes: less is nothing
-ALIKE = 0.1  # s: durations that differ by less are one, and the tension decides
+TIME_TOLERANCE = 0.1  # s: durations that differ by less are one, and the tension decides
 KEPT = 0.15  # of the budget, to look for the nearest when there is no plan
 IMPROVEMENTS = 40  # candidates beside the best that are tried
 WIDTHS = (0.3, 0.1, 0.03)  # rad by which they are beside it
@@ -56,7 +62,8 @@ def reach(planner: MovePlanner, state: Any, pulls: Sequence[float], goal: TipGoa
     if inside.distance <= 0.0:
         raise PlanError(f'the tip goal is in {inside.obstacle}, '
                         f'{-inside.distance * 1e3:.1f} mm deep; move one of them')
-    start = Passages(planner, surroundings, settings).start(state, np.array(pulls, dtype=float))
+    start = MotionValidator(planner, surroundings, settings).start(
+        state, np.array(pulls, dtype=float))
     yield from Search(planner, start, goal, surroundings, settings).run()
 
 
@@ -68,8 +75,8 @@ class Search:
         """Prepare."""
         self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
         self.budget = Budget((1.0 - KEPT) * settings.states, (1.0 - KEPT) * settings.time_limit)
-        self.passages = Passages(planner.until(self.budget.judge), surroundings, settings)
-        self.miss = Miss(goal)
+        self.passages = MotionValidator(planner.until(self.budget.judge), surroundings, settings)
+        self.miss = TipResidual(goal)
         self.arcs = Arcs(planner.statics.chain.arm)
         self.bending = np.array(start.state.bending)
         self.candidates = Candidates(self.arcs, planner.settings, self.miss, self.bending,
@@ -79,7 +86,7 @@ class Search:
         self.nearest = self.last = start
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
         self._arc_error = ARC_ERROR
-        self._shapes: dict[bytes, tuple[Placed, Distance]] = {}
+        self._shapes: dict[bytes, tuple[BodyFrames, Distance]] = {}
         self._too_far: dict[bytes, bool] = {}
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
@@ -157,7 +164,7 @@ class Search:
 
     def _weighed(self, softenings: int, seconds: float, tension: float) -> tuple[float, ...]:
         if self.settings.weights is None:
-            return (softenings, round(seconds / ALIKE), tension)
+            return (softenings, round(seconds / TIME_TOLERANCE), tension)
         one, second, newton = self.settings.weights
         return (one * softenings + second * seconds + newton * tension,)
 
@@ -274,12 +281,12 @@ class Search:
                 pulls.min() < low - PULL_ERROR or pulls.max() > high + PULL_ERROR)
         return self._too_far[key]
 
-    def _shape(self, bending: Array) -> tuple[Placed, Distance]:
+    def _shape(self, bending: Array) -> tuple[BodyFrames, Distance]:
         key = bending.tobytes()
         if key not in self._shapes:
             self.passages.planner.check_wanted()
             state = self.arcs.chain.uniform(bending)
-            self._shapes[key] = (Placed(state.backbone, state.rotations),
+            self._shapes[key] = (BodyFrames(state.backbone, state.rotations),
                                  self.passages.surroundings.clearance(state))
         return self._shapes[key]
 

@@ -29,7 +29,7 @@ class Obstacle:
 
 
 @dataclass(frozen=True)
-class Differences:
+class ModelErrors:
     """
     One preset; see config/twin.yaml for what each means.
 
@@ -121,7 +121,7 @@ OBSTACLE_RANGES = {'x': (-10.0, 10.0), 'z': (-10.0, 10.0), 'radius': (0.001, 10.
 MAX_OBSTACLES = 100
 
 
-def read_differences(path: str | Path, preset: str) -> Differences:
+def read_differences(path: str | Path, preset: str) -> ModelErrors:
     """
     Return a preset of a file.
 
@@ -134,12 +134,12 @@ def read_differences(path: str | Path, preset: str) -> Differences:
     if preset not in presets:
         raise TwinError(f'{path} has no preset {preset}; it has: {", ".join(map(str, presets))}')
     values = presets[preset]
-    names = {field.name: field.default is MISSING for field in fields(Differences)}
+    names = {field.name: field.default is MISSING for field in fields(ModelErrors)}
     needed = {name for name, is_needed in names.items() if is_needed}
     if not isinstance(values, dict) or not needed <= set(values) <= set(names):
         raise TwinError(f'{path}: preset {preset} must hold these and nothing else: '
                         f'{", ".join(names)}')
-    return Differences(**{name: _checked(path, name, values) for name in values})
+    return ModelErrors(**{name: _checked(path, name, values) for name in values})
 
 
 def _checked(path: str | Path, name: str, values: Mapping[str, Any]) -> Any:

@@ -13,7 +13,7 @@ MAX_SOCKETS = 64  # WebSockets: a page has two
 RATE, BURST = 200.0, 400.0  # messages of one WebSocket: in a second, and at once
 
 
-class Crowd:
+class ConnectionLimiter:
     """
     The connections of a server.
 
@@ -48,7 +48,7 @@ class Crowd:
         self._sockets.discard(connection)
 
 
-class Pace:
+class RateLimiter:
     """Has a WebSocket that sends too fast wait: what it sends then stays with who sends it."""
 
     def __init__(self) -> None:

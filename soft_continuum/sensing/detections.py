@@ -43,12 +43,12 @@ class View(Protocol):
     def pose(self, fit: Any) -> Array:
         """Return the pose (7,) in base_link of a disc, by its tags."""
 
-    def seen_at(self, points: Array) -> Array:
+    def project(self, points: Array) -> Array:
         """Return where points (k, 3) m of the arm are, (k, 2) px without distortion."""
 
 
 @dataclass(frozen=True)
-class Sight:
+class TagDetections:
     """
     What one picture shows.
 
@@ -78,17 +78,17 @@ class DiscCamera(ABC):
             *map(layout.numbers, range(len(layout.heights))))
         self._detector = TagDetector(lens, expected, passes)
 
-    def measure(self, picture: Picture) -> Sight:
+    def measure(self, picture: Picture) -> TagDetections:
         """Return what a grey picture (height, width) shows."""
         if picture.shape[::-1] != self.lens.size:
-            return Sight({}, (), np.nan, (
+            return TagDetections({}, (), np.nan, (
                 f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the calibration '
                 f'{self.lens.size[0]} x {self.lens.size[1]}; calibrate the camera at the '
                 'resolution that is used',), {})
         numbers, corners, problems = self._find(picture)
         view = self._view(picture, corners)
         if isinstance(view, str):
-            return Sight({}, numbers, np.nan, (*problems, view), corners)
+            return TagDetections({}, numbers, np.nan, (*problems, view), corners)
         fits: dict[int, Any] = {}
         for n in range(len(self.layout.heights)):
             fit = self._fit(n, corners, view)
@@ -97,12 +97,13 @@ class DiscCamera(ABC):
             elif fit is not None:
                 fits[n] = fit
         if wrong_scale := self._wrong_scale(view, fits):
-            return Sight({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
+            return TagDetections({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
         poses = {n: view.pose(fit) for n, fit in fits.items()}
-        wrong, on_wrong_discs = exchanged(poses, self.layout)
+        wrong, on_wrong_discs = implausible_spacing(poses, self.layout)
         discs, deviation = self._measured(view, {
             n: (poses[n], fit) for n, fit in fits.items() if n not in wrong})
-        return Sight(discs, numbers, deviation, (*problems, *on_wrong_discs), corners, view)
+        return TagDetections(
+            discs, numbers, deviation, (*problems, *on_wrong_discs), corners, view)
 
     def _find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
         """Return all numbers, the corners of the tags of this layout, px, and what is wrong."""
@@ -138,10 +139,10 @@ class DiscCamera(ABC):
     @abstractmethod
     def _measured(self, view: Any, fits: Mapping[int, tuple[Array, Any]]
                   ) -> tuple[dict[int, DiscPose], float]:
-        """Return the discs, from their poses by their tags and fits, and deviation of Sight."""
+        """Return discs by their tags and fits, and the deviation, as in TagDetections."""
 
 
-def exchanged(poses: Mapping[int, Array], layout: Layout) -> tuple[set[int], list[str]]:
+def implausible_spacing(poses: Mapping[int, Array], layout: Layout) -> tuple[set[int], list[str]]:
     """
     Return the discs that are nearer or farther than the segment between them lets, and why.
 

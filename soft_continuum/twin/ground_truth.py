@@ -14,7 +14,7 @@ from soft_continuum.twin.rig import TwinRig
 PERIOD = 0.02  # s
 
 
-class Truth(Publisher):
+class GroundTruth(Publisher):
     """Publishes the joints, tendons and discs of a twin while this context manager is open."""
 
     def __init__(self, rig: TwinRig, namespace: str = '') -> None:
