@@ -101,7 +101,7 @@ def test_disc_tags_that_were_printed_at_another_scale(ideal):
 def test_a_number_that_is_seen_twice(ideal):
     twice = ideal[2].copy()
     (row, column), size = np.argwhere(np.ones(1)).repeat(2, axis=1)[0] + (600, 100), 60
-    middle = ideal[0].project_at(STRAIGHT[1:2, :2] + [[0.0, 0.015]], 0.03)[0].astype(int)
+    middle = ideal[0].project(STRAIGHT[1:2, :2] + [[0.0, 0.015]], 0.03)[0].astype(int)
     twice[row:row + size, column:column + size] = ideal[2][
         middle[1] - size // 2:middle[1] + size // 2, middle[0] - size // 2:middle[0] + size // 2]
     sight = ideal[1].measure(twice)
@@ -119,7 +119,7 @@ def test_tags_on_the_wrong_discs():
 
 def test_a_disc_that_is_hidden_is_left_out_and_nothing_else(ideal):
     covered = ideal[2].copy()
-    u, v = ideal[0].project_at(STRAIGHT[2:3, :2] + [[0.0, 0.015]], 0.03)[0].astype(int)
+    u, v = ideal[0].project(STRAIGHT[2:3, :2] + [[0.0, 0.015]], 0.03)[0].astype(int)
     covered[v - 10:v + 10, u - 50:u + 50] = 90
     sight = ideal[1].measure(covered)
     assert list(sight.discs) == [0, 1, 3] and not sight.problems
