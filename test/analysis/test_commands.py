@@ -61,7 +61,7 @@ def documented(tmp_path_factory):
     with chdir(here):
         for line in lines:
             program, name, *arguments = line.split()
-            assert program == 'soft_continuum'
+            assert program == './run'
             printed[name] = run(COMMANDS[name][0], *arguments)
     return here / 'results', printed
 
