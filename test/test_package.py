@@ -115,7 +115,7 @@ def test_pages_that_the_product_names_exist_and_are_installed(
              for path in (ROOT / folder).rglob('*') if path.is_file() and path.suffix in TEXTS
              for page in re.findall(r'(?<![\w/.])(?:msg_)?docs/[\w/]+\.md',
                                     path.read_text(encoding='utf-8'))}
-    assert {'docs/how_to/secure_the_network.md', 'msg_docs/parameters.md'} < named
+    assert {'docs/how_to/set_up_the_network.md', 'msg_docs/parameters.md'} < named
     installed = {f'{folder.removeprefix("share/soft_continuum/")}/{Path(file).name}'
                  for folder, files in setup_arguments['data_files'] for file in files}
     assert not {page for page in named if not (ROOT / page).is_file()}

@@ -4,7 +4,7 @@
 ``policy``: who may do what over DDS, as a policy file of SROS 2.
 
 It is made of the tables in ``msg_docs``, so that what is documented is allowed, and nothing else.
-The schema is policy.xsd, version 0.2.0, of ros2/sros2.  docs/how_to/secure_the_network.md says how
+The schema is policy.xsd, version 0.2.0, of ros2/sros2.  docs/how_to/set_up_the_network.md says how
 it is used.
 """
 
@@ -74,7 +74,7 @@ def _run(options: argparse.Namespace) -> None:
           'Make the keys, with ROS 2 from apt:\n'
           '  ros2 security create_keystore keystore\n'
           f'  ros2 security generate_artifacts -k keystore -p {shlex.quote(str(path))}\n'
-          'docs/how_to/secure_the_network.md goes on from here.')
+          'docs/how_to/set_up_the_network.md goes on from here.')
 
 
 def policy(values: Mapping[str, Value], namespace: str = '') -> str:

@@ -3,7 +3,7 @@
 """
 Who reaches the nodes over DDS: processes of this computer, unless the user opens the network.
 
-docs/how_to/open_the_network.md says how, and what that means.
+docs/how_to/set_up_the_network.md says how, and what that means.
 """
 
 from collections.abc import Mapping, MutableMapping, Sequence
@@ -94,9 +94,9 @@ def who_commands(environment: Mapping[str, str], addresses: Sequence[str]) -> st
     if addresses:
         return (f'DDS listens on {", ".join(addresses)}: every computer that reaches it can move '
                 f'this arm, or make this node unreachable ({domain}); see '
-                'docs/how_to/open_the_network.md')
+                'docs/how_to/set_up_the_network.md')
     return (f'every user of this computer can command this arm, and no other computer ({domain}); '
-            'see docs/how_to/secure_the_network.md')
+            'see docs/how_to/set_up_the_network.md')
 
 
 def is_secured(environment: Mapping[str, str]) -> bool:
@@ -113,9 +113,9 @@ def security_problem(error: Exception, environment: Mapping[str, str]) -> str:
     if 'security libraries' in text:
         return ('ROS_SECURITY_ENABLE is true, but this ROS 2 was built without DDS security, as '
                 'that from PyPI is: use ROS 2 from apt, or unset it; see '
-                'docs/how_to/secure_the_network.md')
+                'docs/how_to/set_up_the_network.md')
     return (f'SROS 2 lets nothing start: {text}; make the keys, as '
-            'docs/how_to/secure_the_network.md has it, or unset ROS_SECURITY_ENABLE')
+            'docs/how_to/set_up_the_network.md has it, or unset ROS_SECURITY_ENABLE')
 
 
 def reachable_addresses(process: int | str = 'self') -> list[str]:
