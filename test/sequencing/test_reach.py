@@ -314,13 +314,14 @@ def test_more_states_find_no_worse_a_plan_and_few_are_kept_to():
 
 
 def test_a_slow_machine_finds_the_same_plan(monkeypatch):
-    quick = Query(at(0.15, 0.22), [wall(0.05, 0.32)]).last()
+    few = replace(PATIENT, states=1300)
+    quick = Query(at(0.15, 0.22), [wall(0.05, 0.32)], settings=few).last()
     clock = count()  # a second or more passes between two looks at it
     monkeypatch.setattr(budget, 'monotonic', lambda: float(next(clock)))
-    slow = Query(at(0.15, 0.22), [wall(0.05, 0.32)]).last()
+    slow = Query(at(0.15, 0.22), [wall(0.05, 0.32)], settings=few).last()
     assert angles(slow).tolist() == angles(quick).tolist()
     hurried = Query(at(0.15, 0.22), [wall(0.05, 0.32)],
-                    settings=replace(PATIENT, time_limit=60.0)).last()
+                    settings=replace(few, time_limit=60.0)).last()
     assert hurried.cut_short
 
 
