@@ -19,7 +19,7 @@ def main() -> None:
     """Run what the command line asks for, print it, and write it into the documents."""
     parser = argparse.ArgumentParser(
         prog='./run bench', description='Measure; write performance.md, accuracy.md, '
-        'sensing.md, estimation.md, space.md and measured_arm.md in docs/explanation, and the '
+        'sensing.md, estimation.md, mechanics.md and measured_arm.md in docs/explanation, and the '
         'pages about twin, closed loop and servo.')
     parser.add_argument('--only', metavar='NAME', action='append', choices=NAMES,
                         help=f'one of {", ".join(NAMES)}; may be given more than once')

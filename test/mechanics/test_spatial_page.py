@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The examples of the page about arms in space run, one after the other."""
+"""The examples of the page about mechanics run, one after the other."""
 
 from pathlib import Path
 import re
 
-PAGE = Path(__file__).parents[2] / 'docs' / 'explanation' / 'space.md'
+PAGE = Path(__file__).parents[2] / 'docs' / 'explanation' / 'mechanics.md'
 
 
 def test_the_examples_of_the_page_run():
