@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documentation as a site, by ``./run docs``; the pages read well without it."""
 
+from pygments.lexers.special import TextLexer
+
 from soft_continuum.nodes.reference import main as write_parameter_tables
 
 write_parameter_tables()
@@ -35,3 +37,8 @@ apidoc_modules = [{
 }]
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'signature'
+
+
+def setup(app):
+    """Show mermaid, which GitHub draws, as text."""
+    app.add_lexer('mermaid', TextLexer)

@@ -16,7 +16,7 @@ from support.documented_commands import blocks, Checker, is_ros2, LINES, NOT_OUR
 FENCE = re.compile(r'^ *```.*?^ *```', re.MULTILINE | re.DOTALL)
 LINK = re.compile(r'\]\(([^)\s]+)\)')
 HEADING = re.compile(r'^#+ (.+)$', re.MULTILINE)
-LANGUAGES = ('', 'sh', 'text', 'json', 'yaml', 'python', 'math', '{toctree}')
+LANGUAGES = ('', 'sh', 'text', 'json', 'yaml', 'python', 'math', 'mermaid', '{toctree}')
 CALLS = re.compile(r'(\./run|soft_continuum|ros2|python|colcon) ')
 
 
