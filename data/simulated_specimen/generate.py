@@ -6,7 +6,7 @@ A SIMULATED specimen: measurements of an arm that does not exist, for examples a
 It is the paper's arm with what is assumed about the real one: soft segments stiffer than their
 leaf springs by what the paper measured for the middle one, and the masses that are estimated from
 its geometry times 1.23.  It is computed with a chain four times as fine as the models that are
-compared with it.  docs/explanation/simulated_specimen.md explains why its errors are the paper's.
+compared with it.  README.md explains its errors.
 
 ``python data/simulated_specimen/generate.py DIR`` writes the files.
 """
