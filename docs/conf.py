@@ -21,7 +21,7 @@ html_title = 'soft_continuum'
 myst_enable_extensions = ['dollarmath']
 myst_fence_as_directive = ['math']
 myst_heading_anchors = 3
-# Links to folders only a repository can show; test/test_links.py checks all links.
+# Links to folders only a repository can show; test/test_pages.py checks all links.
 suppress_warnings = ['myst.xref_missing', 'ref.python']
 
 # The Python API, from the docstrings of the packages that scripts and drivers import.
