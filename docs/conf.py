@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documentation as a site, by ``./run docs``; the pages read well without it."""
 
+from docutils import nodes
+from docutils.parsers.rst import roles
 from pygments.lexers.special import TextLexer
 
 from soft_continuum.nodes.reference import main as write_parameter_tables
@@ -30,13 +32,17 @@ apidoc_modules = [{
     'destination': 'docs/reference/api',
     'exclude_patterns': [f'../soft_continuum/{part}' for part in (
         'browser', 'cli', 'emulators', 'nodes', 'ros', 'twin', '__main__.py', 'arguments.py',
-        'colours.py', 'text.py', 'urdf.py')],
+        'colours.py', 'extras.py', 'lazy.py', 'new_arm', 'text.py', 'urdf.py', 'user_files.py')],
     'separate_modules': True,
     'module_first': True,
     'automodule_options': {'members', 'show-inheritance', 'ignore-module-all'},
 }]
 autodoc_member_order = 'bysource'
 autodoc_typehints = 'signature'
+
+
+# What matplotlib adds to a subclass names its own types.
+roles.register_generic_role('mpltype', nodes.literal)
 
 
 def setup(app):

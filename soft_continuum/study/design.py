@@ -3,6 +3,8 @@
 """
 What a study varies: a YAML file, read into designs, each a complete description of an arm.
 
+It may have::
+
     description: my_arm.yaml       # beside the file; without it the paper's arm
     vary:                          # parameters of the description
       arm.mounting_angle: [0.0, 3.14159265]                # these values

@@ -7,7 +7,7 @@ Plans by tip: which segment to soften when, and to which angle, so that the tip 
 """
 
 from soft_continuum.sequencing.plans import PlannedStep, Reach, TipGoal
-from soft_continuum.sequencing.reach.follow import follow
+from soft_continuum.sequencing.reach.following import follow
 from soft_continuum.sequencing.reach.limits import (
     Clear,
     Distance,
