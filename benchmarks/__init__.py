@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Benchmarks: ``./run bench`` writes performance.md and accuracy.md in docs/explanation."""
+"""Benchmarks: ``./run bench`` writes their tables into the pages of docs."""
 
 import os
 from pathlib import Path

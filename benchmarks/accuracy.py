@@ -61,7 +61,7 @@ def run(quick: bool) -> Section:
     head = ['error, % of the arm', *(s.name for s in shapes), 'time of the C-form, µs']
     pulls = [[s.name, *(f'{_side(step)} {step.change * 1e3:.3f}' for step in s.steps)]
              for s in shapes]
-    return Section('accuracy.md', 'accuracy', '\n'.join([
+    return Section('benchmarks/accuracy.md', 'accuracy', '\n'.join([
         machine(), '', table(head, rows), '', 'Pulls of the three steps, mm:', '',
         table(['shape', 'segment 1', 'segment 2', 'segment 3'], pulls)]))
 

@@ -61,7 +61,7 @@ def run(quick: bool) -> Section:
             number(count / min(spent)), number(count / float(np.median(busy_for))),
             f'{worst:.0e}'])
     head = ['problems', 'right pull, mm', 'solves/s', 'most', 'per core', 'off, m']
-    return Section('performance.md', 'batch', '\n'.join([
+    return Section('benchmarks/performance.md', 'batch', '\n'.join([
         machine(), '', f'{count:,} problems in one call of `solve_batch`:', '',
         table(head, rows)]))
 

@@ -87,7 +87,7 @@ def run(quick: bool) -> Section:
     rows = [_row(name, moment, each) for (name, moment), each in results.items()]
     head = ('fault', 'after', 'ended in a fault', 'succeeded', 'tip, mm: median', 'worst',
             'open loop, tip, mm: median', 'worst', 'farther off than in open loop')
-    return Section('../how_to/close_the_loop.md', 'blind', '\n\n'.join([
+    return Section('how_to/close_the_loop.md', 'blind', '\n\n'.join([
         f'Simulated: {len(seeds)} rigs `typical` and random shapes that are not among those '
         f'above, a goal on the tip. {machine()}', table(head, rows)]))
 

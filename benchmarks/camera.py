@@ -65,7 +65,7 @@ def run(quick: bool) -> Section:
         + machine(), table(HEAD, rows),
         f'Tags seen in {20 if quick else CLUTTER} pictures of {SMALL[0]} x {SMALL[1]} of random '
         f'black and white cells of 4 to 24 px: {found}.'])
-    return Section('sensing.md', 'camera', body)
+    return Section('explanation/sensing.md', 'camera', body)
 
 
 def _measure(chain: PlaneChain, layout: TagLayout, given: ModelErrors,

@@ -63,7 +63,7 @@ def run(quick: bool) -> Section:
             _row('GRBL: two boards, four axes, as fast as they take jogs', costs['grbl'])]
     head = ('driver, four tendons in motion', 'share of a core: median', 'most',
             'exchanges with servos per s', 'processor time of an exchange, ms')
-    return Section('performance.md', 'drivers', f'{machine()}\n\n{table(head, rows)}')
+    return Section('benchmarks/performance.md', 'drivers', f'{machine()}\n\n{table(head, rows)}')
 
 
 def _row(name: str, costs: list[Cost]) -> tuple[str, ...]:

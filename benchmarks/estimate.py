@@ -164,7 +164,7 @@ def run(quick: bool) -> Section:
         f'{np.nanquantile(measures, 0.99):.2f} ms), to follow the tendons '
         f'{np.nanmedian(follows):.2f} ms ({np.nanquantile(follows, 0.99):.2f} ms), of processor '
         'time.'])
-    return Section('estimation.md', 'estimate', body)
+    return Section('explanation/estimation.md', 'estimate', body)
 
 
 def recorded(description: Description, given: ModelErrors, shapes: int) -> Sequence[Tick]:

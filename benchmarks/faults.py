@@ -162,4 +162,4 @@ def run(quick: bool) -> Section:
         table(ALARMS, [alarms('sequences in open loop', sequences), alarms('closed loop', closed),
                        alarms('before the faults above', runs),
                        alarms('all', sequences + closed + runs)])])
-    return Section('estimation.md', 'faults', body)
+    return Section('explanation/estimation.md', 'faults', body)

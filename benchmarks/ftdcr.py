@@ -26,7 +26,7 @@ from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.arm import Array
 
-IMAGES = DOCUMENTS.parent / 'images'
+IMAGES = DOCUMENTS / 'images'
 PATTERNS = {'same': 'all segments bend one way', 'scurve': 'an S',
             'spiral': 'each segment bends another way'}
 QUICK = 30  # poses
@@ -54,7 +54,7 @@ def run(quick: bool) -> Section:
                      IMAGES / 'measured_arm_errors.svg')
     cost = (f'{len(known):,} poses take {number(process)} s of processor time, {number(wall)} s '
             'by the clock.')
-    return Section('measured_arm.md', 'ftdcr', '\n\n'.join([
+    return Section('benchmarks/measured_arm.md', 'ftdcr', '\n\n'.join([
         machine(), table(head, rows), _by_pattern(val, test),
         _repeatability(train, {'of measured tips': train.tips,
                                'of their errors, without friction': without,

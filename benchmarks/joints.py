@@ -57,7 +57,7 @@ def run(quick: bool) -> Section:
         [times[f'kernel {n}'].median / iterations[n] for n in BODIES[3:]]), 1)[0]
     head = ['joints', 'iterations', 'C, µs', 'compiled solver, µs', 'Statics.solve, µs',
             'compiled solver per joint and iteration, ns', 'Statics.solve in space, µs', 'off, m']
-    return Section('performance.md', 'joints', '\n'.join([
+    return Section('benchmarks/performance.md', 'joints', '\n'.join([
         machine(), '', table(head, rows), '',
         f'From {joints[BODIES[3]]} joints on the time of an iteration grows like the number of '
         f'joints to the power {slope:.2f}.']))

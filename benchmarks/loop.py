@@ -77,7 +77,7 @@ def run(quick: bool) -> Section:
         f'random shape of up to {np.degrees(ANGLE):.0f}° per segment, the same for all '
         'contenders. All errors are against the truth of the plant. A run that failed counts '
         'with where it ended. ' + machine(), *parts])
-    return Section('../how_to/close_the_loop.md', 'loop', body)
+    return Section('how_to/close_the_loop.md', 'loop', body)
 
 
 def random_goal(description: Description, seed: int) -> Goal:

@@ -165,4 +165,4 @@ def run(quick: bool) -> Section:
             rows.append(_row(f'valves: {disturbance}', valves, VALVE_PERIOD, seconds))
     head = ['loop: disturbance', 'readings a second',
             'deviation of the period, ms: median', '99 %', '99.9 %', 'worst']
-    return Section('performance.md', 'loops', f'{machine()}\n\n{table(head, rows)}')
+    return Section('benchmarks/performance.md', 'loops', f'{machine()}\n\n{table(head, rows)}')

@@ -145,7 +145,7 @@ def run(quick: bool) -> Section:
     rclpy.shutdown()
     head = ['100 Hz', 'messages/s', 'CPU, % of a core', 'tendon_states to segment_poses, ms: '
             'median', '99 %']
-    return Section('performance.md', 'nodes', f'{machine()}\n\n{table(head, rows)}')
+    return Section('benchmarks/performance.md', 'nodes', f'{machine()}\n\n{table(head, rows)}')
 
 
 def _probe_alone() -> Probe:

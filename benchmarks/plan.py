@@ -80,7 +80,7 @@ def run(quick: bool) -> Section:
         f'(`typical`): {int((near > 0.0).sum())} without touching anything, '
         f'{int((near >= MARGIN).sum())} with the whole margin; the smallest clearance was '
         f'{1e3 * near.min():.1f} mm, the median {1e3 * np.median(near):.1f} mm.'])
-    return Section('planning.md', 'plan', body)
+    return Section('explanation/planning.md', 'plan', body)
 
 
 def judged(description: Description, query: Query, contender: Contender, limit: float) -> Result:

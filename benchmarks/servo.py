@@ -22,7 +22,7 @@ from soft_continuum.sequencing.servo import AngleServo, ServoSettings
 from soft_continuum.twin.model_errors import ModelErrors, read_differences
 from soft_continuum.user_files import description_file
 
-IMAGE = DOCUMENTS.parent / 'images' / 'servo.svg'
+IMAGE = DOCUMENTS / 'images' / 'servo.svg'
 SETTINGS = ServoSettings()
 AMPLITUDE, FREQUENCY = radians(15.0), 0.1  # rad, Hz: of the goal
 SINE_TIME, SINE_BEGIN = 32.0, 2.0  # s followed, and from which on it counts
@@ -71,7 +71,7 @@ def run(quick: bool) -> Section:
               _margins()),
         f'**Cost**: one cycle takes {number(_cost(arm) * 1e3)} ms (median), and to enable the '
         f'servo {number(_enabling(arm) * 1e3)} ms, of processor time.'])
-    return Section('../how_to/follow_a_moving_target.md', 'servo', body)
+    return Section('how_to/follow_a_moving_target.md', 'servo', body)
 
 
 def _sines(arm: Arm, presets: dict[str, ModelErrors], quick: bool) -> list[tuple[str, ...]]:

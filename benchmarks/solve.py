@@ -70,7 +70,7 @@ def run(quick: bool) -> Section:
     notes.add(f'Statics and C leave at most {max(residuals):.0e} N m unbalanced.  '
               f'C: `cc {" ".join(FLAGS)}`.')
     lines += sorted(notes)
-    return Section('performance.md', 'solve', '\n'.join(lines).rstrip())
+    return Section('benchmarks/performance.md', 'solve', '\n'.join(lines).rstrip())
 
 
 def _table(title: str, contenders: dict[tuple[str, str, str], Contender],

@@ -41,7 +41,7 @@ def run(quick: bool) -> Section:
     rows = [_row(rod, bodies, 4 if quick else None) for rod in (STEEL, TPU) for bodies in BODIES]
     head = ('rod', 'bodies', 'shapes solved', 'tip, mm: mean', 'worst', 'all stations, mm: mean',
             'worst', 'ms for a shape, median', 'worst')
-    return Section('mechanics.md', 'spatial', '\n\n'.join([
+    return Section('explanation/mechanics.md', 'spatial', '\n\n'.join([
         f'{machine()}', table(head, rows), _beside_rods(),
         _beside_the_plane(20 if quick else REPEATS),
         _questions(3 if quick else 30), _batches(300 if quick else 3000)]))

@@ -58,7 +58,7 @@ def run(quick: bool) -> Section:
     body = '\n\n'.join([
         f'Simulated: the arm of `config/{ARM}`, {rigs} rigs, {PICTURES} shapes of each, pictures '
         'of 1280 x 960. ' + machine(), table(HEAD, rows)])
-    return Section('sensing.md', 'spatial_camera', body)
+    return Section('explanation/sensing.md', 'spatial_camera', body)
 
 
 def _measure(layout: RingLayout, chain: SpaceChain, given: ModelErrors,

@@ -174,4 +174,4 @@ def run(quick: bool) -> Section:
         table(ALARMS, [alarms('sequences in open loop', sequences),
                        alarms('before the faults above', runs),
                        alarms('all', sequences + runs)])])
-    return Section('estimation.md', 'spatial_faults', body)
+    return Section('explanation/estimation.md', 'spatial_faults', body)

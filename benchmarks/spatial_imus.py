@@ -100,7 +100,7 @@ def run(quick: bool) -> Section:
         f'{len(seeds) - 1}), each set to a random shape of up to 34° per segment, open loop, and '
         f'judged against the truth of the plant after {HOLDING:g} s at rest; IMUs at 10 Hz. '
         + machine(), table(HEAD, rows)])
-    return Section('estimation.md', 'spatial_imus', body)
+    return Section('explanation/estimation.md', 'spatial_imus', body)
 
 
 def _errors(description: Description, given: ModelErrors) -> tuple[float, float]:

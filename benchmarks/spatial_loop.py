@@ -47,7 +47,7 @@ def run(quick: bool) -> Section:
         'Discs are measured in drawn pictures, by cameras that were tared on the straight arm, '
         'the second 60° beside the first. '
         + machine(), table(HEAD, [row(name, each) for name, each in results.items()])])
-    return Section('../how_to/close_the_loop.md', 'spatial_loop', body)
+    return Section('how_to/close_the_loop.md', 'spatial_loop', body)
 
 
 def random_goal(description: Description, seed: int) -> Goal:

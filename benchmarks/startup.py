@@ -53,7 +53,7 @@ def run(quick: bool) -> Section:
     head = ['s', 'numpy', 'import of the mechanics', 'warm_up', 'together']
     imports = [[name, number(float(np.median(
         [float(_run(NODE_SCRIPT, name)) for _ in range(3 if quick else 11)])))] for name in NODES]
-    return Section('performance.md', 'startup', '\n'.join([
+    return Section('benchmarks/performance.md', 'startup', '\n'.join([
         machine(), '', table(head, rows), '', table(['node', 'import, s'], imports)]))
 
 

@@ -51,7 +51,7 @@ def run(quick: bool) -> Section:
                 'yes' if case[2] == rows else 'NO']
                for name, processes, case in zip(
                    names, (1, 2, 2), (cases[0], two, killed), strict=True)])])
-    return Section('../how_to/compare_designs.md', 'study', body)
+    return Section('how_to/compare_designs.md', 'study', body)
 
 
 def measured(study: Study, directory: Path, processes: int, killed: bool

@@ -10,12 +10,12 @@ import os
 from pathlib import Path
 import platform
 
-DOCUMENTS = Path(__file__).parents[1] / 'docs' / 'explanation'
+DOCUMENTS = Path(__file__).parents[1] / 'docs'
 
 
 @dataclass(frozen=True)
 class Section:
-    """The result of one benchmark: the document that shows it, its place there, and its text."""
+    """The result of one benchmark: its document in docs, its place there, and its text."""
 
     document: str
     name: str

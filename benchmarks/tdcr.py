@@ -78,7 +78,7 @@ def run(quick: bool) -> Section:
     rows += [(f'tdcr-modeling: {name}', *_row([np.array(tip) for tip in tips]), '-')
              for name, tips in MODELS.items()]
     head = ('model', 'tip, mm', 'away, mm', 'tip under a load, mm', 'away, mm', 'ms for a shape')
-    return Section('mechanics.md', 'tdcr', f'{machine()}\n\n{table(head, rows)}')
+    return Section('explanation/mechanics.md', 'tdcr', f'{machine()}\n\n{table(head, rows)}')
 
 
 def _row(tips: Sequence[Array]) -> list[str]:

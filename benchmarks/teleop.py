@@ -120,7 +120,7 @@ def run(quick: bool) -> Section:
         number(float(np.percentile(found, part, method='higher'))) for part in (50, 95, 100))]
             for name, found in (('stick, by teleop and servo', by_stick),
                                 ('targets, sent to servo', direct))]
-    return Section('performance.md', 'teleop', f'{machine()}\n\n' + table(
+    return Section('benchmarks/performance.md', 'teleop', f'{machine()}\n\n' + table(
         ['to the first change of tendon_states, ms', 'times', 'median', '95 %', 'worst'], rows))
 
 

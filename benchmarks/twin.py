@@ -65,7 +65,7 @@ def run(quick: bool) -> Section:
                'worst', f'steps within {GOAL:g} mm'), rows),
         table(('preset', 'simulated time over processor time, one core: planar arm',
                '`spatial_jamming.yaml`', '`tendon_arm.yaml`'), rates)])
-    return Section('../how_to/try_it_on_a_simulated_rig.md', 'twin', body)
+    return Section('how_to/try_it_on_a_simulated_rig.md', 'twin', body)
 
 
 def _rows(arm: str, distances: Array, ideal: ModelErrors) -> list[tuple[str, ...]]:

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Reliability, measured: ``./run soak`` writes docs/explanation/reliability.md.
+Reliability, measured: ``./run soak`` writes docs/benchmarks/reliability.md.
 
 The observer of the nodes, the starter of processes and the fuzzing are those of the tests.
 """

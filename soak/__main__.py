@@ -20,7 +20,7 @@ def main() -> int:
     """Run what the command line asks for; return 1 when a claim failed."""
     parser = argparse.ArgumentParser(
         prog='./run soak', description='Measure the reliability of the nodes on emulated devices; '
-        'write docs/explanation/reliability.md.')
+        'write docs/benchmarks/reliability.md.')
     parser.add_argument('--only', metavar='PART', action='append', choices=PARTS,
                         help=f'one of {", ".join(PARTS)}; may be given more than once')
     parser.add_argument('--share', type=float, default=1.0, metavar='SHARE',
@@ -37,7 +37,7 @@ def main() -> int:
         run: Callable[..., Report] = import_module(f'soak.{module}').run
         report = run(QUICK if arguments.quick else arguments.share, *board)
         failures += [f'{name}: {failure}' for failure in report.failures]
-        section = Section('reliability.md', name, f'{machine()}\n\n{report.body}')
+        section = Section('benchmarks/reliability.md', name, f'{machine()}\n\n{report.body}')
         print(f'\n## {name}\n\n{section.body}', flush=True)
         if not arguments.quick:
             progress(f'written to {write(section)}')
