@@ -17,6 +17,13 @@ FENCE = re.compile(r'^ *```.*?^ *```', re.MULTILINE | re.DOTALL)
 LINK = re.compile(r'\]\(([^)\s]+)\)')
 HEADING = re.compile(r'^#+ (.+)$', re.MULTILINE)
 LANGUAGES = ('', 'sh', 'text', 'json', 'yaml', 'python', 'math', 'mermaid', '{toctree}')
+GENERATED = re.compile(r'<!-- (?:bench|table).*?<!-- end.*?-->', re.DOTALL)
+UNUSUAL = re.compile(r"""
+    (?i:\b(?:shall|anew|mended|askew|by[ ](?:it|them)sel(?:f|ves)|by[ ]how[ ]much|how[ ]near
+        |arms?[ ]in[ ]space|so[ ](?:does|do|is|are)|nor[ ](?:does|do|is|are))\b)
+    | (?:^|[.:][ ])Of[ ](?:an?|the|each|every|those|several)\b[^.,]*,
+    """, re.VERBOSE | re.MULTILINE)
+"""English that is not that of ROS 2's documents: see CONTRIBUTING.md."""
 CALLS = re.compile(r'(\./run|soft_continuum|ros2|python|colcon) ')
 
 
@@ -50,6 +57,12 @@ def test_the_contents_list_every_page_once() -> None:
               for line in text.splitlines() if line and not line.startswith(':')]
     pages = {path for name, path in PAGES.items() if '/' in name} - {index}
     assert sorted(listed) == sorted(pages)
+
+
+@pytest.mark.parametrize('page', PAGES)
+def test_a_page_is_in_plain_english(page: str) -> None:
+    text = re.sub('`[^`]*`', '', GENERATED.sub('', prose(PAGES[page])))
+    assert not UNUSUAL.findall(text)
 
 
 @pytest.mark.parametrize('page', LINES)
