@@ -15,7 +15,7 @@ from benchmarks.lab import CAMERA, Description, Lab, Pose
 from benchmarks.loop import judged, judged_in, random_goal, Result
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.twin.model_errors import ModelErrors, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 FIRST_SEED, SEEDS = 200, 20  # of rigs on which nothing was tried before
@@ -67,7 +67,7 @@ def run(quick: bool) -> Section:
     """Measure; the section is of the page about the closed loop."""
     cv2.setNumThreads(1)
     description = Description.read()
-    given = read_differences(description_file().with_name('twin.yaml'), 'typical')
+    given = read_model_errors(description_file().with_name('twin.yaml'), 'typical')
     results: dict[tuple[str, float], list[tuple[Result, Result]]] = {}
     seeds = range(FIRST_SEED, FIRST_SEED + (1 if quick else SEEDS))
     for seed in seeds:

@@ -20,7 +20,7 @@ from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sensing.tag_camera import TagCamera
-from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
 from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
 
@@ -45,7 +45,7 @@ def run(quick: bool) -> Section:
     layout = TagLayout.of(values, arm)
     rows = []
     for preset in PRESETS:
-        given = read_differences(description_file().with_name('twin.yaml'), preset)
+        given = read_model_errors(description_file().with_name('twin.yaml'), preset)
         count = 2 if quick else CAMERAS
         measured = [_measure(chain, layout, replace(given, seed=seed), random)
                     for seed in range(count)]
@@ -96,7 +96,7 @@ def _rms(values: NDArray[np.float64]) -> float:
 
 def _false_detections(layout: TagLayout, random: np.random.Generator, count: int) -> int:
     """Return how many tags are seen where there is none."""
-    lens = TagTwinCamera(layout, read_differences(
+    lens = TagTwinCamera(layout, read_model_errors(
         description_file().with_name('twin.yaml'), 'ideal')).lens
     small = replace(lens, size=SMALL)
     detector, found = TagDetector(small, layout.fixed_numbers), 0

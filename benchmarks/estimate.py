@@ -31,7 +31,7 @@ from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.rigid import displacement, IDENTITY, in_plane
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
-from soft_continuum.twin.model_errors import ModelErrors, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'bad')
@@ -140,7 +140,7 @@ def run(quick: bool) -> Section:
     seeds, shapes, parts = range(1 if quick else SEEDS), 1 if quick else SHAPES, []
     costs: list[tuple[float, float]] = []
     for preset in PRESETS[:1] if quick else PRESETS:
-        given = read_differences(description_file().with_name('twin.yaml'), preset)
+        given = read_model_errors(description_file().with_name('twin.yaml'), preset)
         results: dict[str, list[list[Judged]]] = {name: [] for name in CONTENDERS}
         for seed in seeds:
             ticks = recorded(description, replace(given, seed=seed), shapes)

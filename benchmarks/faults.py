@@ -30,7 +30,7 @@ from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 RUNS, OPEN, CLOSED = 20, 60, 120  # of each fault; sequences without one; goals of a closed loop
@@ -126,7 +126,7 @@ def run(quick: bool) -> Section:
     """Measure; the section is of the page about the estimate."""
     description = Description.read()
     arm = description.arm
-    typical = read_differences(description_file().with_name('twin.yaml'), 'typical')
+    typical = read_model_errors(description_file().with_name('twin.yaml'), 'typical')
 
     def watched(one: Run) -> Outcome:
         named = observe(arm, one)

@@ -18,7 +18,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
-from soft_continuum.twin.model_errors import ModelErrors, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'bad')
@@ -62,7 +62,7 @@ def run(quick: bool) -> Section:
     description = Description.read()
     seeds, parts = range(2 if quick else SEEDS), []
     for preset in PRESETS:
-        given = read_differences(description_file().with_name('twin.yaml'), preset)
+        given = read_model_errors(description_file().with_name('twin.yaml'), preset)
         results: dict[str, list[Result]] = {name: [] for name in CONTENDERS}
         for seed in seeds:
             goal = random_goal(description, seed)

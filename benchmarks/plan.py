@@ -17,7 +17,7 @@ from benchmarks.timing import progress
 from soft_continuum.mechanics.arm import Arm, Array, mounted
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.sequencing.planner import Move, PlanError
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 QUERIES, IN_SPACE, ON_TWIN, QUICK = 500, 200, 60, 7
@@ -115,7 +115,7 @@ def row(name: str, results: Sequence[Result]) -> list[str]:
 
 def on_twin(description: Description, query: Query, seed: int, moves: Sequence[Move]) -> float:
     """Return how near the simulated arm comes to an obstacle when moves are run, m."""
-    given = read_differences(description_file().with_name('twin.yaml'), 'typical')
+    given = read_model_errors(description_file().with_name('twin.yaml'), 'typical')
     lab = Lab(description, replace(given, seed=seed), NOTHING)
     least = float('inf')
 

@@ -19,7 +19,7 @@ from soft_continuum.mechanics import Arm, Jam, Statics
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.servo import AngleServo, ServoSettings
-from soft_continuum.twin.model_errors import ModelErrors, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 IMAGE = DOCUMENTS / 'images' / 'servo.svg'
@@ -40,7 +40,7 @@ AXIAL_STIFFNESS, RATIO, DEAD_BAND, LAG = 5e3, 50.0, 1e-4, 0.1  # N, K, m, s: of 
 def run(quick: bool) -> Section:
     """Measure; the section is of the page about following a target."""
     arm = load_arm(description_file())
-    presets = {name: read_differences(description_file().with_name('twin.yaml'), name)
+    presets = {name: read_model_errors(description_file().with_name('twin.yaml'), name)
                for name in ('typical', 'bad')}
     responses = _responses(arm, presets['typical'], quick)
     rows, steps = _grid(arm, quick)

@@ -20,7 +20,7 @@ from soft_continuum.sensing.detections import DiscPose
 from soft_continuum.sensing.pictures import Array
 from soft_continuum.sensing.ring_camera import RingCamera
 from soft_continuum.sensing.ring_layout import RingLayout
-from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
 from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 from soft_continuum.user_files import description_file
 
@@ -42,7 +42,7 @@ def run(quick: bool) -> Section:
     layout, chain = RingLayout.of(values, arm), SpaceChain(arm)
     random, rigs, rows = np.random.default_rng(1), 2 if quick else RIGS, []
     for preset in PRESETS:
-        given = read_differences(description_file().with_name('twin.yaml'), preset)
+        given = read_model_errors(description_file().with_name('twin.yaml'), preset)
         found: dict[int, list[Array]] = {1: [], 2: []}
         for seed in range(rigs):
             _measure(layout, chain, replace(given, seed=seed), random, found)

@@ -30,7 +30,7 @@ from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'
@@ -141,7 +141,7 @@ def _off(pose: Array, shift: Array, turn: Array) -> Array:
 
 def watched(arm: Any, fault: Fault, seed: int, shapes: int = 1) -> Outcome:
     """Return what became of one run."""
-    typical = read_differences(description_file().with_name('twin.yaml'), 'typical')
+    typical = read_model_errors(description_file().with_name('twin.yaml'), 'typical')
     one = simulate(arm, typical, fault, seed, shapes, kind=SpatialRig)
     named = observe(arm, one, SpatialCamera(np.random.default_rng(seed)))
     progress(f'spatial_faults: {fault.value}, seed {seed}, {one.detail}: ' + (

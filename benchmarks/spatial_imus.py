@@ -21,7 +21,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.tilt import ImuSample, SensorError
-from soft_continuum.twin.model_errors import ModelErrors, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.twin.plant import TIME_STEP
 from soft_continuum.user_files import description_file
 
@@ -88,7 +88,7 @@ def run(quick: bool) -> Section:
         description = replace(described, arm=replace(
             described.arm, gravity=tuple(gravity.tolist())))
         for preset in PRESETS:
-            given = read_differences(description_file().with_name('twin.yaml'), preset)
+            given = read_model_errors(description_file().with_name('twin.yaml'), preset)
             errors = np.array([_errors(description, replace(given, seed=seed))
                                for seed in seeds]) * 1e3
             values = [number(float(v)) for column in errors.T

@@ -14,7 +14,7 @@ from benchmarks.loop import HEAD, judged, line, Result, row
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
 from soft_continuum.sequencing.planner import PlanError, Planner, Shape
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'
@@ -31,7 +31,7 @@ CONTENDERS: dict[str, tuple[Contender, str]] = {
 def run(quick: bool) -> Section:
     """Measure; the section is of the page about the closed loop."""
     description = Description.read(description_file().with_name(ARM))
-    given = read_differences(description_file().with_name('twin.yaml'), PRESET)
+    given = read_model_errors(description_file().with_name('twin.yaml'), PRESET)
     seeds = range(1 if quick else SEEDS)
     results: dict[str, list[Result]] = {name: [] for name in CONTENDERS}
     for seed in seeds:

@@ -15,7 +15,7 @@ from benchmarks.timing import progress
 from soft_continuum.mechanics import Jam, pulls_for_bending, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, Array, mounted, STANDARD_GRAVITY
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_differences
+from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.user_files import description_file
 
@@ -36,7 +36,7 @@ def run(quick: bool) -> Section:
     in_space: Any = load_arm(description_file().with_name('spatial_jamming.yaml'))
     free = load_arm(description_file().with_name('tendon_arm.yaml'))
     file = description_file().with_name('twin.yaml')
-    ideal = read_differences(file, 'ideal')
+    ideal = read_model_errors(file, 'ideal')
     count, more = (3, 1) if quick else (SEQUENCES, IN_SPACE)
     found = []
     for n in range(count):
@@ -54,7 +54,7 @@ def run(quick: bool) -> Section:
                  f'{", ".join(f"{d * 1e3:.4f}" for d in there[-1].max(axis=0))} mm')
     rows = [row for name, each in (('planar', found), ('in space', there))
             for row in _rows(name, np.concatenate(each) * 1e3, ideal)]
-    rates = [(f'`{preset}`', *(number(_rate(one, read_differences(file, preset)))
+    rates = [(f'`{preset}`', *(number(_rate(one, read_model_errors(file, preset)))
                                for one in (arm, in_space, free))) for preset in PRESETS]
     body = '\n\n'.join([
         f'Simulated: {count} random sequences (seed 1) of {STEPS} steps with '

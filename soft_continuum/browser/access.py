@@ -76,7 +76,7 @@ def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
         reason = getattr(error, 'strerror', '') or error
         raise AccessError(f'cannot listen on {host} port {port}: {reason}; '
                         'choose others with --host and --port') from None
-    checked, crowd = False, ConnectionLimiter()
+    checked, limiter = False, ConnectionLimiter()
     serve = websocket_server.serve
 
     def checked_serve(viser_handler: Conversation, *arguments: Any, process_request: Files,
@@ -84,8 +84,8 @@ def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
         nonlocal checked
         checked = True
         options |= {'max_size': MAX_MESSAGE, 'logger': SERVER_LOG,
-                    'create_connection': partial(_Connection, crowd),
-                    'process_request': _Requests(token, process_request, crowd)}
+                    'create_connection': partial(_Connection, limiter),
+                    'process_request': _Requests(token, process_request, limiter)}
         return serve(partial(_converse, bar or Bar(), viser_handler), *arguments, **options)
 
     setattr(websocket_server, 'serve', checked_serve)  # noqa: B010  (mypy: not assignable)
@@ -132,10 +132,10 @@ async def _converse(bar: Bar, viser_handler: Conversation, connection: ServerCon
 class _Connection(ServerConnection):
     """A connection that is counted, and answers what is no HTTP request at all, too."""
 
-    def __init__(self, crowd: ConnectionLimiter, protocol: ServerProtocol, *arguments: Any,
+    def __init__(self, limiter: ConnectionLimiter, protocol: ServerProtocol, *arguments: Any,
                  **options: Any) -> None:
         super().__init__(protocol, *arguments, **options)
-        self._crowd = crowd
+        self._limiter = limiter
         send_eof = protocol.send_eof
 
         def answer() -> None:
@@ -147,19 +147,19 @@ class _Connection(ServerConnection):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
-        self._crowd.enter(self)
+        self._limiter.enter(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         super().connection_lost(exc)
-        self._crowd.leave(self)
+        self._limiter.leave(self)
 
 
 class _Requests:
     """Answers the requests of browsers: refuses one, takes its token, or serves what it wants."""
 
-    def __init__(self, token: str, files: Files, crowd: ConnectionLimiter) -> None:
+    def __init__(self, token: str, files: Files, limiter: ConnectionLimiter) -> None:
         """``files``: serves those of viser, and lets its WebSocket pass."""
-        self._token, self._files, self._crowd = token, files, crowd
+        self._token, self._files, self._limiter = token, files, limiter
         # Of this run alone, whatever its token: nobody guesses it, so it need not wait.
         self._key = token_urlsafe(32)
         # Tokens from one address wait for each other, so that guessing is slow.
@@ -190,11 +190,11 @@ class _Requests:
             return connection.respond(HTTPStatus.FORBIDDEN, f'not for pages of {origin}\n')
         response = self._files(connection, request)
         if response is None:  # a WebSocket
-            if not self._crowd.has_room():
+            if not self._limiter.has_room():
                 return connection.respond(
                     HTTPStatus.SERVICE_UNAVAILABLE, f'{MAX_SOCKETS // 2} pages are open, and no '
                     'more are served; close one\n')
-            self._crowd.become_socket(connection)
+            self._limiter.become_socket(connection)
             return None
         if request.path.partition('?')[0] == '/':
             response = connection.respond(HTTPStatus.OK, PAGE)

@@ -125,10 +125,10 @@ class Bar:
 
     async def follow(self, connection: ServerConnection) -> None:
         """Serve the bar of one page until that is closed."""
-        sender, pace = asyncio.create_task(self._send(connection)), RateLimiter()
+        sender, limiter = asyncio.create_task(self._send(connection)), RateLimiter()
         try:
             async for word in connection:
-                await pace.keep()
+                await limiter.keep()
                 command = self.commands.get(word) if isinstance(word, str) else None
                 if command is None:
                     LOG.warning('dropped what is neither stop nor resume: %.40r', word)

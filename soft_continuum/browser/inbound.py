@@ -77,12 +77,12 @@ def only_controls(connection: ServerConnection) -> ServerConnection:
 
 
 def _filtered(receive: Callable[[], Awaitable[str | bytes]]) -> Callable[[], Awaitable[bytes]]:
-    pace = RateLimiter()
+    limiter = RateLimiter()
 
     async def receive_filtered() -> bytes:
         while True:
             raw = await receive()
-            await pace.keep()
+            await limiter.keep()
             try:
                 # As it was understood: of two values of one key viser might take the other.
                 return msgspec.msgpack.encode(_DECODER.decode(raw))  # type: ignore[arg-type]

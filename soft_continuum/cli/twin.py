@@ -17,7 +17,7 @@ from soft_continuum.twin.model_errors import (
     load_cell_parameters,
     ModelErrors,
     PRESETS,
-    read_differences,
+    read_model_errors,
     TwinError,
 )
 
@@ -39,10 +39,10 @@ def add_preset_options(parser: Parser) -> None:
                         help='where the presets are (default: config/twin.yaml)')
 
 
-def chosen_differences(options: Namespace) -> ModelErrors:
-    """Return what these options ask for; raises as read_differences does."""
+def chosen_model_errors(options: Namespace) -> ModelErrors:
+    """Return what these options ask for; raises as read_model_errors does."""
     from soft_continuum.user_files import description_file
-    return read_differences(
+    return read_model_errors(
         options.file or description_file().with_name('twin.yaml'), options.preset)
 
 
@@ -94,7 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                                   namespace=options.namespace)
         arm = arm_from_parameters(values)
         rig = running.enter_context(TwinRig(
-            arm, chosen_differences(options), options.tendon_link or '',
+            arm, chosen_model_errors(options), options.tendon_link or '',
             options.modbus_link or '', tendon_driver=options.tendon_driver,
             jams=bool(values['arm.jamming']), regulators=options.regulators))
         running.enter_context(GroundTruth(rig, options.namespace))

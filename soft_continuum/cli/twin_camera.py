@@ -10,7 +10,7 @@ import re
 from typing import Any
 
 from soft_continuum.arguments import number_in, Parser
-from soft_continuum.cli.twin import add_preset_options, chosen_differences, serve
+from soft_continuum.cli.twin import add_preset_options, chosen_model_errors, serve
 from soft_continuum.extras import require
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -48,13 +48,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         layout: Any = layout_of(load_description(
             *options.params_file or [description_file()], node=CAMERA,
             namespace=options.namespace))
-        differences = chosen_differences(options)
+        model_errors = chosen_model_errors(options)
         camera: TwinCamera
         if isinstance(layout, RingLayout):
             direction = DIRECTION if options.direction is None else options.direction
-            camera = RingTwinCamera(layout, differences, radians(direction))
+            camera = RingTwinCamera(layout, model_errors, radians(direction))
         elif options.direction is None:
-            camera = TagTwinCamera(layout, differences)
+            camera = TagTwinCamera(layout, model_errors)
         else:
             raise ParameterError('--direction is of spatial arms; a planar one is seen from -y')
         running.enter_context(Pictures(camera, options.rate, options.namespace, options.name))

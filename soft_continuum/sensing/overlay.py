@@ -18,25 +18,25 @@ ON_CURVE = 12  # points of a segment's middle line
 SHIFT = 4  # bits after the point of a pixel, as OpenCV draws
 
 
-def overlay(picture: Picture, camera: DiscCamera | None = None, sight: TagDetections | None = None,
+def overlay(picture: Picture, camera: DiscCamera | None = None, seen: TagDetections | None = None,
             model: Array | None = None) -> bytes:
     """
     Return a JPEG of a grey picture (height, width), 640 px large, with what is known over it.
 
-    sight: what the camera found in it: its tags are drawn in MEASURED.  model: (2 * discs, 7),
+    seen: what the camera found in it: its tags are drawn in MEASURED.  model: (2 * discs, 7),
     poses of bottom and top of each disc in base_link, m and quaternion x, y, z, w, as disc_poses
-    has them, in MODEL; that takes a sight of enough fixed tags.
+    has them, in MODEL; that takes a seen of enough fixed tags.
     """
     scale = SIZE / max(picture.shape)
     height, width = (max(1, round(scale * edge)) for edge in picture.shape)
     small = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
     drawn = cv2.cvtColor(small, cv2.COLOR_GRAY2BGR)
-    if camera is not None and sight is not None:
-        for corners in sight.corners.values():
+    if camera is not None and seen is not None:
+        for corners in seen.corners.values():
             _draw(drawn, camera.lens.distorted(corners) * scale, MEASURED, closed=True)
-        if sight.view is not None and model is not None and np.abs(model).max() < FAR:
+        if seen.view is not None and model is not None and np.abs(model).max() < FAR:
             for points, closed in _wireframe(model, camera.layout.rim):
-                pixels = sight.view.project(points)
+                pixels = seen.view.project(points)
                 _draw(drawn, camera.lens.distorted(pixels) * scale, MODEL, closed)
     return bytes(cv2.imencode('.jpg', drawn, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1])
 

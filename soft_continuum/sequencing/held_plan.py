@@ -42,10 +42,10 @@ SetTo = Callable[[Array | None], Held]
 """Sets what is wanted, moved by a shift, None for not; raises PlanError or BlockedError."""
 
 
-def held(passages: MotionValidator, node: Node, vacuums: Sequence[float]) -> Held:
+def held(validator: MotionValidator, node: Node, vacuums: Sequence[float]) -> Held:
     """Return how the arm gives way under vacuums (Pa) of every segment; raises BlockedError."""
     try:
-        return Held(node, passages.relaxed(node, vacuums))
+        return Held(node, validator.relaxed(node, vacuums))
     except BlockedError as error:
         raise BlockedError(f'as the arm gives way under its vacuums, {error}', error.obstacle,
                            error.limit) from None
@@ -105,12 +105,12 @@ def plan_held_from_base(planner: MovePlanner, state: Any, start: Array, shape: S
 
     start: (tendons,) present pulls of the motors, m.  Raises PlanError.
     """
-    passages = MotionValidator(planner, NoObstacles(), ReachSettings())
+    validator = MotionValidator(planner, NoObstacles(), ReachSettings())
 
     def set_to(shift: Array | None) -> Held:
         moves, stiff = planner.moves(state, start, shape, shift)
         end = moves[-1].pulls[-1] if moves else start
-        return held(passages, Node(stiff, end, Clear(), moves), shape.vacuums)
+        return held(validator, Node(stiff, end, Clear(), moves), shape.vacuums)
 
     try:
         return plan_held(planner, shape, set_to)[0]

@@ -92,8 +92,8 @@ class _Search:
         self.why, self.blocked_by, self.cut_short = '', tuple[str, ...](), False
         self._goal, self._vacuums, self._settings = shape.tips[0], shape.vacuums, settings
         self.budget = Budget(settings.states, settings.time_limit)
-        self._passages = MotionValidator(planner.until(self.budget.judge), surroundings, settings)
-        self._start = self._last = self._passages.start(state, np.array(pulls, dtype=float))
+        self._validator = MotionValidator(planner.until(self.budget.judge), surroundings, settings)
+        self._start = self._last = self._validator.start(state, np.array(pulls, dtype=float))
 
     def note(self, error: BlockedError) -> None:
         """Keep why there is no plan."""
@@ -115,35 +115,35 @@ class _Search:
         if found is None:
             raise BlockedError(self.why)
         self._last = found
-        return held(self._passages, found, self._vacuums)
+        return held(self._validator, found, self._vacuums)
 
     def _again(self, goal: TipGoal) -> Node | None:
         """Set the segments that were set last to another goal; None where that does not do."""
         last = self._last
         if not last.moves:
             return None
-        passages = self._passages
+        validator = self._validator
         try:
-            return Search(passages.planner, self._start, goal, passages.surroundings,
+            return Search(validator.planner, self._start, goal, validator.surroundings,
                           self._settings).planned(_candidate(self._start, last))
         except BlockedError:
             return None
 
     def _reached(self, goal: TipGoal) -> Iterator[Node]:
         """Yield where plans to a goal lead, or to what is nearest."""
-        passages, start = self._passages, self._start
+        validator, start = self._validator, self._start
         states, seconds = self.budget.left
         settings = replace(
             self._settings, states=int(SHARE * states), time_limit=SHARE * seconds)
-        for found in reach(passages.planner, start.state, start.pulls.tolist(), goal,
-                           passages.surroundings, settings):
+        for found in reach(validator.planner, start.state, start.pulls.tolist(), goal,
+                           validator.surroundings, settings):
             self.cut_short |= found.cut_short
             if found.plan is None:
                 self.why, self.blocked_by = found.why, found.blocked_by
                 continue
             moves, end = found.plan.moves, found.plan.state
             yield Node(end, moves[-1].pulls[-1] if moves else start.pulls,
-                       passages.surroundings.clearance(end), moves, found.steps,
+                       validator.surroundings.clearance(end), moves, found.steps,
                        frozenset(move.segment for move in moves))
 
 

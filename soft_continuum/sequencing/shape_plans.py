@@ -127,16 +127,16 @@ def _step(planner: Planner, state: Any, move: Move, settings: ReachSettings) -> 
 def _in_some_order(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
                    surroundings: Surroundings, settings: ReachSettings) -> Reach:
     """Return the plan to angles in the first order that is clear of obstacles."""
-    passages = MotionValidator(planner, surroundings, settings)
-    start = passages.start(state, np.array(pulls, dtype=float))
+    validator = MotionValidator(planner, surroundings, settings)
+    start = validator.start(state, np.array(pulls, dtype=float))
     blocked_by: dict[str, None] = {}
     try:
         if not shape.vacuums:
-            node = _ordered(passages, start, shape, blocked_by, lambda node: node)
+            node = _ordered(validator, start, shape, blocked_by, lambda node: node)
             return Reach(ShapePlan(shape, node.moves, node.state,
                                    *ways_of(node.steps)), '', node.steps)
         plan, found = plan_held(planner, shape, lambda shift: _ordered(
-            passages, start, shape, blocked_by, lambda node: held(passages, node, shape.vacuums),
+            validator, start, shape, blocked_by, lambda node: held(validator, node, shape.vacuums),
             shift))
     except BlockedError as error:
         return Reach(None, str(error), blocked_by=tuple(blocked_by))
@@ -145,7 +145,7 @@ def _in_some_order(planner: Planner, state: Any, pulls: Sequence[float], shape: 
                  with_relaxing(found.node.steps, found.relaxing))
 
 
-def _ordered(passages: MotionValidator, start: Node, shape: Shape, blocked_by: dict[str, None],
+def _ordered(validator: MotionValidator, start: Node, shape: Shape, blocked_by: dict[str, None],
              ended: Callable[[Node], Ended], shift: Array | None = None) -> Ended:
     """
     Return what comes of the first order of segments that is clear of obstacles.
@@ -153,14 +153,14 @@ def _ordered(passages: MotionValidator, start: Node, shape: Shape, blocked_by: d
     blocked_by: is told the obstacles that stopped orders.  ended: of where an order leads; may
     raise BlockedError too.  shift: as of Planner.moves.  Raises BlockedError.
     """
-    planner, why = passages.planner, ''
+    planner, why = validator.planner, ''
     goals = planner.goals_of(shape, shift)
     for _, order in zip(range(ORDERS), permutations(goals), strict=False):
         node, at = start, ''
         try:
             for segment, goal, at in order:  # noqa: B007  (where it was blocked)
                 if planner.away(node.state, segment, goal) > planner.settings.angle_tolerance:
-                    node, at = passages.go(node, segment, goal), ''
+                    node, at = validator.go(node, segment, goal), ''
             return ended(node)
         except BlockedError as error:
             why = why or f'{at}{error}'

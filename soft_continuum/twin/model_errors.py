@@ -16,7 +16,7 @@ DEFAULT_PRESET = 'typical'
 
 
 class TwinError(ValueError):
-    """A file of differences, or an arm, that no twin can be made of."""
+    """A file of model errors, or an arm, that no twin can be made of."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ OBSTACLE_RANGES = {'x': (-10.0, 10.0), 'z': (-10.0, 10.0), 'radius': (0.001, 10.
 MAX_OBSTACLES = 100
 
 
-def read_differences(path: str | Path, preset: str) -> ModelErrors:
+def read_model_errors(path: str | Path, preset: str) -> ModelErrors:
     """
     Return a preset of a file.
 

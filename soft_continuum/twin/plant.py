@@ -39,15 +39,15 @@ class Plant:
     Arrays have one entry for each tendon (m, N), joint (rad), or segment.
     """
 
-    def __init__(self, arm: Arm, differences: ModelErrors) -> None:
-        """Build the arm with its differences; raises TwinError for what MuJoCo cannot be given."""
-        self.arm, self.differences = arm, differences
+    def __init__(self, arm: Arm, model_errors: ModelErrors) -> None:
+        """Build the arm with these errors; raises TwinError for what MuJoCo cannot be given."""
+        self.arm, self.model_errors = arm, model_errors
         self._per_segment = arm.bodies_per_segment + 1
         self._joints = (Hinges if arm.planar else Balls)(
-            arm, _stiffnesses(arm, differences), differences.damping_time)
+            arm, _stiffnesses(arm, model_errors), model_errors.damping_time)
         tendons = len(arm.tendons)
-        turns = np.random.default_rng([differences.seed, 2]).normal(
-            0.0, 0.0 if arm.planar else differences.angle_error, tendons)
+        turns = np.random.default_rng([model_errors.seed, 2]).normal(
+            0.0, 0.0 if arm.planar else model_errors.angle_error, tendons)
         guides = _guides(arm, turns.tolist())
         spans = [(t, low.body + 1, high.body + 1) for t, each in enumerate(guides)
                  for low, high in zip(each, each[1:], strict=False) if high.ends_span]
@@ -57,7 +57,7 @@ class Plant:
         self._passed = slice(ends.max(initial=0))
         """Joints that a tendon passes."""
         self._model = mujoco.MjModel.from_xml_string(
-            _model(arm, guides, self._joints, differences))
+            _model(arm, guides, self._joints, model_errors))
         self._data = mujoco.MjData(self._model)
         for wrench in arm.wrenches:
             if wrench.disc > 0:  # the base does not move
@@ -70,13 +70,13 @@ class Plant:
         self._tendons = slice(tendons)
         self._straight = self._data.ten_length[self._tendons].copy()
         self._sliding = np.zeros(tendons)  # 1: pulled in, -1: paid out
-        self._random = np.random.default_rng(differences.seed)
+        self._random = np.random.default_rng(model_errors.seed)
         self._jam = np.zeros_like(self._joints.springs)
         self._held = np.zeros_like(self._joints.springs)
         self._stiff = np.zeros(len(arm.segments), dtype=bool)
         self._pulled = np.zeros(tendons)  # by the motors, less the backlash
         self._tightening = np.zeros(tendons)
-        self._compliance = differences.tendon_compliance + arm.compliance  # m/N
+        self._compliance = model_errors.tendon_compliance + arm.compliance  # m/N
         self._stretched = np.zeros(tendons)  # m
         self._slipped = np.zeros(tendons)  # m, of each tendon in its clamp
         self._acceleration = np.zeros(self._model.nv)  # rad/s^2
@@ -164,7 +164,7 @@ class Plant:
         parts of full vacuum.
         """
         self._set_jams(np.asarray(vacuum, dtype=float))
-        given, tensions = self.differences, self.tensions
+        given, tensions = self.model_errors, self.tensions
         before = self._pulled
         self._pulled = np.clip(before, pulls - given.backlash, pulls)
         self._sliding = np.clip(
@@ -190,7 +190,7 @@ class Plant:
         bent = np.add.reduceat(self._joints.angles(self._data)[self._passed], self._begins)
         turned = np.cumsum(np.linalg.norm(bent[:, :2], axis=1))[self._span_parts]
         of_span = self._span_tendons
-        gain = np.expm1(-self.differences.guide_friction * (self._sliding[of_span] * turned))
+        gain = np.expm1(-self.model_errors.guide_friction * (self._sliding[of_span] * turned))
         moments: Array = -(tensions[of_span] * gain) @ self._span_slopes()
         return moments
 
@@ -204,7 +204,7 @@ class Plant:
 
     def _set_jams(self, vacuum: Array) -> None:
         """Let the jams follow the vacuum, and creep where they bear too much."""
-        q, given = self._joints.angles(self._data), self.differences
+        q, given = self._joints.angles(self._data), self.model_errors
         held = np.clip((vacuum - given.soft_below) / (1.0 - given.soft_below), 0.0, 1.0)
         part = np.repeat(held, self._per_segment)[:, None]
         jam = (given.stiff_ratio - 1.0) * part * self._joints.jams
@@ -266,7 +266,7 @@ def _guides(arm: Arm, turns: list[float]) -> list[list[Guide]]:
     return found
 
 
-def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, differences: ModelErrors
+def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, model_errors: ModelErrors
            ) -> str:
     """Return the arm as MJCF, in base_link: z along the straight arm."""
     sites: dict[int, str] = {}
@@ -278,8 +278,8 @@ def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, differen
         for length, mass in [(segment.length / n, segment.mass / n)] * n + [
                 (disc.height, disc.mass)]:
             lines.append(mjcf.opened(f'b{joint}', below, joints.element(joint), length,
-                                     differences.mass_factor * mass))
-            if differences.obstacles and length:
+                                     model_errors.mass_factor * mass))
+            if model_errors.obstacles and length:
                 half, shape = segment.outer_diameter / 2.0, joints.shape
                 lines.append(f'<geom {shape.format(half, length / 2.0)} '
                              f'pos="0 0 {length / 2.0!r}" {mjcf.ARM} {mjcf.CONTACT}/>')
@@ -287,16 +287,16 @@ def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, differen
             below, joint = length, joint + 1
     lines.append(mjcf.payload(below, arm.payload))
     tendons = [mjcf.tendon([guide.name for guide in each], 10.0 * arm.length) for each in guides]
-    if differences.guide_friction > 0.0:
+    if model_errors.guide_friction > 0.0:
         tendons += [mjcf.tendon([low.name, high.name]) for each in guides
                     for low, high in zip(each, each[1:], strict=False) if high.ends_span]
     return mjcf.document(
         [float(part) for part in arm.gravity], TIME_STEP,
-        mjcf.cylinders(differences.obstacles, arm.length) + ''.join(lines) + '</body>' * joint,
+        mjcf.cylinders(model_errors.obstacles, arm.length) + ''.join(lines) + '</body>' * joint,
         ''.join(tendons), ''.join(joints.actuator.format(j) for j in range(joint)))
 
 
-def _stiffnesses(arm: Arm, differences: ModelErrors) -> Array:
+def _stiffnesses(arm: Arm, model_errors: ModelErrors) -> Array:
     """
     Return those of each segment about x, y and z, (segments, 3), N m^2, times its factor.
 
@@ -308,11 +308,11 @@ def _stiffnesses(arm: Arm, differences: ModelErrors) -> Array:
     if any(segment.friction for segment in arm.segments):
         raise TwinError('the twin knows friction of tendons only, as guide_friction of its '
                         'presets; the description has some of segments')
-    factors = differences.stiffness_factors
+    factors = model_errors.stiffness_factors
     if len(factors) not in (1, len(arm.segments)):
         raise TwinError(f'{len(factors)} stiffness factors are given; the arm has '
                         f'{len(arm.segments)} segments')
     found: Array = np.array([[s.stiffness_x, s.stiffness_y, s.torsional_stiffness]
                              for s in arm.segments]) * np.reshape(factors, (-1, 1))
-    found[:, 0] *= differences.lateral_stiffness_factor
+    found[:, 0] *= model_errors.lateral_stiffness_factor
     return found

@@ -34,7 +34,7 @@ class TwinRig:
     the computer was too slow.
     """
 
-    def __init__(self, arm: Arm, differences: ModelErrors, tendon_link: str | Path = '',
+    def __init__(self, arm: Arm, model_errors: ModelErrors, tendon_link: str | Path = '',
                  modbus_link: str | Path = '', clock: Clock = STEADY, *,
                  tendon_driver: str = 'grbl', jams: bool = True,
                  regulators: bool = False) -> None:
@@ -45,7 +45,7 @@ class TwinRig:
         with _2, _3, ...  tendon_driver: one of TENDON_MOTORS.  jams: whether segments can be
         stiff.  regulators: of vacuum, in place of pump and valves.
         """
-        self.plant = Plant(arm, differences)
+        self.plant = Plant(arm, model_errors)
         self.motors = TENDON_MOTORS[tendon_driver](tendon_link, len(arm.tendon_names), clock)
         self.modbus = ModbusEmulator(
             len(arm.segments), initially_stiff=jams, link=modbus_link or None, baud_rate=9600,

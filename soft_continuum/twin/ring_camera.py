@@ -62,10 +62,10 @@ class _Piece:
 class RingTwinCamera:
     """A webcam beside a spatial arm; ``lens`` is what its calibration says of it."""
 
-    def __init__(self, layout: RingLayout, differences: ModelErrors, direction: float = FRONT
+    def __init__(self, layout: RingLayout, model_errors: ModelErrors, direction: float = FRONT
                  ) -> None:
         """Place it in a direction from the arm, rad about z from x, where it sees all of it."""
-        self._layout, given = layout, differences
+        self._layout, given = layout, model_errors
         tags = np.random.default_rng(given.seed)  # the same for all cameras of one arm
         self._random = np.random.default_rng([given.seed, round(1e3 * direction) % 2**16])
         self._fixed = [_moved(_face(row[:3], row[3], layout.fixed_size), tags, given.fixed_offset,

@@ -25,7 +25,7 @@ class SensorTopics(Publisher):
         """Make the node ``twin_sensors``; raises ClientError, as Publisher does."""
         super().__init__('twin_sensors', namespace)
         self._rig, self._sensors = rig, Sensors(rig.plant)
-        given, prefix = rig.plant.differences, namespace.strip('/')
+        given, prefix = rig.plant.model_errors, namespace.strip('/')
         self._tensions = JointState(name=list(rig.plant.arm.tendon_names))
         self._messages = []
         for n in range(len(rig.plant.arm.discs)):

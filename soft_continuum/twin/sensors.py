@@ -13,7 +13,7 @@ class Sensors:
 
     def __init__(self, plant: Plant) -> None:
         """Draw the errors that stay; what they are drawn from is apart from that of the plant."""
-        self._plant, given = plant, plant.differences
+        self._plant, given = plant, plant.model_errors
         self._random = np.random.default_rng([given.seed, 1])
         tendons = len(plant.arm.tendon_names)
         self._zero = self._random.normal(0.0, given.load_cell_zero, tendons)
@@ -25,7 +25,7 @@ class Sensors:
 
     def tensions(self) -> Array:
         """Return what the load cells show, (tendons,), N."""
-        size = self._plant.differences.tension_noise
+        size = self._plant.model_errors.tension_noise
         noise = self._random.normal(0.0, size, len(self._zero))
         shown: Array = self._zero + self._scale * self._plant.tensions + noise
         return shown

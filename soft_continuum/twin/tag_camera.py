@@ -39,9 +39,9 @@ from soft_continuum.twin.optics import (
 class TagTwinCamera:
     """A webcam before the arm, looking along +y; ``lens`` is what its calibration says of it."""
 
-    def __init__(self, layout: TagLayout, differences: ModelErrors) -> None:
+    def __init__(self, layout: TagLayout, model_errors: ModelErrors) -> None:
         """Place the camera where all tags of the fixed board are in the picture."""
-        self._layout, given = layout, differences
+        self._layout, given = layout, model_errors
         self._random = np.random.default_rng(given.seed)
         low, high = layout.fixed.min(axis=0), layout.fixed.max(axis=0)
         half = (high - low) / 2.0 + layout.fixed_size

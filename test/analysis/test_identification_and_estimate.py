@@ -20,7 +20,7 @@ from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.user_files import description_file
 
@@ -40,7 +40,7 @@ NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 def recorded():
     """Return the points (8, 2), m, that are measured on a simulated arm after each step."""
-    ideal = read_differences(description_file().with_name('twin.yaml'), 'ideal')
+    ideal = read_model_errors(description_file().with_name('twin.yaml'), 'ideal')
     plant = Plant(ARM, replace(ideal, stiffness_factors=FACTORS, stiff_ratio=RATIO))
     rng, pulls, found = np.random.default_rng(0), np.zeros(2), []
 

@@ -10,7 +10,7 @@ from soft_continuum.emulators.driving import SPOOL_RADIUS
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.twin.rig import TwinRig
 from soft_continuum.user_files import description_file
 from support.servo_rig import go, SPEED, spools
@@ -28,7 +28,7 @@ def friction(tension):
 def twin(tmp_path, monkeypatch, jams, **changes):
     """The ideal twin, and a driver of its two servos, in a time of their own."""
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log
-    differences = read_differences(description_file().with_name('twin.yaml'), 'ideal')
+    differences = read_model_errors(description_file().with_name('twin.yaml'), 'ideal')
     clock = VirtualClock()
     with TwinRig(load_arm(description_file()), differences, clock=clock, jams=jams,
                  tendon_driver='dynamixel') as rig:

@@ -28,12 +28,12 @@ from soft_continuum.sequencing.servo import (
     ServoSettings,
     TargetError,
 )
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 from support.spatial_arms import in_space
 
 ARM = load_arm(description_file())
-TYPICAL = read_differences(description_file().with_name('twin.yaml'), 'typical')
+TYPICAL = read_model_errors(description_file().with_name('twin.yaml'), 'typical')
 STATICS = Statics(ARM)
 SETTINGS = ServoSettings()
 STRAIGHT = STATICS.chain.straight()

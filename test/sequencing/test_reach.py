@@ -149,8 +149,8 @@ def test_a_segment_is_set_twice_where_no_two_settings_of_a_whole_grid_get_there(
     found = query.first()
     assert not found.why
     assert angles(found)[:, 0].tolist() == [1, 0, 1]
-    passages = MotionValidator(query.planner, query.surroundings, query.settings)
-    start = passages.start(query.start, np.zeros(2))
+    validator = MotionValidator(query.planner, query.surroundings, query.settings)
+    start = validator.start(query.start, np.zeros(2))
     grid = 0.9 * TWO.segments[0].bending_angle_limit * np.linspace(-1.0, 1.0, 7)
     ends = 0
 
@@ -160,10 +160,10 @@ def test_a_segment_is_set_twice_where_no_two_settings_of_a_whole_grid_get_there(
     for first, second in permutations(range(2)):
         for one in grid:
             with suppress(BlockedError):
-                node = passages.go(start, first, about_y(one))
+                node = validator.go(start, first, about_y(one))
                 for other in grid:
                     with suppress(BlockedError):
-                        end = passages.go(
+                        end = validator.go(
                             node, second, about_y(other)).state.backbone[-1]
                         away = np.linalg.norm(end - query.goal.position)
                         assert away > query.goal.position_tolerance

@@ -8,12 +8,12 @@ import numpy as np
 
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.user_files import description_file
 
 ARM = load_arm(description_file())
-IDEAL = read_differences(description_file().with_name('twin.yaml'), 'ideal')
+IDEAL = read_model_errors(description_file().with_name('twin.yaml'), 'ideal')
 STIFF, SOFT = np.ones(3), np.zeros(3)
 FREE = np.full(2, -0.05)  # m: both tendons paid out
 

@@ -11,7 +11,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
 
@@ -28,7 +28,7 @@ def layout(**changes):
 def differences(preset, **changes):
     """Return a preset of the twin with other values."""
     path = description_file().with_name('twin.yaml')
-    return replace(read_differences(path, preset), **changes)
+    return replace(read_model_errors(path, preset), **changes)
 
 
 def camera(preset='ideal', tags=None, **changes):

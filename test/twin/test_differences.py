@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from soft_continuum.cli import twin
-from soft_continuum.twin.model_errors import Obstacle, RANGES, read_differences, TwinError
+from soft_continuum.twin.model_errors import Obstacle, RANGES, read_model_errors, TwinError
 from soft_continuum.user_files import description_file
 
 FILE = description_file().with_name('twin.yaml')
@@ -23,7 +23,7 @@ def changed(tmp_path, **values):
 
 @pytest.mark.parametrize('preset', twin.PRESETS)
 def test_every_preset_of_the_file_can_be_read(preset):
-    found = read_differences(FILE, preset)
+    found = read_model_errors(FILE, preset)
     assert all(name in FILE.read_text(encoding='utf-8') for name in RANGES)
     assert found.stiffness_factors
 
@@ -44,7 +44,7 @@ def test_every_preset_of_the_file_can_be_read(preset):
 def test_a_value_that_is_not_allowed_is_named(tmp_path, capsys, values, words):
     path = changed(tmp_path, **values)
     with pytest.raises(TwinError, match='my_twin.yaml'):
-        read_differences(path, 'mine')
+        read_model_errors(path, 'mine')
     assert twin.main(['--file', str(path), '--preset', 'mine']) == 2
     error = capsys.readouterr().err
     assert words in error
@@ -62,7 +62,7 @@ def test_a_file_of_something_else_is_refused(tmp_path, capsys, text, words):
 
 def test_obstacles_are_read(tmp_path):
     listed = [{'x': 0.1, 'z': 0.2, 'radius': 0.03}, {'x': -1, 'z': 0, 'radius': 1}]
-    found = read_differences(changed(tmp_path, obstacles=listed), 'mine').obstacles
+    found = read_model_errors(changed(tmp_path, obstacles=listed), 'mine').obstacles
     assert found == (Obstacle(0.1, 0.2, 0.03), Obstacle(-1, 0, 1))
 
 

@@ -13,7 +13,7 @@ from soft_continuum.mechanics import MomentCurvature, pulls_for_bending, set_sha
 from soft_continuum.mechanics.arm import Arm, Disc, mounted, Segment, Tendon, Wrench
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.model_errors import Obstacle, read_differences, TwinError
+from soft_continuum.twin.model_errors import Obstacle, read_model_errors, TwinError
 from soft_continuum.twin.plant import Plant
 from soft_continuum.twin.sensors import Sensors
 from soft_continuum.user_files import description_file
@@ -259,7 +259,7 @@ def test_energy_is_never_created_in_space():
 
 
 def test_in_a_plane_it_differs_from_the_statics_as_the_planar_plant_does():
-    bad = read_differences(description_file().with_name('twin.yaml'), 'bad')
+    bad = read_model_errors(description_file().with_name('twin.yaml'), 'bad')
     given = replace(bad, lock_in_shift=0.0, lateral_stiffness_factor=1.0, angle_error=0.0)
     arm = ARM.without_gravity().with_bodies(4)
     both = Plant(arm, given), Plant(in_space(arm), given)

@@ -5,7 +5,7 @@
 import pytest
 
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.model_errors import read_differences
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.twin.plant import TIME_STEP
 from soft_continuum.twin.rig import MAX_LATENESS, PERIOD, TwinRig
 from soft_continuum.user_files import description_file
@@ -32,7 +32,7 @@ def test_a_late_plant_makes_up_for_it_and_keeps_its_sensors_waiting_for_20_ms_on
     clock = LateClock()
     clock.rig = rig = TwinRig(
         load_arm(description_file()),
-        read_differences(description_file().with_name('twin.yaml'), 'ideal'), clock=clock)
+        read_model_errors(description_file().with_name('twin.yaml'), 'ideal'), clock=clock)
     rig._run()
     passed = [b - a for a, b in zip(clock.times, clock.times[1:], strict=False)]
     assert max(passed) == pytest.approx(0.02)

@@ -248,12 +248,12 @@ class RosLink:
         self.topics.append(listener)
         return listener
 
-    def speak(self, kind: str, parameter: str, topic: str) -> CommandPublisher:
+    def publish_to(self, kind: str, parameter: str, topic: str) -> CommandPublisher:
         """Return what publishes on a topic; kind: such as std_msgs/Float64MultiArray."""
-        speaker: CommandPublisher = _made(
+        commands: CommandPublisher = _made(
             CommandPublisher, self, message_class(kind), parameter, topic)
-        self.topics.append(speaker)
-        return speaker
+        self.topics.append(commands)
+        return commands
 
     @property
     def problem(self) -> str:

@@ -61,7 +61,7 @@ class Commands:
         self._message, self._array = message_class(kind), kind == ARRAY
         self._of: Callable[[float], Any] = bool if kind == BOOL else float
         self._speakers: list[CommandPublisher] = [
-            link.speak(kind, PREFIX + name, topic) for topic in topics]
+            link.publish_to(kind, PREFIX + name, topic) for topic in topics]
 
     def send(self, item: int, values: Sequence[float]) -> None:
         """Send one of the values, with the others where all share a topic."""

@@ -119,7 +119,8 @@ class RosTendons(RosDevice):
         self._reset(JointWatch(self._joints))
         state_topic, command_topic = self._topics
         self._states = link.listen(STATES, f'{PREFIX}state_topic', state_topic, self._timeout)
-        self._commands = link.speak(KINDS[self._type], f'{PREFIX}command_topic', command_topic)
+        self._commands = link.publish_to(
+            KINDS[self._type], f'{PREFIX}command_topic', command_topic)
 
     def _take_first(self) -> str:
         self._receive()

@@ -217,16 +217,16 @@ class _ClearanceChecker:
     solve: returns the state that follows from another one, by pulls or by parts of the vacuum.
     """
 
-    def __init__(self, passages: MotionValidator, needed: float, solve: Callable[[Any, Array], Any]
-                 ) -> None:
-        self.passages, self.needed, self.solve = passages, needed, solve
+    def __init__(self, validator: MotionValidator, needed: float,
+                 solve: Callable[[Any, Array], Any]) -> None:
+        self.validator, self.needed, self.solve = validator, needed, solve
         self.states: list[Any] = []
         self.least: Distance = Clear()
         self.tension = 0.0
 
     def check(self, state: Any) -> Distance:
         """Note a state and return how far obstacles are; raises BlockedError beyond a limit."""
-        passages, settings = self.passages, self.passages.planner.settings
+        validator, settings = self.validator, self.validator.planner.settings
         if state.jumped:
             raise BlockedError('the arm would go over to another shape by itself', limit='jump')
         tension = float(np.nanmax(state.tensions, initial=0.0))
@@ -234,12 +234,12 @@ class _ClearanceChecker:
             raise BlockedError(f'needs a tendon tension of {tension:.1f} N; tension_limit: '
                                f'{settings.tension_limit:g} N', limit='tension_limit')
         over = np.linalg.norm(state.bending, axis=1)
-        if np.any(over > passages._limits):
-            worst = int(np.argmax(over - passages._limits))
+        if np.any(over > validator._limits):
+            worst = int(np.argmax(over - validator._limits))
             raise BlockedError(
                 f'segment {worst + 1} would bend by {np.degrees(over[worst]):.1f} degrees, beyond '
                 'its bending_angle_limits', limit='bending_angle_limits')
-        near = passages.surroundings.clearance(state)
+        near = validator.surroundings.clearance(state)
         if near.distance < self.needed:
             raise _too_near(near, self.needed)
         self.states.append(state)
@@ -249,7 +249,7 @@ class _ClearanceChecker:
     def between(self, one: Any, near_one: Distance, other: Any, near_other: Distance) -> float:
         """Note how near obstacles are between two states; return how far points move, m."""
         distance, way = between(
-            one, near_one.distance, other, near_other.distance, self.passages.radius)
+            one, near_one.distance, other, near_other.distance, self.validator.radius)
         nearest = min(near_one, near_other, key=lambda near: near.distance)
         least = Clear(distance, nearest.obstacle)
         if least.distance < self.needed:

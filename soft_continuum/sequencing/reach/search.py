@@ -75,7 +75,7 @@ class Search:
         """Prepare."""
         self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
         self.budget = Budget((1.0 - KEPT) * settings.states, (1.0 - KEPT) * settings.time_limit)
-        self.passages = MotionValidator(planner.until(self.budget.judge), surroundings, settings)
+        self.validator = MotionValidator(planner.until(self.budget.judge), surroundings, settings)
         self.miss = TipResidual(goal)
         self.arcs = Arcs(planner.statics.chain.arm)
         self.bending = np.array(start.state.bending)
@@ -123,7 +123,7 @@ class Search:
         """Yield what is better than all before it, until the budget is spent."""
         try:
             while not self.budget.over and (candidate := next(candidates, None)) is not None:
-                self.passages.planner.check_wanted()
+                self.validator.planner.check_wanted()
                 if self._bound(len(candidate.movers), candidate.seconds) >= self._best_cost():
                     continue
                 if (node := self._ended(candidate, anyway)) is None:
@@ -191,7 +191,7 @@ class Search:
         known = self._nodes.get(key)
         if known is None:
             try:
-                known = self.passages.go(node, mover, bending)
+                known = self.validator.go(node, mover, bending)
                 self._note(known)
             except BlockedError as error:
                 known = error
@@ -234,14 +234,14 @@ class Search:
             raise BlockedError('the tip does not get there', limit='tip')
         least = min(self.settings.margin, self.start.near.distance)
         for state in states:
-            self.passages.free(state, least)
+            self.validator.free(state, least)
         return bending
 
     def _predicted(self, node: Node, movers: Sequence[int], bending: Array) -> list[Any]:
         """Return the states after settings, without the way there."""
         states = [node.state]
         for mover in movers:
-            states.append(self.passages.bent(states[-1], mover, bending))
+            states.append(self.validator.bent(states[-1], mover, bending))
         return states[1:]
 
     # A look at arcs.
@@ -284,10 +284,10 @@ class Search:
     def _shape(self, bending: Array) -> tuple[BodyFrames, Distance]:
         key = bending.tobytes()
         if key not in self._shapes:
-            self.passages.planner.check_wanted()
+            self.validator.planner.check_wanted()
             state = self.arcs.chain.uniform(bending)
             self._shapes[key] = (BodyFrames(state.backbone, state.rotations),
-                                 self.passages.surroundings.clearance(state))
+                                 self.validator.surroundings.clearance(state))
         return self._shapes[key]
 
     def _free(self, near: Distance) -> None:
@@ -297,7 +297,7 @@ class Search:
     def _line(self, one: Array, other: Array) -> str:
         """Return which obstacle is in the way between two shapes; empty for none."""
         (state, near), (there, near_there) = self._shape(one), self._shape(other)
-        way = moved(state, there, self.passages.radius)
+        way = moved(state, there, self.validator.radius)
         least = min(self.settings.margin, self.start.near.distance) - self._arc_error
         if way < FINE or near.distance + near_there.distance - way > 2.0 * least:
             return ''
