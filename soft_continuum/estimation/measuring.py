@@ -241,7 +241,7 @@ class Point:
         return float(self.values @ np.linalg.solve(self.noise, self.values))
 
     def jacobian_valid(self, change: Array, state: Any, values: Array) -> bool:
-        """Whether its derivatives hold for another change: they foretell the values there."""
+        """Whether its derivatives hold for another change: they predict the values there."""
         wrong = self.values - self.rows @ (change - self.change) - values
         return state.taut == self.state.taut and (
             relative_distance(wrong, self.noise) < LINEARITY_TOLERANCE)

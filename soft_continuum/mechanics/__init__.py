@@ -41,9 +41,9 @@ __all__ = [
     'Chain', 'Disc', 'Equilibrium', 'Jam', 'LawError', 'Linearisation', 'MomentCurvature',
     'OverconstrainedError', 'Segment', 'Sensitivity', 'Statics', 'StaticsError', 'Tendon',
     'TipFit', 'Wrench', 'bending_directions', 'bending_for_tip', 'bending_vectors',
-    'constant_curvature', 'exceeds_pi',
-    'mounted', 'pulls_for_bending', 'self_intersections', 'set_on_grid',
-    'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'tendon_pair', 'workspace',
+    'constant_curvature', 'exceeds_pi', 'mounted', 'pulls_for_bending', 'self_intersections',
+    'set_on_grid', 'set_shape', 'solve_batch', 'solve_path', 'stiffness', 'tendon_pair',
+    'workspace',
 ]
 
 # Cheap ones first: who wants an Arm does not load the solver, who solves does not load SciPy.

@@ -45,7 +45,11 @@ def sliding_signs(sliding: Sequence[int], tendons: int = 2) -> tuple[int, ...]:
 
 def of_tendons(values: ArrayLike, tendons: int, what: str, rows: bool = False
                ) -> NDArray[np.float64]:
-    """Return a real number of each tendon, nan and -inf too; else raise ValueError."""
+    """
+    Return a real number of each tendon, nan and -inf too; else raise ValueError.
+
+    rows: as many lists of them as there are, (m, tendons), of one or of a list of lists.
+    """
     wanted = f'{what}, one for each of the {tendons} tendons'
     given = real_array(values, wanted)
     if rows and given.ndim == 1:
@@ -65,11 +69,15 @@ def pulls_of(pulls: ArrayLike, tendons: int, rows: bool = False) -> NDArray[np.f
     return given
 
 
-def tensions_of(tensions: ArrayLike, tendons: int, optional: bool = False
+def tensions_of(tensions: ArrayLike, tendons: int, optional: bool = False, rows: bool = False
                 ) -> NDArray[np.float64]:
-    """Return a tension of each tendon, N, or nan where ``optional``; else raise ValueError."""
+    """
+    Return a tension of each tendon, N, or ``rows`` of them; else raise ValueError.
+
+    optional: whether some may be nan.
+    """
     what = 'tensions must be finite numbers of 0 N and more' + (', or nan' if optional else '')
-    given = of_tendons(tensions, tendons, what)
+    given = of_tendons(tensions, tendons, what, rows)
     if np.any(given < 0.0) or not optional and np.isnan(given).any():
         raise ValueError(f'{what}; given: {tensions!r}')
     return given

@@ -148,8 +148,8 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
     masks, parts = rows_of(soft), [None] if vacuum is None else rows_of(vacuum)
     ways = [sliding_signs(each, tendons) for each in rows_of(() if sliding is None else sliding)]
     wanted = pulls_of(pulls, tendons, rows=True)
-    given = np.array([np.full(tendons, np.nan) if row is None else
-                      tensions_of(row, tendons, optional=True) for row in rows_of(tensions)])
+    given = np.full((1, tendons), np.nan) if tensions is None else tensions_of(
+        tensions, tendons, optional=True, rows=True)
     problems = Problems(models, starts, masks, wanted, given, parts, ways, common_count(
         {'arms': len(models), 'starts': len(starts), 'rows of pulls': len(wanted),
          'soft masks': len(masks), 'rows of tensions': len(given), 'rows of vacuum': len(parts),

@@ -60,12 +60,12 @@ class Commands:
 
         self._message, self._array = message_class(kind), kind == ARRAY
         self._of: Callable[[float], Any] = bool if kind == BOOL else float
-        self._speakers: list[CommandPublisher] = [
+        self._publishers: list[CommandPublisher] = [
             link.publish_to(kind, PREFIX + name, topic) for topic in topics]
 
     def send(self, item: int, values: Sequence[float]) -> None:
         """Send one of the values, with the others where all share a topic."""
         if self._array:
-            self._speakers[0].send(self._message(data=[float(value) for value in values]))
+            self._publishers[0].send(self._message(data=[float(value) for value in values]))
         else:
-            self._speakers[item].send(self._message(data=self._of(values[item])))
+            self._publishers[item].send(self._message(data=self._of(values[item])))

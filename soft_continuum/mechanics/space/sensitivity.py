@@ -46,8 +46,8 @@ class SpaceLinearisation(Linearisation):
         count = len(chain.arm.tendons)
         given = np.full(count, np.nan) if tensions is None else tensions_of(
             tensions, count, optional=True)
-        self._chain, self._state, self._by_force = chain, state, ~np.isnan(given)
-        self._losses = statics.friction
+        self._statics, self._chain, self._state = statics, chain, state
+        self._by_force = ~np.isnan(given)
         ways = sliding_signs(sliding, count) if any(sliding) else None
         tensions = np.nan_to_num(state.tensions)
         rigid = chain.rigid(state.stiff)
@@ -97,7 +97,7 @@ class SpaceLinearisation(Linearisation):
         chain, size = self._chain, 3 * len(self._rotations)
         if ways is None:
             return np.zeros((size, 0)), np.zeros((size, 0)), np.zeros((size, len(tensions)))
-        ratios, compliances = self._losses.rates(self._state.rotations, ways)
+        ratios, compliances = self._statics.friction.rates(self._state.rotations, ways)
         rub = np.flatnonzero(np.abs(ratios).max(axis=(1, 2)) * tensions[chain.span_tendons] > 0.0)
         each = np.concatenate([ratios[rub], compliances * tensions[:, None, None]])
         turned = self._by_torques(np.moveaxis(each, 0, 2))

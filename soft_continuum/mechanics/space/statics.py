@@ -4,7 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
@@ -149,7 +149,6 @@ class SpaceStatics(Statics):
         self.chain = SpaceChain(arm)
         self.compliance = arm.compliance
         self._locks = lru_cache(maxsize=64)(self._find_locks)
-        self.friction = Friction(self.chain)
         self._no_friction = np.ones(len(self.chain.span_tendons))
 
     def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
@@ -215,6 +214,11 @@ class SpaceStatics(Statics):
         if parts:  # without any vacuum there is no jam
             stiff = tuple(one and part > 0.0 for one, part in zip(stiff, parts, strict=True))
         return self._holding(start, stiff, parts), self._locks(stiff, parts)
+
+    @cached_property
+    def friction(self) -> Friction:
+        """What tendons lose at their guides; made when they first rub."""
+        return Friction(self.chain)
 
     def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return by how much (tendons,) m each tendon stretches per N at the base."""
