@@ -3,8 +3,9 @@
 """
 What each node publishes, subscribes to, serves and calls: the tables of its page in ``msg_docs``.
 
-The pages are the one place where that is written down.  A test compares them with the running
-nodes; the policies of SROS 2 are made of them.
+What several nodes have is in the tables of the README there, with a column ``nodes``.  The pages
+are the one place where that is written down.  A test compares them with the running nodes; the
+policies of SROS 2 are made of them.
 """
 
 from collections.abc import Iterator
@@ -16,6 +17,8 @@ from soft_continuum.user_files import pages
 
 TITLES = {'Topics': 'topic', 'Services': 'service', 'Actions': 'action'}
 SERVED = 'serves'  # what a table without directions is about
+COMMON_PAGE = 'README'
+ALL_NODES = 'all'  # in the column nodes of its tables
 EVERYTHING = '*'
 """As the name of a topic: all that is published in the namespace."""
 
@@ -67,15 +70,14 @@ OF_LIFECYCLE_NODES = (
 def documented_nodes() -> tuple[str, ...]:
     """Return the names of the nodes, and of the programs of a user, that have a page."""
     return tuple(sorted(path.stem for path in (pages() / 'msg_docs').glob('*.md')
-                        if path.stem not in ('README', 'parameters')))
+                        if path.stem not in (COMMON_PAGE, 'parameters')))
 
 
 @cache
 def interfaces(node: str) -> tuple[Interface, ...]:
-    """Return what the page of a node lists; raises ValueError for a table that is not one."""
-    text = _page(node)
-    return tuple(found for title, kind in TITLES.items()
-                 for found in _rows(node, text, title, kind))
+    """Return what page and README list of a node; raises ValueError for a table that is none."""
+    return tuple(found for page in (node, COMMON_PAGE) for title, kind in TITLES.items()
+                 for found in _rows(node, page, title, kind))
 
 
 def is_lifecycle_node(node: str) -> bool:
@@ -83,13 +85,14 @@ def is_lifecycle_node(node: str) -> bool:
     return '\n## Lifecycle\n' in _page(node)
 
 
-def _page(node: str) -> str:
-    return (pages() / 'msg_docs' / f'{node}.md').read_text(encoding='utf-8')
+def _page(name: str) -> str:
+    return (pages() / 'msg_docs' / f'{name}.md').read_text(encoding='utf-8')
 
 
-def _rows(node: str, text: str, title: str, kind: str) -> Iterator[Interface]:
-    """Yield the rows of the tables below a heading that have a type."""
-    section = re.search(rf'^## {title}\s*\n(.*?)(?=^## |\Z)', text, re.MULTILINE | re.DOTALL)
+def _rows(node: str, page: str, title: str, kind: str) -> Iterator[Interface]:
+    """Yield the rows of the tables below a heading that have a type and are of that node."""
+    section = re.search(rf'^## {title}\s*\n(.*?)(?=^## |\Z)', _page(page),
+                        re.MULTILINE | re.DOTALL)
     header: list[str] = []
     for line in section[1].splitlines() if section else ():
         if not line.startswith('|'):
@@ -100,11 +103,12 @@ def _rows(node: str, text: str, title: str, kind: str) -> Iterator[Interface]:
             header = [cell.lower() for cell in cells]
         elif not set(''.join(cells)) <= set('-: '):
             if len(cells) != len(header):
-                raise ValueError(f'{node}.md: not as many cells as columns: {line}')
+                raise ValueError(f'{page}.md: not as many cells as columns: {line}')
             row = dict(zip(header, cells, strict=True))
             name = re.search('`([^`]+)`', cells[0])
-            if 'type' in row:
+            nodes = row.get('nodes', ALL_NODES)
+            if 'type' in row and (nodes == ALL_NODES or node in nodes.split(', ')):
                 if name is None:
-                    raise ValueError(f'{node}.md: no name in backticks in {cells[0]!r}')
+                    raise ValueError(f'{page}.md: no name in backticks in {cells[0]!r}')
                 yield Interface(kind, row.get('direction', SERVED).strip('`'),
                                 re.sub(rf'^{node}/', '~/', name[1]), row['type'].strip('`'))

@@ -65,7 +65,8 @@ def assert_same(node: str, kind: str, on_page: dict[str, str],
                 if name in on_page or name not in LIFECYCLE}
 
     rig.until(lambda: on_page == found(), DEADLINE)
-    assert on_page == found(), f'msg_docs/{node}.md, {kind}: the page has the first, the graph'
+    assert on_page == found(), (
+        f'msg_docs/{node}.md with README.md, {kind}: the pages have the first, the graph')
 
 
 @pytest.fixture(scope='module')
