@@ -26,7 +26,7 @@ EVERYTHING = '*'
 @dataclass(frozen=True)
 class Interface:
     """
-    A row of a table.
+    A name in a row of a table.
 
     kind: topic, service or action.  role: publishes, subscribes, serves or calls.  name: relative,
     ``~/name`` for private ones, or absolute; segment_N, disc_N and NODE stand for all of them.
@@ -90,7 +90,7 @@ def _page(name: str) -> str:
 
 
 def _rows(node: str, page: str, title: str, kind: str) -> Iterator[Interface]:
-    """Yield the rows of the tables below a heading that have a type and are of that node."""
+    """Yield what rows with a type list for that node, in the tables below a heading."""
     section = re.search(rf'^## {title}\s*\n(.*?)(?=^## |\Z)', _page(page),
                         re.MULTILINE | re.DOTALL)
     header: list[str] = []
@@ -105,10 +105,11 @@ def _rows(node: str, page: str, title: str, kind: str) -> Iterator[Interface]:
             if len(cells) != len(header):
                 raise ValueError(f'{page}.md: not as many cells as columns: {line}')
             row = dict(zip(header, cells, strict=True))
-            name = re.search('`([^`]+)`', cells[0])
+            names = re.findall('`([^`]+)`', cells[0])
             nodes = row.get('nodes', ALL_NODES)
             if 'type' in row and (nodes == ALL_NODES or node in nodes.split(', ')):
-                if name is None:
+                if not names:
                     raise ValueError(f'{page}.md: no name in backticks in {cells[0]!r}')
-                yield Interface(kind, row.get('direction', SERVED).strip('`'),
-                                re.sub(rf'^{node}/', '~/', name[1]), row['type'].strip('`'))
+                for name in names:
+                    yield Interface(kind, row.get('direction', SERVED).strip('`'),
+                                    re.sub(rf'^{node}/', '~/', name), row['type'].strip('`'))
