@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.space.chain import SpaceChain
 
 INTERVALS = 32  # of each rod from guide to guide, by the classical method of Runge and Kutta
 MAX_ITERATIONS = 30
@@ -128,6 +129,7 @@ class _Problem:
     def first_guess(self) -> Array:
         """Return force and moment at the lower end of each rod, and tensions, from the chain."""
         guess, arm, chain = self.guess, self.arm, self.guess.chain
+        assert isinstance(chain, SpaceChain)
         bodies = chain.bodies // len(arm.segments) - 1
         found = np.zeros(6 * self.rods + len(self.taut))
         turned = np.concatenate([np.eye(3)[None], guess.rotations])
