@@ -23,7 +23,7 @@ def files(*patterns: str) -> list[str]:
 
 distribution = setup(
     name=PACKAGE,
-    version='0.1.0',
+    version='0.2.0',
     description='Tendon-driven continuum arms with jamming segments, on ROS 2',
     license='Apache-2.0',
     maintainer='The soft_continuum authors',

@@ -19,7 +19,7 @@ from soft_continuum.nodes.sequence_server import RESULT_TIMEOUT
 from support.ros_rig import SEGMENTS
 
 PERIOD = 0.005  # s
-STALE = 0.5  # s after which the other nodes take a flag as stale (silence_timeout)
+STALE = 0.5  # s after which the other nodes take a flag as stale (stale_timeout)
 SOFT_VACUUM = 10e3  # Pa
 TENDON_SPEED = 0.015  # m/s, the default of a planned motion
 THRESHOLDS = JammingSettings()

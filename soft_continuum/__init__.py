@@ -8,7 +8,7 @@ from functools import cache
 @cache
 def version() -> str:
     """
-    Return the version and, behind the +, a digest of the sources, such as 0.1.0+1a2b3c4d.
+    Return the version and, behind the +, a digest of the sources, such as 0.2.0+1a2b3c4d.
 
     The same code has the same digest wherever it is, in a clone or installed.
     """

@@ -226,7 +226,7 @@ def parameters_html(estimate: Estimate | None) -> str:
     return _table(rows) + caption(
         'stiffness factor: of the soft segment, over the described one; K: stiff over soft; '
         'offset: pulled in beyond what the motor says; ± one standard deviation. '
-        '<code>soft_continuum learn</code> saves what is determined')
+        '<code>soft_continuum save-estimate</code> saves what is determined')
 
 
 def _parameter_rows(parameter: LearnedParameter) -> list[tuple[str, ...]]:

@@ -86,7 +86,7 @@ def _run(options: argparse.Namespace) -> None:
         [(name, f'{slack[name].mean:.6g}', f'{slack[name].deviation:.2g}', f'{scale:.6g}')
          for name, scale in scales.items()]))
     write_parameters(path, {
-        'load_cells.used': True,
+        'load_cells.enabled': True,
         'load_cells.zeros': tuple(slack[name].mean for name in tendons),
         'load_cells.scales': tuple(scales.values())}, [f'Measured by {NAME}.'])
     print(f'\nWritten: {path}. Give it to the nodes as one more parameter file, after the others.')

@@ -17,17 +17,17 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.checks import Check, FAIL, OK, WARN
-from soft_continuum.nodes.about import Instance, PERIOD
+from soft_continuum.nodes.node_info import NodeInfo, PERIOD
 from soft_continuum.nodes.parameter_table import AUTOSTART, NODE_PARAMETERS
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.entry import subscribe
-from soft_continuum.ros.names import ABOUT, INSTANCE, NODES
+from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT, NODES
 from soft_continuum.ros.network import PROFILES, RANGE, reachable_addresses
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.text import printable
-from soft_continuum_interfaces.msg import NodeInstance
-from soft_continuum_interfaces.srv import About
+from soft_continuum_interfaces.msg import Heartbeat
+from soft_continuum_interfaces.srv import GetNodeInfo
 
 DISCOVERY = 4.0  # s
 CALLS = 50
@@ -37,7 +37,7 @@ LONG, TOO_LONG = 0.15, 0.4  # s, of a round trip: longer than what is measured; 
 LOSSY = 0.06  # share of the messages: more than what is measured
 OFF, TOO_FAR_OFF = 0.02, 0.15  # s by which clocks differ: measurements suffer, and are refused
 PEERS, DOMAIN = 'ROS_STATIC_PEERS', 'ROS_DOMAIN_ID'
-ABOUT_TYPE = 'soft_continuum_interfaces/srv/About'
+NODE_INFO_TYPE = 'soft_continuum_interfaces/srv/GetNodeInfo'
 HOW_TO = 'docs/how_to/set_up_the_network.md'
 CLOSED = ('reaches this computer only; for others set '
           f'{RANGE}=SUBNET on each of them, before every command: {HOW_TO}')
@@ -55,7 +55,7 @@ class Answers:
     heard: the times, s, of the signs of life that came.
     """
 
-    said: list[About.Response] = field(default_factory=list)
+    said: list[GetNodeInfo.Response] = field(default_factory=list)
     trips: list[float] = field(default_factory=list)
     offsets: list[float] = field(default_factory=list)
     calls: int = 0
@@ -99,21 +99,21 @@ def settings() -> Check:
 
 
 async def _ask_all(requests: Requests) -> dict[str, Answers]:
-    """Return what each node that serves ~/about answers, by its name."""
+    """Return what each node that serves ~/get_node_info answers, by its name."""
     node, found = requests.node, dict[str, Answers]()
     space = node.get_namespace().rstrip('/') + '/'
-    ending = ABOUT.removeprefix('~')
+    ending = GET_NODE_INFO.removeprefix('~')
 
     def look() -> None:
         for service, kinds in node.get_service_names_and_types():
             name = service.removeprefix(space).removesuffix(ending)
-            if ABOUT_TYPE in kinds and service == f'{space}{name}{ending}' and '/' not in name:
+            if NODE_INFO_TYPE in kinds and service == f'{space}{name}{ending}' and '/' not in name:
                 found.setdefault(name, Answers())
 
     await until(look, DISCOVERY)
-    clients = {name: node.create_client(About, f'{name}{ending}') for name in found}
+    clients = {name: node.create_client(GetNodeInfo, f'{name}{ending}') for name in found}
     for name, answers in found.items():
-        subscribe(node, NodeInstance, INSTANCE.replace('~', name), partial(_note, answers), SENSOR)
+        subscribe(node, Heartbeat, HEARTBEAT.replace('~', name), partial(_note, answers), SENSOR)
     await until(lambda: all(client.service_is_ready() for client in clients.values()), DISCOVERY)
     for _ in range(CALLS):
         for future in [_call(node, clients[name], answers) for name, answers in found.items()]:
@@ -122,8 +122,8 @@ async def _ask_all(requests: Requests) -> dict[str, Answers]:
     return found
 
 
-def _note(answers: Answers, message: NodeInstance) -> None:
-    answers.heard.append(Instance.from_ros(message).time)
+def _note(answers: Answers, message: Heartbeat) -> None:
+    answers.heard.append(NodeInfo.from_ros(message).time)
 
 
 def _call(node: Any, client: Any, answers: Answers) -> Any:
@@ -141,7 +141,7 @@ def _call(node: Any, client: Any, answers: Answers) -> Any:
 
     begin = now()
     answers.calls += 1
-    future = client.call_async(About.Request())
+    future = client.call_async(GetNodeInfo.Request())
     future.add_done_callback(on_answer)
     return future
 
@@ -213,7 +213,7 @@ def _messages(host: str, nodes: Sequence[Answers]) -> Check:
     sent, came = sum(one.expected for one in nodes), sum(len(one.heard) for one in nodes)
     step = f'messages from {host}'
     if not came:
-        return Check(step, FAIL, f'none came, though calls are answered; does {INSTANCE} differ '
+        return Check(step, FAIL, f'none came, though calls are answered; does {HEARTBEAT} differ '
                      'in type or version?')
     text = f'{sent - came} of {sent} lost'
     if sent - came > max(1, LOSSY * sent):

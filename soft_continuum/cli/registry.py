@@ -73,7 +73,8 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('record', 'record everything that the arm publishes', 'cli.record:main'),
         Verb('measure', 'set shapes and measure the discs, for identify and validate',
              'cli.measure:main'),
-        Verb('learn', 'save the estimated parameters of the arm', 'cli.learn:main'),
+        Verb('save-estimate', 'save the estimated parameters of the arm',
+             'cli.save_estimate:main'),
     ),
     'plan, without nodes': (
         Verb('plan', 'print the plan for a tip position, step by step',

@@ -87,12 +87,12 @@ _DRIFT = {
                     'holds', 0.1, 'rad'),
 }
 ESTIMATION_PARAMETERS = (
-    Parameter('estimation.used', True, 'correct the shape by disc_N/measured_pose and measured '
+    Parameter('estimation.enabled', True, 'correct the shape by disc_N/measured_pose and measured '
               'tensions, and learn stiffness, K, tendon offsets and payload from them'),
-    Parameter('estimation.tension_deviation', 0.3, 'standard deviation of a measured tension '
+    Parameter('estimation.tension_stddev', 0.3, 'standard deviation of a measured tension '
               'that is small: the zero of its load cell; not used where the device tells it',
               1e-3, 100.0, unit='N'),
-    Parameter('estimation.tension_relative_deviation', 0.1, 'what is added to it, in parts of the '
+    Parameter('estimation.tension_relative_stddev', 0.1, 'what is added to it, in parts of the '
               'tension: the scale of the load cell, and friction of the guides that is not '
               'described; not used where the device tells it', 0.0, 1.0),
     *(Parameter(f'estimation.prior.{name}', getattr(Prior(), name), text, low, high, unit=unit)
@@ -109,4 +109,4 @@ def estimation_from_parameters(parameters: Mapping[str, Any]) -> EstimationSetti
                 for field in fields(kind)}
 
     return EstimationSettings(Prior(**values(Prior, 'prior')), Drift(**values(Drift, 'drift')),
-                              parameters['estimation.used'])
+                              parameters['estimation.enabled'])

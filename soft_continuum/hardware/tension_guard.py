@@ -53,8 +53,8 @@ class TensionGuard:
         for name, tension in zip(self._tendons, reading.tensions or (), strict=False):
             if not isfinite(tension):
                 return (f'the tension of {name} is not measured: its load cell is silent or gives '
-                        'no number; check it, or do without (load_cells.used: false, or another '
-                        'driver)')
+                        'no number; check it, or do without (load_cells.enabled: false, or '
+                        'another driver)')
             if tension < -MOST_NEGATIVE * limit:
                 return (f'the load cell of {name} shows {tension:.1f} N, but a tendon cannot '
                         'push; check its sign, its scale and its zero')

@@ -24,16 +24,16 @@ from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationSta
 VACUUM_ROUNDING = 1.0  # Pa
 COMPUTING = 4.0
 """
-Times silence_timeout for which kinematics may be silent while no tendon moves: where a segment
+Times stale_timeout for which kinematics may be silent while no tendon moves: where a segment
 becomes soft some solves in space take 0.3 s each, more on a busy computer.
 """
 
 
 class ArmObserver(ReportedArm):
     """
-    Besides stiffness, vacuum and shape: pulls, stops and faults; stale after silence_timeout.
+    Besides stiffness, vacuum and shape: pulls, stops and faults; stale after stale_timeout.
 
-    A fault counts once it has lasted for silence_timeout.
+    A fault counts once it has lasted for stale_timeout.
     """
 
     def __init__(self, node: Any, arm: Arm, parameters: Mapping[str, Any],

@@ -19,8 +19,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
 from soft_continuum.extras import require
-from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
+from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
@@ -73,7 +73,7 @@ class Camera(Node):
         from soft_continuum.sensing.overlay import overlay
         self.parameters = NodeParameters(self, NODE_PARAMETERS[CAMERA])
         self.status = Status(self, 'camera and printed tags')
-        self._about = About(self, self.parameters)
+        self._node_info = NodeInfoPublisher(self, self.parameters)
         self._layout = layout_of(self.parameters)
         self._draw = overlay
         self._stuck = self._layout.stuck_as(self.parameters)
@@ -168,7 +168,7 @@ class Camera(Node):
         try:
             return self._layout.camera(lens, self._stuck)
         except SensorError as error:
-            raise LensError(f'tags.straight: {error}') from None
+            raise LensError(f'tags.reference_corners: {error}') from None
 
     def _on_image(self, message: Image) -> None:
         now = monotonic()

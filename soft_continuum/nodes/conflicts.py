@@ -12,15 +12,15 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from soft_continuum.nodes.about import About, Instance, PERIOD
 from soft_continuum.nodes.entries import guarded, repeat, subscribe
+from soft_continuum.nodes.node_info import NodeInfo, NodeInfoPublisher, PERIOD
 from soft_continuum.nodes.parameter_table import DESCRIBED
 from soft_continuum.ros.entry import MAX_BYTES
-from soft_continuum.ros.names import INSTANCE, NODES, TELEOP, UNKNOWN_NODE
+from soft_continuum.ros.names import HEARTBEAT, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import plain
-from soft_continuum_interfaces.msg import NodeInstance
+from soft_continuum_interfaces.msg import Heartbeat
 
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
@@ -30,7 +30,7 @@ GRAPH_PERIOD = 1.0  # s: another publisher is discovered no sooner
 MAX_NAMES = 5  # of publishers that are listed
 MAX_PROCESSES = 8  # of one name that are told apart
 JOINTS = 'joint_states'
-INSTANCE_TYPE = 'soft_continuum_interfaces/msg/NodeInstance'
+HEARTBEAT_TYPE = 'soft_continuum_interfaces/msg/Heartbeat'
 OWN_JOINTS = 500  # messages of our own that may still be on their way back
 
 
@@ -39,7 +39,7 @@ DIFFERENCES = (
     ('description', 'a description of the arm with digest', 'start every node with the same '
      'description; `soft_continuum doctor --network` names the parameters that differ'),
 )
-"""Of Instance: what must be the same, how it is said, and the remedy."""
+"""Of NodeInfo: what must be the same, how it is said, and the remedy."""
 
 
 @dataclass
@@ -50,7 +50,7 @@ class Heard:
     ahead: s by which its clock is, by its last two messages: in one, a clock may have been set.
     """
 
-    instance: Instance
+    info: NodeInfo
     ahead: tuple[float, float] = (-inf, -inf)
     age: Age = field(default_factory=Age)
 
@@ -60,7 +60,7 @@ class Conflicts:
     Notices whatever would make two nodes act as one, or two arms be taken for one.
 
     The graph alone would not do: a node that was killed stays in it for many seconds.  So every
-    node publishes on ~/instance that it runs, by which version and for which arm, and this
+    node publishes on ~/heartbeat that it runs, by which version and for which arm, and this
     receives it of every node of the arm.  Two processes of one name run if one of them is heard
     again after the other: of a node that was started again the first one is not.
     """
@@ -68,7 +68,7 @@ class Conflicts:
     def __init__(self, node: Any, segments: int, parameters: Mapping[str, Any]) -> None:
         """Watch on behalf of ``node``, for an arm of so many segments."""
         self.problem = ''
-        self._node, self.about = node, About(node, parameters)
+        self._node, self.node_info = node, NodeInfoPublisher(node, parameters)
         of_segments = [f'segment_{n}/{topic}' for n in range(1, segments + 1)
                        for topic in ('stiff', 'pressure')]
         self._topics = [node.resolve_topic_name(topic) for topic in (*TOPICS, *of_segments)]
@@ -77,35 +77,35 @@ class Conflicts:
         self._heard: dict[str, dict[str, Heard]] = {  # by name and process, the last one last
             name: {} for name in (self._own_name, *DESCRIBED)}
         self._doubled: dict[str, Age] = defaultdict(Age)
-        self._instances = set[str]()
+        self._heartbeats = set[str]()
         for name in self._heard:
-            topic = INSTANCE if name == self._own_name else INSTANCE.replace('~', name)
-            subscribe(node, NodeInstance, topic, partial(self._on_instance, name), SENSOR)
-            self._instances.add(node.resolve_topic_name(topic))
+            topic = HEARTBEAT if name == self._own_name else HEARTBEAT.replace('~', name)
+            subscribe(node, Heartbeat, topic, partial(self._on_heartbeat, name), SENSOR)
+            self._heartbeats.add(node.resolve_topic_name(topic))
         repeat(node, PERIOD, self._check_now)
 
-    def _on_instance(self, name: str, message: NodeInstance) -> None:
-        instance, processes = Instance.from_ros(message), self._heard[name]
-        last, heard = next(reversed(processes), ''), processes.pop(instance.process, None)
+    def _on_heartbeat(self, name: str, message: Heartbeat) -> None:
+        info, processes = NodeInfo.from_ros(message), self._heard[name]
+        last, heard = next(reversed(processes), ''), processes.pop(info.process, None)
         if heard is None:
             for process in [one for one, of in processes.items() if of.age.seconds > ENDED_AFTER]:
                 del processes[process]
             if len(processes) >= MAX_PROCESSES:
                 return
-            heard = Heard(instance)
-        elif last != instance.process:
+            heard = Heard(info)
+        elif last != info.process:
             self._doubled[name].refresh()
-        processes[instance.process] = heard
-        heard.instance = instance
+        processes[info.process] = heard
+        heard.info = info
         heard.age.refresh()
-        heard.ahead = heard.ahead[1], instance.time - self.about.time
-        if last != instance.process or any(
-                self._differs(instance, attribute) for attribute, *_ in DIFFERENCES):
+        heard.ahead = heard.ahead[1], info.time - self.node_info.time
+        if last != info.process or any(
+                self._differs(info, attribute) for attribute, *_ in DIFFERENCES):
             self._check_at_first()
 
-    def _differs(self, instance: Instance, attribute: str) -> bool:
-        own = getattr(self.about.own, attribute)  # '' of a node that has no description
-        return bool(own) and getattr(instance, attribute) != own
+    def _differs(self, info: NodeInfo, attribute: str) -> bool:
+        own = getattr(self.node_info.own, attribute)  # '' of a node that has no description
+        return bool(own) and getattr(info, attribute) != own
 
     def _check_at_first(self) -> None:
         """Check now, unless a problem is known: of a flood every message would cost a look."""
@@ -121,7 +121,7 @@ class Conflicts:
         """Yield name and process of whatever other nodes run."""
         for name, processes in self._heard.items():
             for process, heard in processes.items():
-                if process != self.about.own.process and heard.age.seconds <= ENDED_AFTER:
+                if process != self.node_info.own.process and heard.age.seconds <= ENDED_AFTER:
                     yield name, heard
 
     def _check_now(self) -> None:
@@ -135,7 +135,7 @@ class Conflicts:
             self._shared_topics = self._look_at_the_graph()
         problems += self._shared_topics
         problems += sorted({one.conflict for one in (
-            self.about.own, *(heard.instance for _, heard in self._others()))} - {''})
+            self.node_info.own, *(heard.info for _, heard in self._others()))} - {''})
         for difference in DIFFERENCES:
             problems += self._differences(*difference)
         problems += self._clocks()
@@ -148,7 +148,7 @@ class Conflicts:
             f'{topic} is also of type {plain(kind)}: that node is of another version of '
             'soft_continuum; install one version on every computer'
             for topic, kinds in self._node.get_topic_names_and_types()
-            if topic in self._instances for kind in kinds if kind != INSTANCE_TYPE]
+            if topic in self._heartbeats for kind in kinds if kind != HEARTBEAT_TYPE]
         for topic in self._topics:
             if self._node.count_publishers(topic) < 2:  # to list them takes many times as long
                 continue
@@ -159,20 +159,20 @@ class Conflicts:
 
     def _clocks(self) -> list[str]:
         """Return whose clock is ahead of that of this node: a late message is no sign of that."""
-        found = {one.instance.host: (name, min(one.ahead)) for name, one in self._others()
+        found = {one.info.host: (name, min(one.ahead)) for name, one in self._others()
                  if min(one.ahead) > MAX_AHEAD}
         return [
             f'the clock of {name} on {host or "an unknown computer"} is {ahead:.2f} s ahead of '
-            f'that of {self._node.get_name()} on {self.about.own.host}; allowed: {MAX_AHEAD:g} '
-            's; let both computers take their time from one server (chrony)'
+            f'that of {self._node.get_name()} on {self.node_info.own.host}; allowed: '
+            f'{MAX_AHEAD:g} s; let both computers take their time from one server (chrony)'
             for host, (name, ahead) in found.items()]
 
     def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
-        """Return how the nodes that run differ from this one in an attribute of Instance."""
-        own, found = self.about.own, defaultdict(list)
+        """Return how the nodes that run differ from this one in an attribute of NodeInfo."""
+        own, found = self.node_info.own, defaultdict(list)
         for name, one in self._others():
-            if self._differs(one.instance, attribute):
-                found[getattr(one.instance, attribute), one.instance.host].append(name)
+            if self._differs(one.info, attribute):
+                found[getattr(one.info, attribute), one.info.host].append(name)
         return [
             f'{" and ".join(names)} on {host or "an unknown computer"} '
             f'{"have" if len(names) > 1 else "has"} {what} '
@@ -217,8 +217,8 @@ class SharedJoints:
             f'{self._topic} with {plain(self._shared)} is published by '
             f'{" and ".join(publishers(node, self._topic))}; end all but {node.get_name()}, or '
             'give other names to the joints of the others')
-        about = self._conflicts.about
-        about.own = replace(about.own, conflict=problem)
+        node_info = self._conflicts.node_info
+        node_info.own = replace(node_info.own, conflict=problem)
 
 
 def _key(message: JointState) -> tuple[int, int, bytes]:

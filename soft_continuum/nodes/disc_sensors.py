@@ -14,8 +14,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve, subscribe
+from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
@@ -55,7 +55,7 @@ class DiscSensors(Node):
         super().__init__(DISC_SENSORS, **options)
         self.parameters = values = NodeParameters(self, NODE_PARAMETERS[DISC_SENSORS])
         self.status = Status(self, 'trackers and IMUs')
-        self._about = About(self, values)
+        self._node_info = NodeInfoPublisher(self, values)
         arm = arm_from_parameters(values)
         self._heights = straight_heights(arm)
         count = len(self._heights)

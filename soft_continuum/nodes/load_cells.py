@@ -24,9 +24,9 @@ class LoadCells:
     """
 
     def __init__(self, node: Node, tendons: Sequence[str], parameters: Mapping[str, Any]) -> None:
-        """Subscribe if load_cells.used says so; raises ParameterError."""
+        """Subscribe if load_cells.enabled says so; raises ParameterError."""
         self._tendons = tuple(tendons)
-        self._used: bool = parameters['load_cells.used']
+        self._used: bool = parameters['load_cells.enabled']
         self._parameters = parameters
         self._zeros, self._scales = (
             _per_tendon(name, parameters[name], tendons) if self._used else ()
@@ -50,7 +50,7 @@ class LoadCells:
         """Return the tension of each tendon, N, nan of a silent cell; None for no load cells."""
         if not self._used:
             return None
-        timeout = self._parameters['silence_timeout']
+        timeout = self._parameters['stale_timeout']
         return tuple(tension if age.seconds <= timeout else nan
                      for tension, age in map(self._last.__getitem__, self._tendons))
 

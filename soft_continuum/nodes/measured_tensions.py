@@ -50,9 +50,9 @@ class MeasuredTensions:
         """Return deviations near 0 (N), and shares of the tension, of every tendon."""
         told, count = self._accuracy or Accuracy(), len(self._tendons)
         return (told.tension_deviations
-                or (self._parameters['estimation.tension_deviation'],) * count,
+                or (self._parameters['estimation.tension_stddev'],) * count,
                 told.tension_relative_deviations
-                or (self._parameters['estimation.tension_relative_deviation'],) * count)
+                or (self._parameters['estimation.tension_relative_stddev'],) * count)
 
     def put(self, time: float, tensions: Mapping[str, float]) -> None:
         """Keep tensions (N, by tendon) that were measured at ``time`` (s), if it is time to."""

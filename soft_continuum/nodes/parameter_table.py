@@ -39,7 +39,7 @@ FRAME = Parameter(
 AMBIENT = Parameter(
     'ambient_pressure', 101325.0, 'absolute ambient pressure', 1e4, 2e5, unit='Pa')
 STALE_AFTER = Parameter(
-    'silence_timeout', 0.5, 'age at which the last message of another node is stale', 0.1, 10.0,
+    'stale_timeout', 0.5, 'age at which the last message of another node is stale', 0.1, 10.0,
     read_only=False, unit='s')
 PULL_LIMITS = Parameter(
     'pull_limits', (-0.06, 0.06), 'smallest and largest tendon pull; negative: paid out',
@@ -95,8 +95,8 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('speed_limit', 0.03, 'largest tendon speed', 1e-4, 1.0, unit='m/s'),
         Parameter('acceleration_limit', 0.3, 'largest tendon acceleration', 1e-3, 100.0,
                   unit='m/s^2'),
-        Parameter('load_cells.used', False, 'measure tension by the topic load_cells, also where '
-                  'the driver does; without its numbers nothing moves'),
+        Parameter('load_cells.enabled', False, 'measure tension by the topic load_cells, also '
+                  'where the driver does; without its numbers nothing moves'),
         Parameter('load_cells.zeros', (0.0, 0.0), 'what each load cell shows without tension',
                   -1e9, 1e9),
         Parameter('load_cells.scales', (1.0, 1.0), 'tension over what each load cell shows '
@@ -156,20 +156,20 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
             'looks, rad about z from x', -10.0, 10.0),
         Parameter('tags.depth', 0.03, 'by how much the tags of the discs are nearer to the camera '
                   'than the fixed ones, of a planar arm', -0.5, 0.5, unit='m'),
-        Parameter('tags.deviation', 0.0003, 'standard deviation of where the tags are stuck on '
+        Parameter('tags.stddev', 0.0003, 'standard deviation of where the tags are stuck on '
                   'the discs, or of a spatial arm on their rings', 0.0, 0.05, unit='m'),
-        Parameter('tags.ring_deviation', 0.0003, 'standard deviation of where the rings of tags '
+        Parameter('tags.ring_stddev', 0.0003, 'standard deviation of where the rings of tags '
                   'sit on the discs of a spatial arm', 0.0, 0.05, unit='m'),
-        Parameter('tags.mounts', (0.0,), 'x, z (m) and angle (rad) of each disc in the pose that '
+        Parameter('tags.offsets', (0.0,), 'x, z (m) and angle (rad) of each disc in the pose that '
                   'its tag tells, base first, as ~/tare prints them, of a planar arm; 0.0 '
                   'alone: the tags are where they should be', -1.0, 1.0),
-        Parameter('tags.straight', (0.0,), 'of a spatial arm, what the camera saw of it when it '
-                  'was straight, as ~/tare prints it: number and corners (px, without the '
+        Parameter('tags.reference_corners', (0.0,), 'of a spatial arm, what the camera saw of it '
+                  'when it was straight, as ~/tare prints it: number and corners (px, without the '
                   'distortion of the lens) of each tag; 0.0 alone: the tags are where they should '
                   'be', -1e4, 1e5),
-        Parameter('tags.fixed_deviation', 0.0005, 'standard deviation of where the fixed tags are',
+        Parameter('tags.fixed_stddev', 0.0005, 'standard deviation of where the fixed tags are',
                   0.0, 0.05, unit='m'),
-        Parameter('tags.depth_deviation', 0.001, 'standard deviation of tags.depth', 0.0, 0.05,
+        Parameter('tags.depth_stddev', 0.001, 'standard deviation of tags.depth', 0.0, 0.05,
                   unit='m'),
     ),
     DISC_SENSORS: (
@@ -181,11 +181,11 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('tracker.base_pose', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
                   'where base_link is in that frame: x, y, z (m), quaternion x, y, z, w',
                   -1000.0, 1000.0),
-        Parameter('tracker.position_deviation', 0.0005,
+        Parameter('tracker.position_stddev', 0.0005,
                   'standard deviation of the positions of the tracker', 1e-6, 0.1, unit='m'),
-        Parameter('tracker.angle_deviation', 0.005,
+        Parameter('tracker.angle_stddev', 0.005,
                   'standard deviation of the orientations of the tracker', 1e-6, 0.25, unit='rad'),
-        Parameter('tracker.mounts', (0.0,), 'where each disc is in what is followed of it, base '
+        Parameter('tracker.offsets', (0.0,), 'where each disc is in what is followed of it, base '
                   'first: x, y, z (m), quaternion x, y, z, w, as ~/tare prints them; 0.0 alone: '
                   'the disc itself is followed', -1000.0, 1000.0),
         Parameter('imu.axes', ('+x', '+y', '+z'), 'axes of the IMU that point along x, y and z '
@@ -196,13 +196,13 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('imu.mounting_turns', (0.0,), 'of a spatial arm, how each IMU is turned on its '
                   'disc, base first: rotation vectors x, y, z, as ~/tare prints them; 0.0 alone: '
                   'not at all', -pi, pi, unit='rad'),
-        Parameter('imu.deviation', 0.01, 'standard deviation of what an IMU is off all the time: '
+        Parameter('imu.stddev', 0.01, 'standard deviation of what an IMU is off all the time: '
                   'how it is mounted, and the offset of its accelerometer', 1e-6, 0.5, unit='rad'),
-        Parameter('imu.acceleration_deviation', 0.05, 'standard deviation of one acceleration, '
+        Parameter('imu.acceleration_stddev', 0.05, 'standard deviation of one acceleration, '
                   'where the IMU does not tell', 1e-6, 10.0, unit='m/s^2'),
-        Parameter('imu.rate_deviation', 0.003, 'standard deviation of one rate, where the IMU '
+        Parameter('imu.rate_stddev', 0.003, 'standard deviation of one rate, where the IMU '
                   'does not tell', 1e-7, 1.0, unit='rad/s'),
-        Parameter('imu.bias_deviation', 0.05, 'standard deviation of the bias of the gyroscope '
+        Parameter('imu.bias_stddev', 0.05, 'standard deviation of the bias of the gyroscope '
                   'when it is switched on', 1e-7, 10.0, unit='rad/s'),
         Parameter('imu.motion_acceleration', 1.0, 'standard deviation of the acceleration of a '
                   'disc that moves', 1e-3, 100.0, unit='m/s^2'),

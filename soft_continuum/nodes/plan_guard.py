@@ -36,7 +36,7 @@ class PlanGuard:
             self._plan, self._watch, self._seen, self._look = plan, None, None, None
             if plan is not None and plan.ways:
                 self._watch = PlanWatch(plan, self._parameters['obstacles.margin'],
-                                        self._parameters['reach.departure'])
+                                        self._parameters['reach.max_deviation'])
         watch, around = self._watch, self._surroundings()
         if watch is None:
             return '', '', False

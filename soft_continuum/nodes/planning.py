@@ -153,7 +153,7 @@ class Planning:
     def _again(self, segments: Sequence[int], aim: Aim, release_limit: float
                ) -> 'Future[tuple[int, ...]]':
         jamming = self._parameters['arm.jamming']
-        lock_in = self._parameters['loop.lock_in_deviation'] if jamming else 0.0
+        lock_in = self._parameters['loop.lock_in_stddev'] if jamming else 0.0
         # What is set again was not planned among obstacles: it must hardly move the arm.
         near = self._parameters['obstacles.margin'] if self._surroundings().obstacles else inf
         return self._start(lambda planner, state, pulls: segments_worth_correcting(

@@ -64,7 +64,7 @@ class ReportedArm:
     """
 
     def __init__(self, node: Any, chain: Chain, parameters: Mapping[str, Any]) -> None:
-        """Subscribe for ``node``; parameters: with arm.jamming and silence_timeout, s."""
+        """Subscribe for ``node``; parameters: with arm.jamming and stale_timeout, s."""
         self.chain, self.parameters = chain, parameters
         self._jamming: bool = parameters['arm.jamming']
         self._elastic = [not segment.jam.rigid for segment in chain.arm.segments]
@@ -128,7 +128,7 @@ class ReportedArm:
     @property
     def timeout(self) -> float:
         """Age at which what was reported is stale, s."""
-        return float(self.parameters['silence_timeout'])
+        return float(self.parameters['stale_timeout'])
 
     @property
     def shape(self) -> Any:

@@ -153,8 +153,21 @@ def degrees_hint(angle: float, low: float, high: float) -> str:
     return ''
 
 
+RENAMED = {
+    'silence_timeout': 'stale_timeout', 'load_cells.used': 'load_cells.enabled',
+    'estimation.used': 'estimation.enabled', 'reach.departure': 'reach.max_deviation',
+    'teleop.dead_man_button': 'teleop.enable_button', 'tags.mounts': 'tags.offsets',
+    'tracker.mounts': 'tracker.offsets', 'tags.straight': 'tags.reference_corners',
+    'learn': 'save-estimate'}
+"""New names of parameters, and of a verb, by those of version 0.1; also, *deviation is *stddev."""
+
+
 def name_hint(name: str, known: Iterable[str]) -> str:
-    """Return a question for an error message with the known name closest to ``name``, or ''."""
-    close = difflib.get_close_matches(name, sorted(known), n=1)
+    """Return a hint for an error message: the new or the closest known name, or ''."""
+    known = sorted(known)
+    new = RENAMED.get(name) or re.sub('deviation$', 'stddev', name)
+    if new != name and new in known:
+        return f'; it is named {new} now'
+    close = difflib.get_close_matches(name, known, n=1)
     return f'; did you mean {close[0]}?' if close else ''
 

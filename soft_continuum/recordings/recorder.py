@@ -12,8 +12,8 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from soft_continuum.client.requests import Requests
-from soft_continuum.nodes.about import About
 from soft_continuum.nodes.entries import repeat, serve_later
+from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, StatePublisher, Status, WARN
@@ -40,7 +40,7 @@ class Recorder(Node):
         super().__init__(RECORDER, **options)
         self.parameters = NodeParameters(self, NODE_PARAMETERS[RECORDER])
         self.status = Status(self, 'recordings')
-        self._about = About(self, self.parameters)
+        self._node_info = NodeInfoPublisher(self, self.parameters)
         self._states = StatePublisher(self, RecorderState)
         self._recording: TopicRecorder | None = None  # that runs, or ran last
         self._attaching: Future[None] = Future()

@@ -14,7 +14,7 @@ MEASURED_POSE = 'disc_{}/measured_pose'
 OVERLAY = 'camera/overlay/compressed'
 RECORDER = 'recorder'
 SERVO = 'servo'
-ABOUT, INSTANCE = '~/about', '~/instance'
+GET_NODE_INFO, HEARTBEAT = '~/get_node_info', '~/heartbeat'
 """Of every node: service and topic that say which program it runs, for which arm."""
 TELEOP = 'teleop'
 TWIN, TWIN_CAMERA = 'twin', 'twin_camera'

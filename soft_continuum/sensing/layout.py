@@ -41,7 +41,7 @@ class Layout(ABC):
     Tags of the family 36h11: on the discs, and fixed ones that are numbered from FIRST_FIXED.
 
     disc_size, fixed_size: edge of the black square, m.  fixed: where the fixed ones are, one a
-    row.  deviation, fixed_deviation: m, standard, of where tags are stuck on the discs, and where
+    row.  deviation, fixed_stddev: m, standard, of where tags are stuck on the discs, and where
     the fixed ones are.  disc_heights: (discs,) m.  straight_heights: (discs,) m, of the bottom of
     each disc of the straight arm above base_link.  segment_lengths: (segments,) m, between the
     discs.
@@ -51,7 +51,7 @@ class Layout(ABC):
     fixed_size: float
     fixed: Array
     deviation: float
-    fixed_deviation: float
+    fixed_stddev: float
     disc_heights: tuple[float, ...]
     straight_heights: tuple[float, ...]
     segment_lengths: tuple[float, ...]
@@ -104,7 +104,7 @@ class Layout(ABC):
 def of_arm(arm: Arm, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what all layouts have of an arm and of parameters tags.*, by the names of Layout."""
     return {name: values[f'tags.{name}'] for name in (
-        'disc_size', 'fixed_size', 'deviation', 'fixed_deviation')} | {
+        'disc_size', 'fixed_size', 'deviation', 'fixed_stddev')} | {
         'disc_heights': tuple(d.height for d in arm.discs),
         'straight_heights': straight_heights(arm),
         'segment_lengths': tuple(s.length for s in arm.segments)}
@@ -116,12 +116,12 @@ class TagLayout(Layout):
     Tags in the plane of the arm, seen from -y: x to the right, z up; one on every disc.
 
     fixed: (fixed, 2) m, centres (x, z) in base_link.  depth: m by which the tags of the discs are
-    nearer to the camera than the fixed ones, with the standard deviation depth_deviation.  How
+    nearer to the camera than the fixed ones, with the standard deviation depth_stddev.  How
     tags are stuck are poses (7,), by disc, of the disc in the one that its tag tells.
     """
 
     depth: float
-    depth_deviation: float
+    depth_stddev: float
 
     @classmethod
     def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
@@ -137,7 +137,7 @@ class TagLayout(Layout):
                 'parameter tags.fixed_positions: the tags stand almost in a line, but for one at '
                 'most; put them around the arm, such as at the corners of a rectangle')
         return cls(fixed=fixed, depth=values['tags.depth'],
-                   depth_deviation=values['tags.depth_deviation'], **of_arm(arm, values))
+                   depth_stddev=values['tags.depth_stddev'], **of_arm(arm, values))
 
     @property
     def rim(self) -> Array:
@@ -149,12 +149,12 @@ class TagLayout(Layout):
         return (disc,)
 
     def stuck_as(self, values: Mapping[str, Any]) -> tuple[Array, ...]:
-        """Return the poses of parameter tags.mounts; raises ParameterError."""
-        given, discs = tuple(values['tags.mounts']), len(self.heights)
+        """Return the poses of parameter tags.offsets; raises ParameterError."""
+        given, discs = tuple(values['tags.offsets']), len(self.heights)
         if given == (0.0,):
             given = (0.0,) * 3 * discs
         if len(given) != 3 * discs:
-            raise ParameterError(f'parameter tags.mounts has {len(given)} numbers; needed: x, z '
+            raise ParameterError(f'parameter tags.offsets has {len(given)} numbers; needed: x, z '
                                  f'and angle for each of {discs} discs, or 0.0 for none')
         return tuple(full_poses(np.reshape(given, (discs, 3))))
 

@@ -24,7 +24,7 @@ from soft_continuum.sensing.tilt import (
     UpFilter,
 )
 
-SETTINGS = ('acceleration_deviation', 'rate_deviation', 'bias_deviation', 'motion_acceleration',
+SETTINGS = ('acceleration_stddev', 'rate_stddev', 'bias_stddev', 'motion_acceleration',
             'deviation')
 MOUNTED = {1: ('mounting_angles', 'one for all or for each of {} discs'),
            3: ('mounting_turns', 'a rotation vector for each of {} discs, or 0.0 for none')}

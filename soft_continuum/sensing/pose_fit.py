@@ -53,11 +53,11 @@ class TagGroup:
     """Tags of one body, and where they are seen."""
 
     def __init__(self, tags: Sequence[Tag], pixels: Sequence[Array], lens: Lens,
-                 focal: float = 1.0, focal_deviation: float = 0.0) -> None:
+                 focal: float = 1.0, focal_stddev: float = 0.0) -> None:
         """
         Take corners (4, 2) px without distortion.
 
-        focal: focal length over the calibrated one.  focal_deviation: of that; 0: not fitted.
+        focal: focal length over the calibrated one.  focal_stddev: of that; 0: not fitted.
         """
         self._tags, self._lens = tags, lens
         self._pixels = np.array(pixels)
@@ -69,8 +69,8 @@ class TagGroup:
         noise = CORNER_DEVIATION * np.maximum(1.0, FULL_WIDTH / widths)**2
         self._noise = noise[:, None, None]**2 * np.eye(8)
         self._focal, self._given = np.diag(lens.matrix)[:2], focal
-        self._free = 7 if focal_deviation else 6
-        self._stiff = 1.0 / focal_deviation**2 if focal_deviation else 0.0
+        self._free = 7 if focal_stddev else 6
+        self._stiff = 1.0 / focal_stddev**2 if focal_stddev else 0.0
         self._last: _Guess | None = None
 
     def fits(self) -> list[PoseFit]:

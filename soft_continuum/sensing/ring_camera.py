@@ -61,7 +61,7 @@ class RingCamera(DiscCamera):
         if not off_a_line(np.array([self._fixed[n].centre for n in seen])):
             return 'the fixed tags that are seen stand in a line; uncover the others'
         group = TagGroup([self._fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
-                         self._tags.focal, self._tags.focal_deviation)
+                         self._tags.focal, self._tags.focal_stddev)
         fits = group.fits()
         if not fits:
             return 'the fixed tags do not fit; are they where tags.fixed_poses says?'
@@ -115,7 +115,7 @@ class RingCamera(DiscCamera):
 
     def _of_ring(self, n: int, pose: Array) -> Array:
         """Return the covariance of a disc by how its ring sits on it."""
-        sits, turn = self._tags.ring_deviation, Rotation.from_quat(pose[3:]).as_matrix()
+        sits, turn = self._tags.ring_stddev, Rotation.from_quat(pose[3:]).as_matrix()
         lever = np.eye(6)  # a ring that is turned about its middle shifts the bottom of the disc
         lever[:3, 3:] = cross_matrices(self.layout.heights[n] * turn[:, 2])
         squares = np.repeat([sits, sits / self.layout.radius], 3)**2

@@ -64,13 +64,13 @@ class RingLayout(Layout):
     Around every disc lies a prism of ``faces`` tags, edge to edge, upright: z of the disc is up.
     Face k of disc N looks from the axis along k / faces of a turn about z from x, and has the
     number faces * N + k.  fixed: (fixed, 4), centre x, y, z (m) in base_link and the direction
-    that it looks (rad about z from x); z of base_link is up.  deviation, ring_deviation: m,
+    that it looks (rad about z from x); z of base_link is up.  deviation, ring_stddev: m,
     standard, of where tags are on their ring, and rings on their disc.  disc_radii: (discs,) m.
     How tags are stuck is where their corners are seen of the straight arm.
     """
 
     faces: int
-    ring_deviation: float
+    ring_stddev: float
     disc_radii: tuple[float, ...]
 
     @classmethod
@@ -93,7 +93,7 @@ class RingLayout(Layout):
         if FIRST_FIXED + len(fixed) > FAMILY_SIZE:
             raise ParameterError(f'parameter tags.fixed_poses has {len(fixed)} tags; allowed: '
                                  f'{FAMILY_SIZE - FIRST_FIXED} at most')
-        found = cls(fixed=fixed, faces=faces, ring_deviation=values['tags.ring_deviation'],
+        found = cls(fixed=fixed, faces=faces, ring_stddev=values['tags.ring_stddev'],
                     disc_radii=tuple(Chain(arm).disc_radii.tolist()), **of_arm(arm, values))
         widest = max(found.disc_radii)
         if found.radius < widest:
@@ -124,7 +124,7 @@ class RingLayout(Layout):
     @property
     def fixed_tags(self) -> dict[int, Tag]:
         """The fixed tags in base_link, by number."""
-        spread = _spread(self.fixed_deviation, self.fixed_size)
+        spread = _spread(self.fixed_stddev, self.fixed_size)
         return {n: Tag(row[:3], _upright(row[3]), self.fixed_size, spread)
                 for n, row in zip(self.fixed_numbers, self.fixed, strict=True)}
 
@@ -142,11 +142,11 @@ class RingLayout(Layout):
         return range(self.faces * disc, self.faces * (disc + 1))
 
     def stuck_as(self, values: Mapping[str, Any]) -> Corners:
-        """Return the corners of parameter tags.straight; raises ParameterError."""
-        if any(values['tags.mounts']):
-            raise ParameterError('parameter tags.mounts is of planar arms; of a spatial one keep '
-                                 'tags.straight, which a tare answers: tare again')
-        return from_numbers(values['tags.straight'])
+        """Return the corners of parameter tags.reference_corners; raises ParameterError."""
+        if any(values['tags.offsets']):
+            raise ParameterError('parameter tags.offsets is of planar arms; of a spatial one keep '
+                                 'tags.reference_corners, which a tare answers: tare again')
+        return from_numbers(values['tags.reference_corners'])
 
     def tared(self, stuck: Corners, seen: 'Sequence[TagDetections]'
               ) -> tuple[list[int], Corners, str]:

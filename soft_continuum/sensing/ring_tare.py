@@ -32,21 +32,21 @@ class PlacedTags:
     Tags as they are stuck, by number, and the camera that sees them.
 
     fixed: in base_link.  rings: of each disc, in its frame.  focal: focal length over the
-    calibrated one, with the standard deviation focal_deviation.  ring_deviation: m, standard, of
+    calibrated one, with the standard deviation focal_stddev.  ring_stddev: m, standard, of
     how rings sit beyond what their tags say.
     """
 
     fixed: Mapping[int, Tag]
     rings: tuple[Mapping[int, Tag], ...]
     focal: float
-    focal_deviation: float
-    ring_deviation: float
+    focal_stddev: float
+    ring_stddev: float
 
     @classmethod
     def of(cls, layout: RingLayout) -> Self:
         """Return the tags of a layout before anything was seen of them."""
         return cls(layout.fixed_tags, tuple(map(layout.ring, range(len(layout.heights)))), 1.0,
-                   FOCAL_DEVIATION, layout.ring_deviation)
+                   FOCAL_DEVIATION, layout.ring_stddev)
 
     @classmethod
     def seen_straight(cls, layout: RingLayout, lens: Lens, corners: Corners) -> Self:
@@ -55,7 +55,7 @@ class PlacedTags:
 
         Raises SensorError for an arm that is not straight.
         """
-        ring = np.diag(layout.ring_deviation * np.repeat([1.0, 1.0 / layout.radius], 3))
+        ring = np.diag(layout.ring_stddev * np.repeat([1.0, 1.0 / layout.radius], 3))
         before, heights = cls.of(layout), layout.straight_heights
         # How a ring sits counts as how its tags are stuck: then those that are seen tell it.
         rings = [{n: replace(tag, spread=np.sqrt(tag.spread**2 + ring**2))
@@ -65,7 +65,7 @@ class PlacedTags:
             for n, tag in tags.items()}
         seen = [n for n in every if n in corners]
         group = TagGroup([every[n] for n in seen], [corners[n] for n in seen], lens,
-                         focal_deviation=UNCALIBRATED)
+                         focal_stddev=UNCALIBRATED)
         if len(seen) < len(heights) or not (fits := group.fits()):
             raise SensorError('no tags are seen of which the straight arm could tell anything')
         placed = dict(zip(seen, group.placed(fits[0]), strict=True))

@@ -38,17 +38,17 @@ def at_rest(seen: Sequence[Corners]) -> dict[int, Array]:
 
 
 def as_numbers(corners: Corners) -> tuple[float, ...]:
-    """Return corners as parameter tags.straight has them."""
+    """Return corners as parameter tags.reference_corners has them."""
     return tuple(float(value) for n, places in sorted(corners.items())
                  for value in (n, *places.ravel()))
 
 
 def from_numbers(numbers: Sequence[float]) -> dict[int, Array]:
-    """Return the corners that parameter tags.straight has; raises ParameterError."""
+    """Return the corners that parameter tags.reference_corners has; raises ParameterError."""
     if tuple(numbers) == (0.0,):
         return {}
     if len(numbers) % NUMBERS:
-        raise ParameterError(f'parameter tags.straight has {len(numbers)} numbers; needed: the '
-                             'number and four corners (u, v) of each tag, as ~/tare prints them, '
-                             'or 0.0 for none')
+        raise ParameterError(f'parameter tags.reference_corners has {len(numbers)} numbers; '
+                             'needed: the number and four corners (u, v) of each tag, as ~/tare '
+                             'prints them, or 0.0 for none')
     return {int(row[0]): row[1:].reshape(4, 2) for row in np.reshape(numbers, (-1, NUMBERS))}

@@ -80,10 +80,10 @@ class TagCamera(DiscCamera):
         lever = np.eye(3)  # a tag that is turned shifts the bottom of the disc
         lever[:2, 2] = -self.layout.heights[disc] * directions(fit.pose[2])[0]
         covariance: Array = lever @ of_tag @ lever.T
-        covariance += self.layout.fixed_deviation**2 * fit.placement
+        covariance += self.layout.fixed_stddev**2 * fit.placement
         across = np.outer(fit.outwards, fit.outwards)
         covariance[:2, :2] += across * (
-            (FOCAL_DEVIATION * self.layout.depth)**2 + self.layout.depth_deviation**2)
+            (FOCAL_DEVIATION * self.layout.depth)**2 + self.layout.depth_stddev**2)
         return covariance
 
 

@@ -61,17 +61,17 @@ class ImuSettings:
     """
     What is known of IMUs and of the arm.
 
-    gravity: m/s^2.  acceleration_deviation (m/s^2) and rate_deviation (rad/s): standard, of one
-    sample, where the IMU does not tell.  bias_deviation: rad/s, of the gyroscope when it is
+    gravity: m/s^2.  acceleration_stddev (m/s^2) and rate_stddev (rad/s): standard, of one
+    sample, where the IMU does not tell.  bias_stddev: rad/s, of the gyroscope when it is
     switched on.  motion_acceleration: m/s^2, standard, of a disc that moves.  deviation: rad,
     standard, of what an IMU is off in every sample at an angle alike: its mounting, and its
     accelerometer's offset.
     """
 
     gravity: float
-    acceleration_deviation: float = 0.05
-    rate_deviation: float = 0.003
-    bias_deviation: float = 0.05
+    acceleration_stddev: float = 0.05
+    rate_stddev: float = 0.003
+    bias_stddev: float = 0.05
     motion_acceleration: float = 1.0
     deviation: float = 0.01
 
@@ -114,7 +114,7 @@ class UpFilter:
         self.time = nan
         self.up, self.bias = np.full(3, nan), np.zeros(3)
         self.covariance = np.zeros((6, 6))
-        self.covariance[BIAS, BIAS] = settings.bias_deviation**2 * EYE
+        self.covariance[BIAS, BIAS] = settings.bias_stddev**2 * EYE
         self._magnitude = nan  # mean of the acceleration, m/s^2
         self._rate = np.zeros(3)  # mean, rad/s
         self._quiet = 0.0  # s
@@ -144,8 +144,8 @@ class UpFilter:
             return False
         restart = not 0.0 <= step <= MAX_GAP or isnan(self._last_good)  # also the first
         magnitude, rate = hypot(*sample.acceleration), self._axes * sample.rate
-        noise = sqrt(sample.acceleration_variance) or settings.acceleration_deviation
-        rate_noise = sqrt(sample.rate_variance) or settings.rate_deviation
+        noise = sqrt(sample.acceleration_variance) or settings.acceleration_stddev
+        rate_noise = sqrt(sample.rate_variance) or settings.rate_stddev
         self._average(rate, magnitude, noise, rate_noise, step, restart)
         if restart:
             gap = step if step > 0.0 else 0.0  # false for nan, before the first

@@ -47,14 +47,14 @@ class Tracker:
     @classmethod
     def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
         """Return the tracker of parameters frame_id and tracker.*; raises ParameterError."""
-        given, discs = values['tracker.mounts'], len(arm.discs)
+        given, discs = values['tracker.offsets'], len(arm.discs)
         if tuple(given) == (0.0,):
             given = IDENTITY * discs
         if len(given) != 7 * discs:
             raise ParameterError(
-                f'parameter tracker.mounts has {len(given)} numbers; needed: x, y, z and '
+                f'parameter tracker.offsets has {len(given)} numbers; needed: x, y, z and '
                 f'quaternion x, y, z, w for each of {discs} discs, or 0.0 for none')
-        mounts = tuple(given_pose('tracker.mounts', given[7 * n:7 * n + 7]) for n in range(discs))
+        mounts = tuple(given_pose('tracker.offsets', given[7 * n:7 * n + 7]) for n in range(discs))
         base = given_pose('tracker.base_pose', values['tracker.base_pose'])
         return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), mounts,
                    straight_heights(arm)[-1], arm.pose_axes)

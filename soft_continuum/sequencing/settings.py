@@ -16,7 +16,7 @@ ON_ANOMALY = GO_ON, PAUSE, ABORT = ('go_on', 'pause', 'abort')
 REPLAN = 'replan'
 ON_OBSTACLE = (REPLAN, ABORT)
 DEAD_BAND = 5e-5  # m
-LOCK_IN_DEVIATION = 0.006  # rad
+LOCK_IN_STDDEV = 0.006  # rad
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ LOOP_PARAMETERS = (
               0.0, 1.0, read_only=False, unit='m'),
     Parameter('loop.dead_band', DEAD_BAND, 'a correction that moves no tendon by more is not '
               'sent: friction does not let it through', 0.0, 0.01, read_only=False, unit='m'),
-    Parameter('loop.lock_in_deviation', LOCK_IN_DEVIATION,
+    Parameter('loop.lock_in_stddev', LOCK_IN_STDDEV,
               'standard deviation of the angle by which a segment bends when it is stiffened: '
               'what setting it again cannot better', 0.0, 0.2, read_only=False, unit='rad'),
 )
@@ -134,9 +134,9 @@ REACH_PARAMETERS = (
               1_000_000, read_only=False),
     Parameter('reach.softening_time', 4.0, 'how long it takes to soften a segment and to stiffen '
               'it again, as plans compare their time', 0.0, 600.0, read_only=False, unit='s'),
-    Parameter('reach.departure', 0.02, 'how far the arm may be from its plan before it is planned '
-              'again; near an obstacle less, but never less than obstacles.margin', 1e-3, 1.0,
-              read_only=False, unit='m'),
+    Parameter('reach.max_deviation', 0.02, 'how far the arm may be from its plan before it is '
+              'planned again; near an obstacle less, but never less than obstacles.margin', 1e-3,
+              1.0, read_only=False, unit='m'),
     Parameter('reach.max_replans', 3, 'how often a shape is planned again on its way before the '
               'goal ends', 0, 100, read_only=False),
     Parameter('obstacles.margin', 0.005, 'distance that the arm keeps from '
@@ -165,7 +165,7 @@ def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':
             'softening, a second and a newton cost, one above 0; or 0.0 alone')
     return ReachSettings(
         margin=values['obstacles.margin'],
-        lock_in=values['loop.lock_in_deviation'] if values['arm.jamming'] else 0.0,
+        lock_in=values['loop.lock_in_stddev'] if values['arm.jamming'] else 0.0,
         softening_time=values['reach.softening_time'], states=values['reach.states'],
         time_limit=values['reach.time_limit'],
         max_softenings=values['reach.max_softenings'],

@@ -10,7 +10,7 @@ from typing import Any
 from soft_continuum.parameters.files import read_yaml
 from soft_continuum.parameters.parameter import Value
 
-PRESETS = ('ideal', 'typical', 'bad')
+PRESETS = ('ideal', 'typical', 'severe')
 """Those of config/twin.yaml."""
 DEFAULT_PRESET = 'typical'
 
@@ -96,7 +96,7 @@ class ModelErrors:
 
 def load_cell_parameters(tendons: int) -> dict[str, Value]:
     """Return the parameters of nodes that are to use the load cells of the twin."""
-    return {'load_cells.used': True, 'load_cells.zeros': (0.0,) * tendons,
+    return {'load_cells.enabled': True, 'load_cells.zeros': (0.0,) * tendons,
             'load_cells.scales': (1.0,) * tendons}
 
 

@@ -65,7 +65,7 @@ def test_a_known_mass_on_each_tendon_gives_newtons(
     status, said = run(hung, '--mass', str(MASS))
     assert (status, said) == (0, ''), said
     found = load_description(tmp_path / calibrate_load_cells.FILE, node='tendon_actuation')
-    assert found['load_cells.used'] is True
+    assert found['load_cells.enabled'] is True
     assert found['load_cells.zeros'] == pytest.approx(ZEROS, abs=0.5)
     assert found['load_cells.scales'] == pytest.approx(SCALES, rel=1e-3)
 

@@ -10,7 +10,7 @@ import pytest
 
 from soft_continuum import version
 from soft_continuum.cli.doctor_network import Answers, judged
-from soft_continuum_interfaces.srv import About
+from soft_continuum_interfaces.srv import GetNodeInfo
 
 DIGEST = '0123456789abcdef'
 
@@ -18,7 +18,7 @@ DIGEST = '0123456789abcdef'
 def answers(host: str = 'rig', trip: float = 0.01, offset: float = 0.0, calls: int = 50,
             answered: int = 50, of: str = '', arm: str = DIGEST, lost: int = 0) -> Answers:
     """Return what a node answered; the slower half of the answers tells its time badly."""
-    said = [About.Response(host=host, version=of or version(), description=arm,
+    said = [GetNodeInfo.Response(host=host, version=of or version(), description=arm,
                            stamp=Time(sec=1))] * answered
     return Answers(
         said, [trip * (1 + 9 * (i % 2)) for i in range(answered)],

@@ -162,7 +162,7 @@ TABLES = {
     'identify': (identify, ('shape', 'point', 'x [mm]', 'z [mm]'), lambda path: [
         str(path), str(path.with_name('pulls.csv'))]),
     'plan': (plan, ('x [mm]', 'z [mm]', 'y [mm]', 'angle [deg]'), lambda path: [
-        '--path', str(path)]),
+        '--path', str(path), '--states', '10']),
 }
 
 

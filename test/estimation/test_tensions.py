@@ -25,7 +25,7 @@ NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 FACTORS = (0.8, 1.0, 1.0)
 BENDING = (0.010, -0.020)  # m: the left tendon is slack
 NAMES = ('right_tendon', 'left_tendon')
-PARAMETERS = {'estimation.tension_deviation': 0.3, 'estimation.tension_relative_deviation': 0.1,
+PARAMETERS = {'estimation.tension_stddev': 0.3, 'estimation.tension_relative_stddev': 0.1,
               'tension_tolerance': 5.0}
 
 

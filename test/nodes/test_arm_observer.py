@@ -46,7 +46,7 @@ class Bench:
         node.count_publishers.return_value = 0
         node.get_clock.return_value.now.return_value.nanoseconds = 0
         self.observer = ArmObserver(
-            node, ARM, {'silence_timeout': TIMEOUT, 'ambient_pressure': 101325.0,
+            node, ARM, {'stale_timeout': TIMEOUT, 'ambient_pressure': 101325.0,
                         'full_vacuum': 80e3,
                         'arm.jamming': True}, Mock())
         self._callbacks = {
@@ -222,7 +222,7 @@ def test_kinematics_with_another_description_of_the_jamming_ends_motion() -> Non
         node = Mock()
         node.count_publishers.return_value = 0
         reported = ReportedArm(node, Chain(ARM), {
-            'arm.jamming': True, 'silence_timeout': TIMEOUT})
+            'arm.jamming': True, 'stale_timeout': TIMEOUT})
         calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
 
         def report(stiff: list[bool]) -> str:

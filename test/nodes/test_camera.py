@@ -202,8 +202,8 @@ def test_two_cameras_of_an_arm_in_space(rig: Rig) -> None:
     ({'camera.source': '/dev/video9'}, 'camera.calibration is needed'),
     ({'camera.calibration': '/nowhere.yaml'}, '/nowhere.yaml'),
     ({'tags.fixed_positions': [0.0] * 8}, 'in a line'),
-    (given_in(space_views.PATH, 'camera') | {'tags.mounts': [0.001] * 12},  # as of a planar arm
-     'keep tags.straight')])
+    (given_in(space_views.PATH, 'camera') | {'tags.offsets': [0.001] * 12},  # as of a planar arm
+     'keep tags.reference_corners')])
 def test_parameters_that_cannot_be_are_refused(
         rig: Rig, parameters: dict[str, Any], named: str) -> None:
     with pytest.raises(ParameterError, match=named):

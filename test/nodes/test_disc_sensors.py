@@ -243,7 +243,7 @@ def test_a_tare_takes_the_present_as_straight_and_says_how_to_keep_it(rig: Rig) 
 
 
 @pytest.mark.parametrize(('parameters', 'named'), [
-    ({'tracker.mounts': [0.0, 1.0]}, 'tracker.mounts has 2'),
+    ({'tracker.offsets': [0.0, 1.0]}, 'tracker.offsets has 2'),
     ({'tracker.base_pose': [0.0] * 7}, 'of length 1'),
     ({'imu.axes': ['+x', '+y', '-z']}, 'right-handed'),
     ({'imu.mounting_angles': [0.0, 0.1]}, 'imu.mounting_angles has 2')])

@@ -13,7 +13,7 @@ from support.ros_rig import ALL, QUICK, Rig
 
 BEND = (0.0, 0.0, 0.3)
 SLOW = {'tendon_speed': 0.004, 'tendon_acceleration': 0.1, 'speed_limit': 0.03,
-        'acceleration_limit': 0.3, 'silence_timeout': 2.0}
+        'acceleration_limit': 0.3, 'stale_timeout': 2.0}
 
 
 def test_a_node_that_is_killed_in_motion_knows_where_its_servos_are_and_sets_the_shape(

@@ -28,7 +28,7 @@ from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.text import plain
-from soft_continuum_interfaces.msg import NodeInstance
+from soft_continuum_interfaces.msg import Heartbeat
 from support.ros_rig import Rig
 
 
@@ -118,9 +118,9 @@ def test_a_flood_of_other_programs_costs_one_look_at_the_graph() -> None:
     conflicts = Conflicts(node, 0, {})
     heard = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
     for n in range(100):
-        heard['kinematics/instance'](
-            serialize_message(NodeInstance(process=str(n), version=str(n))))
-        heard['~/instance'](serialize_message(NodeInstance(process=str(n))))
+        heard['kinematics/heartbeat'](
+            serialize_message(Heartbeat(process=str(n), version=str(n))))
+        heard['~/heartbeat'](serialize_message(Heartbeat(process=str(n))))
     looks = node.count_publishers.call_args_list
     assert 'kinematics' in conflicts.problem
     assert [call.args for call in looks] == [(f'/arm/{topic}',) for topic in SOLE]

@@ -59,7 +59,7 @@ def goals(rig: Rig, processes: Processes, control_msgs: dict[str, str]
     """Return how the goals of follow_client.py ended, of an arm with one soft segment."""
     node = processes.start([
         *module_command('tendon_actuation'), '--ros-args', '-r', f'__ns:={rig.namespace}',
-        '--params-file', str(description_file()), '-p', 'silence_timeout:=10.0'],
+        '--params-file', str(description_file()), '-p', 'stale_timeout:=10.0'],
         environment=control_msgs)
     rig.start('jamming_valves', 'kinematics')
     rig.wait_until_ready('tendon_actuation')

@@ -45,7 +45,7 @@ class Bench:
             'tendon_driver': 'grbl', 'grbl.port': str(self.ports / 'grbl'),
             'jamming_driver': 'modbus', 'modbus.port': str(self.ports / 'modbus'),
             'tendon_speed': 0.01, 'tendon_acceleration': 0.1, 'speed_limit': 0.03,
-            'acceleration_limit': 0.3, 'jamming_rate': 20.0, 'silence_timeout': 8.0,
+            'acceleration_limit': 0.3, 'jamming_rate': 20.0, 'stale_timeout': 8.0,
             'modbus.timeout': 1.0,  # the emulator waits for a busy machine too
         }
 
@@ -210,7 +210,7 @@ def test_valves_unplugged_in_motion_end_the_goal_and_switch_nothing_when_back(
         devices: Bench) -> None:
     bench, rig = devices, devices.rig
     # In vain it is tried to stiffen the arm.
-    bench.start(silence_timeout=2.0, jamming_timeout=2.0)
+    bench.start(stale_timeout=2.0, jamming_timeout=2.0)
     bench.prepare()
     goal = rig.goal_in_motion(BEND)
     coils = bench.modbus.coils

@@ -21,7 +21,7 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum_interfaces.action import RunShapeSequence
-from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState, NodeInstance
+from soft_continuum_interfaces.msg import Heartbeat, JammingValvesState, KinematicsState
 from support.ros_rig import LATCHED, RELIABLE, Rig, shape_message, trajectory
 
 BOUND = 0.5
@@ -100,8 +100,8 @@ ATTACKS = {
             action=action,
             pose=Pose(position=Point(x=0.5)), scale=Vector3(x=0.1, y=0.1, z=0.1))
             for k in range(100)]) for action in (Marker.ADD, Marker.DELETE))),
-    'programs of other versions': publications(NodeInstance, 'kinematics/instance', *(
-        NodeInstance(process=n, version=n, description=n, host='another') for n in '12')),
+    'programs of other versions': publications(Heartbeat, 'kinematics/heartbeat', *(
+        Heartbeat(process=n, version=n, description=n, host='another') for n in '12')),
     'bytes that are no message': publications(JointState, 'tendon_states', b'\0\1\0\0\xff\xff'),
 }
 SLOW = ('obstacles of 6000 triangles', 'obstacles that come and go',

@@ -49,7 +49,7 @@ def in_graph(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dic
         short = name.removeprefix(f'{rig.namespace}/')
         short = re.sub(rf'^{node}/', '~/', short)
         short = re.sub(r'(segment|disc)_\d+', r'\1_N', short)
-        short = re.sub(r'^\w+/instance$', 'NODE/instance', short)
+        short = re.sub(r'^\w+/instance$', 'NODE/heartbeat', short)
         if '/_' not in short and short not in LEFT_OUT:
             names[short] = re.sub('/(msg|srv|action)/', '/', types[0])
     return names

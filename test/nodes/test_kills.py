@@ -10,7 +10,7 @@ from support.ros_rig import ALL, Goal, QUICK, Rig
 Result = RunShapeSequence.Result
 BEND = (0.0, 0.0, 0.5)
 FULL_PULL = 0.008  # m: some more than BEND needs
-SLOW = {'tendon_speed': 0.002, 'silence_timeout': 2.0, 'jamming_timeout': 5.0}
+SLOW = {'tendon_speed': 0.002, 'stale_timeout': 2.0, 'jamming_timeout': 5.0}
 
 
 def moving_arm(rig: Rig, processes: Processes, victim: str, **changes: float

@@ -9,14 +9,14 @@ import pytest
 from std_msgs.msg import String
 
 from soft_continuum import version
-from soft_continuum.nodes.about import Instance
+from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.parameters.arm import ARM_PARAMETERS, description_digest
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.scalars import read_scalar
 from soft_continuum.ros.names import DISC_SENSORS, KINEMATICS, SERVO, TENDON_ACTUATION
 from soft_continuum.user_files import description_file
-from soft_continuum_interfaces.msg import NodeInstance
-from soft_continuum_interfaces.srv import About
+from soft_continuum_interfaces.msg import Heartbeat
+from soft_continuum_interfaces.srv import GetNodeInfo
 from support.ros_rig import ALL, Rig, trajectory
 
 HERE = socket.gethostname()
@@ -44,13 +44,13 @@ def test_every_parameter_of_the_arm_counts(parameter: object) -> None:
 
 
 def test_what_is_said_is_what_is_read() -> None:
-    said = Instance('process', '1.0', 'digest', 'host', 2.5, 'a conflict')
-    assert Instance.from_ros(said.to_ros(2.5)) == said
+    said = NodeInfo('process', '1.0', 'digest', 'host', 2.5, 'a conflict')
+    assert NodeInfo.from_ros(said.to_ros(2.5)) == said
 
 
 def test_every_node_answers_what_it_is(shared_arm: Rig) -> None:
     for node in ALL:
-        answer = shared_arm.call(About, f'{node}/about')
+        answer = shared_arm.call(GetNodeInfo, f'{node}/get_node_info')
         assert (answer.host, answer.version, answer.description) == (HERE, version(), OF_FILE)
         assert answer.stamp.sec
 
@@ -59,7 +59,7 @@ def test_a_node_with_another_description_is_a_conflict_that_refuses_all_motion(
         shared_arm: Rig) -> None:
     running = shared_arm.goal((0.0, 0.0, 0.3), hold=60.0).wait_for_phase('holding')
     other, = shared_arm.start(DISC_SENSORS, ready=False, arm__payload=0.1)
-    theirs = shared_arm.call(About, f'{DISC_SENSORS}/about').description
+    theirs = shared_arm.call(GetNodeInfo, f'{DISC_SENSORS}/get_node_info').description
     words = (f'{DISC_SENSORS} on {HERE} has a description of the arm with digest {theirs}, '
              f'{{}} on {HERE} {OF_FILE}: start every node with the same description')
     running.assert_ended('ABORTED', words.format('shape_sequencer'))
@@ -78,15 +78,15 @@ def test_a_node_with_another_description_is_a_conflict_that_refuses_all_motion(
 
 
 @pytest.mark.parametrize(('said', 'words'), [
-    (Instance('process', '0.0.1', OF_FILE, 'rig').to_ros(0.0),
+    (NodeInfo('process', '0.0.1', OF_FILE, 'rig').to_ros(0.0),
      f'servo on rig has version 0.0.1, {{}} on {HERE} {version()}: install one version'),
-    (Instance('\x1b[2J' + '\n' * 60_000).to_ros(0.0),
+    (NodeInfo('\x1b[2J' + '\n' * 60_000).to_ros(0.0),
      'servo on an unknown computer has version unknown'),
-    (Instance('process', version(), OF_FILE, 'rig').to_ros(2e9), 'the clock of servo on rig is '),
+    (NodeInfo('process', version(), OF_FILE, 'rig').to_ros(2e9), 'the clock of servo on rig is '),
     ], ids=['older', 'no version', 'ahead'])
 def test_a_node_of_another_version_or_time_is_a_conflict(
-        shared_arm: Rig, said: NodeInstance, words: str) -> None:
-    publisher = shared_arm.publisher(NodeInstance, f'{SERVO}/instance')
+        shared_arm: Rig, said: Heartbeat, words: str) -> None:
+    publisher = shared_arm.publisher(Heartbeat, f'{SERVO}/heartbeat')
 
     def heard() -> bool:
         publisher.publish(said)
@@ -102,8 +102,8 @@ def test_a_node_of_another_version_or_time_is_a_conflict(
 def test_a_node_whose_sign_of_life_is_of_another_type_is_of_another_version(
         shared_arm: Rig) -> None:
     with shared_arm.stranger() as stranger:
-        publisher = stranger.create_publisher(String, f'{SERVO}/instance', 1)
-        words = f'/{SERVO}/instance is also of type std_msgs/msg/String: that node is of another'
+        publisher = stranger.create_publisher(String, f'{SERVO}/heartbeat', 1)
+        words = f'/{SERVO}/heartbeat is also of type std_msgs/msg/String: that node is of another'
         shared_arm.wait_for(lambda: all(
             words in shared_arm.statuses[node].last.message for node in ALL), 'a conflict')
         assert not shared_arm.goal((0.0, 0.0, 0.2)).accepted

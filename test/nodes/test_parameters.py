@@ -192,7 +192,7 @@ def test_a_file_that_cannot_be_read_is_named(
     ('tendon_actuation', 'tendon_driver:=gbrl', ['tendon_driver', 'gbrl', 'simulated']),
     ('tendon_actuation', 'tension_limit:=.nan', ['tension_limit']),
     ('jamming_valves', 'autostart:=2', ['autostart']),
-    ('shape_sequencer', 'silence_timeout:=1000.0', ['silence_timeout', '10']),
+    ('shape_sequencer', 'stale_timeout:=1000.0', ['stale_timeout', '10']),
 ])
 def test_a_bad_value_on_the_command_line_is_refused_with_its_name(
         start: Any, node: str, value: str, reasons: list[str]) -> None:

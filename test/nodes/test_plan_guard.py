@@ -20,7 +20,7 @@ PLAN = ShapePlan(Shape('straight', (0.0,) * 3), (), STATE, ((STATE,),))
 
 def guard(clearances):
     around = SimpleNamespace(obstacles=('one',), clearances=clearances)
-    return PlanGuard({'obstacles.margin': 0.005, 'reach.departure': 0.02}, lambda: around)
+    return PlanGuard({'obstacles.margin': 0.005, 'reach.max_deviation': 0.02}, lambda: around)
 
 
 def test_a_look_that_fails_is_told_once_so_that_the_run_can_be_wound_down():

@@ -116,7 +116,7 @@ def test_a_node_ends_with_the_process_that_the_launch_file_names(
     ('tendon_actuation', signal.SIGINT), ('shape_sequencer', signal.SIGTERM)])
 def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(
         rig: Rig, processes: Processes, name: str, number: signal.Signals) -> None:
-    slow = {'tendon_speed': 0.002, 'jamming_timeout': 5.0, 'silence_timeout': 2.0}
+    slow = {'tendon_speed': 0.002, 'jamming_timeout': 5.0, 'stale_timeout': 2.0}
     node = processes.node(name, parameters=slow)
     rig.start(*(n for n in ALL if n != name), **slow)
     rig.wait_until_ready(*ALL)

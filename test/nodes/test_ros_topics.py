@@ -47,7 +47,7 @@ def make(rig: Rig) -> Iterator[Callable[..., Bench]]:
             'ros_tendons.scales': [RADIUS], 'ros_tendons.state_topic': STATES,
             'ros_tendons.command_topic': command_topic, 'ros_tendons.command_type': kind,
             'tendon_speed': 0.04, 'tendon_acceleration': 1.0, 'speed_limit': 0.1,
-            'silence_timeout': 8.0, 'ros_tendons.timeout': 2.0, 'ros_jamming.timeout': 1.0,
+            'stale_timeout': 8.0, 'ros_tendons.timeout': 2.0, 'ros_jamming.timeout': 1.0,
             'ros_tendons.following_error': 0.02, **BOARDS[board], **changes})
         bench.prepare()
         return bench
@@ -91,7 +91,7 @@ def test_joint_states_that_stop_end_the_goal_and_nothing_moves_before_resume(
 def test_pressures_that_stop_end_the_goal_and_nothing_is_switched(
         make: Callable[..., Bench]) -> None:
     bench = make('trajectory', '/trajectory_controller/joint_trajectory', Regulators,
-                 silence_timeout=2.0, jamming_timeout=3.0)
+                 stale_timeout=2.0, jamming_timeout=3.0)
     rig, board = bench.rig, bench.board
     goal = rig.goal_when_heard(BEND, (0.0, 0.0, -0.2))
     assert goal.result()[0] == 'SUCCEEDED'

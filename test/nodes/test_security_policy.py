@@ -84,7 +84,7 @@ def test_who_commands_may_do_all_that_a_client_does_and_who_looks_may_not(
             for name in used(shared_arm, node)['publish']}, DEADLINE)
         assert within(used(shared_arm, node), commands)
         assert not within(used(shared_arm, node), looks)
-    for name in ('/tendon_actuation/state', '/kinematics/instance', '/tendon_states'):
+    for name in ('/tendon_actuation/state', '/kinematics/heartbeat', '/tendon_states'):
         for may in (commands, feeds, looks):
             assert shared_arm.namespace + name not in may['publish'], 'nobody else is that node'
     assert not feeds['request'] and not looks['publish'] - {'/rosout', '/parameter_events'}

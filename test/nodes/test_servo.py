@@ -273,7 +273,7 @@ def test_it_knows_when_the_arm_had_its_shape_and_when_it_was_measured(
     node.count_publishers.return_value = 0
     node.get_clock().now().nanoseconds = 105_000_000_000
     observed = EstimateObserver(
-        node, load_arm(description_file()), {'silence_timeout': 10.0, 'arm.jamming': True},
+        node, load_arm(description_file()), {'stale_timeout': 10.0, 'arm.jamming': True},
         Mock())
     shape = equilibrium_to_ros(observed.chain.straight())
     shape.stamp = stamp(104.9)

@@ -331,7 +331,7 @@ def test_no_tendon_moves_before_the_valves_were_heard(rig: Rig) -> None:
 def test_a_disturbance_in_mid_motion_ends_the_motion(
         rig: Rig, disturb: Callable[[Rig], object], named: str) -> None:
     silent = named != 'segment'
-    rig.start('tendon_actuation', 'jamming_valves', **{'silence_timeout': 1.5} if silent else {})
+    rig.start('tendon_actuation', 'jamming_valves', **{'stale_timeout': 1.5} if silent else {})
     rig.start('kinematics')
     make_soft(rig, 3)
     pull_slowly(rig)

@@ -147,7 +147,7 @@ def test_up_starts_the_twin_and_a_camera_too_and_both_end_with_it(
 
 
 @pytest.mark.parametrize(('arguments', 'named'), [
-    (['--twin', 'perfect'], 'ideal, typical, bad'),
+    (['--twin', 'perfect'], 'ideal, typical, severe'),
     (['--twin', '--tendon-driver', 'simulated'], 'it has those for grbl, dynamixel'),
 ])
 def test_a_twin_that_cannot_be_is_refused_before_anything_starts(

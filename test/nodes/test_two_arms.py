@@ -50,7 +50,7 @@ def test_a_stop_of_one_arm_leaves_the_other_one_running(make_rig: Callable[..., 
 def test_the_four_nodes_come_up_under_a_namespace(
         make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path) -> None:
     patient = tmp_path / 'patient.yaml'
-    patient.write_text('/**:\n  ros__parameters:\n    silence_timeout: 10.0\n')
+    patient.write_text('/**:\n  ros__parameters:\n    stale_timeout: 10.0\n')
     rig = make_rig(namespace='/lab/left')
     up = processes.start([
         *module_command('up'), '--namespace', '/lab/left/',

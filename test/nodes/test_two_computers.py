@@ -17,7 +17,7 @@ LOSSY = Quality(delay=0.05, jitter=0.01, loss=0.05)
 """In each direction, so that a round trip takes 0.1 s."""
 FORWARD, BACK = [0.0, 0.0, 0.5], [0.0, 0.0, -0.5]
 SILENCE_TIMEOUT = 2.0  # s: a busy machine is silent for more than the 0.5 s that ./run soak tries
-SLOW = {**PARAMETERS, 'silence_timeout': SILENCE_TIMEOUT, 'tendon_speed': 0.006}
+SLOW = {**PARAMETERS, 'stale_timeout': SILENCE_TIMEOUT, 'tendon_speed': 0.006}
 """A motion takes longer than the timeout."""
 ALLOWED, BUSY = SILENCE_TIMEOUT + 0.1, 2.0  # s: what a cut takes, and what a busy machine may add
 AFTERWARDS = 1.0  # s

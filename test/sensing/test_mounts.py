@@ -23,7 +23,7 @@ from soft_continuum.sensing.tracker import Tracker
 from soft_continuum.user_files import description_file
 from support import space_views, views
 
-VALUES = {'frame_id': 'base_link', 'tracker.frame_id': 'world', 'tracker.mounts': (0.0,)}
+VALUES = {'frame_id': 'base_link', 'tracker.frame_id': 'world', 'tracker.offsets': (0.0,)}
 
 
 def matrix(position, rotation):
@@ -145,7 +145,7 @@ def test_the_straight_arm_is_as_high_as_its_parts():
 
 
 @pytest.mark.parametrize('change', [
-    {'tracker.mounts': (0.0, 1.0)}, {'tracker.mounts': (0.0,) * 28},
+    {'tracker.offsets': (0.0, 1.0)}, {'tracker.offsets': (0.0,) * 28},
     {'tracker.base_pose': (0.0,) * 7}, {'tracker.base_pose': (1.0,)}])
 def test_parameters_that_are_no_poses_are_refused(change):
     values = {**VALUES, 'tracker.base_pose': (0, 0, 0, 0, 0, 0, 1), **change}
@@ -180,7 +180,7 @@ def sights(poses):
 def test_what_a_tare_answers_is_what_the_parameter_takes():
     """Twelve numbers: x, z and angle of each disc; those of discs that are not seen stay."""
     layout, given = views.layout(), np.round(0.001 * np.arange(12.0), 6)
-    before = layout.stuck_as({'tags.mounts': tuple(given)})
+    before = layout.stuck_as({'tags.offsets': tuple(given)})
     assert before[2] == pytest.approx(in_space(0.006, 0.007, 0.008))
     discs, after, kept = layout.tared(before, sights([[0.001, 0.1, 0.02]] * 5))
     assert discs == [1]
@@ -189,7 +189,7 @@ def test_what_a_tare_answers_is_what_the_parameter_takes():
     for n, (one, other) in enumerate(zip(again, before, strict=True)):
         assert one == pytest.approx(after[1] if n == 1 else other, abs=1e-6)
     with pytest.raises(ParameterError, match=r'tags\.mounts has 11 numbers'):
-        layout.stuck_as({'tags.mounts': tuple(range(11))})
+        layout.stuck_as({'tags.offsets': tuple(range(11))})
     with pytest.raises(SensorError, match='disc 1: it is seen 30.0 mm'):
         layout.tared(before, sights([[0.03, 0.1, 0.0]] * 5))
 

@@ -96,10 +96,10 @@ def test_one_tag_has_two_poses_and_two_tags_have_one():
 def test_a_wrong_focal_length_is_corrected_by_fixed_tags_at_different_depths():
     turn, shift = before_the_camera(FRONT)
     shift = shift + [0.0, 0.15, 0.2]
-    tags = [tag for tag in views.layout(fixed_deviation=1e-5).fixed_tags.values()
+    tags = [tag for tag in views.layout(fixed_stddev=1e-5).fixed_tags.values()
             if ((tag.centre @ turn.T + shift)[2] > 0.5)]
     places = (seen(tags, turn, shift) - LENS.matrix[:2, 2]) * 1.004 + LENS.matrix[:2, 2]
-    fit = TagGroup(tags, places, LENS, focal_deviation=0.01).fits()[0]
+    fit = TagGroup(tags, places, LENS, focal_stddev=0.01).fits()[0]
     assert fit.focal == pytest.approx(1.004, abs=5e-4)
     assert fit.shift == pytest.approx(shift, abs=5e-4)
 
@@ -282,6 +282,6 @@ def test_an_arm_that_bends_or_moves_is_not_tared(ideal):
         at_rest([straight] * 3 + [leans] * 3)
     with pytest.raises(SensorError, match='no tags are seen'):
         RingCamera(views.layout(), drawn.lens, {3: straight[4]})
-    with pytest.raises(ParameterError, match='tags.straight has 8 numbers'):
+    with pytest.raises(ParameterError, match='tags.reference_corners has 8 numbers'):
         from_numbers((1.0,) * 8)
     assert from_numbers((0.0,)) == {}

@@ -144,5 +144,5 @@ def test_an_imu_that_sits_askew_is_right_after_a_tare(views, free, wrong):
 
 SETTINGS_OF_IMUS = {
     'imu.mounting_turns': (0.0,), 'imu.mounting_angles': (0.0,),
-    'imu.acceleration_deviation': 0.05, 'imu.rate_deviation': 0.003,
-    'imu.bias_deviation': 0.05, 'imu.motion_acceleration': 1.0, 'imu.deviation': 0.01}
+    'imu.acceleration_stddev': 0.05, 'imu.rate_stddev': 0.003,
+    'imu.bias_stddev': 0.05, 'imu.motion_acceleration': 1.0, 'imu.stddev': 0.01}

@@ -21,7 +21,7 @@ DEADLINE = 90.0  # s: everything is rendered in software
 expect.set_options(timeout=DEADLINE * 1e3)
 # Slow enough to be seen and stopped on its way; at a rate that a busy machine keeps.
 SLOW = {'tendon_speed': 0.001, 'tendon_rate': 5.0, 'jamming_rate': 10.0,
-        'silence_timeout': 10.0}
+        'stale_timeout': 10.0}
 
 
 class Page:

@@ -74,7 +74,7 @@ QUICK = {
     'tendon_acceleration': 5.0,
     'speed_limit': 1.0,  # so far above that a message may come late
     'acceleration_limit': 100.0,
-    'silence_timeout': 10.0,
+    'stale_timeout': 10.0,
 }
 """An arm that sets a segment in half a second, and nodes that wait for a busy machine."""
 STREAM = QoSProfile(depth=5000, reliability=ReliabilityPolicy.BEST_EFFORT)

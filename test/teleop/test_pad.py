@@ -45,7 +45,7 @@ def test_within_the_dead_zone_a_stick_is_at_rest_and_beyond_it_begins_at_zero():
     ([0.0, inf] + [0.0] * 6, [0] * 11, 'axis 1 is inf'),
     ([0.0] * 4 + [-1.5] + [0.0] * 3, [0] * 11, 'axis 4 is -1.5'),
     ([0.0, 0.0], [0] * 11, r'has 2 axes, none with the number 4 \(teleop.z_axis\)'),
-    ([0.0] * 8, [0] * 4, r'has 4 buttons, none with the number 4 \(teleop.dead_man_button\)'),
+    ([0.0] * 8, [0] * 4, r'has 4 buttons, none with the number 4 \(teleop.enable_button\)'),
     ([], [], 'no axes and no buttons'),
 ])
 def test_what_is_no_message_of_the_described_pad_is_refused(axes, buttons, reason):
@@ -59,7 +59,7 @@ def test_an_axis_that_is_not_used_may_show_anything():
 
 
 def test_one_button_cannot_mean_two_things():
-    with pytest.raises(ParameterError, match='teleop.dead_man_button and teleop.soften_button'):
+    with pytest.raises(ParameterError, match='teleop.enable_button and teleop.soften_button'):
         pad(soften_button=4)
     with pytest.raises(ParameterError, match='teleop.x_axis and teleop.y_axis are both 0'):
         pad(y_axis=0)
@@ -67,7 +67,7 @@ def test_one_button_cannot_mean_two_things():
 
 
 @pytest.mark.parametrize('changes', [{}, {'x_scale': 0.5, 'dead_zone': 0.0}, {
-    'x_axis': 3, 'y_axis': 2, 'z_axis': 0, 'dead_man_button': 9, 'dead_zone': 0.4}])
+    'x_axis': 3, 'y_axis': 2, 'z_axis': 0, 'enable_button': 9, 'dead_zone': 0.4}])
 def test_what_a_keyboard_writes_is_read_as_it_was_meant(changes):
     described = pad(**changes)
     meant = Controls((-0.3, 0.5, 1.0), frozenset({'dead_man', 'mode'}))

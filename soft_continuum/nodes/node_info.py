@@ -12,21 +12,21 @@ from soft_continuum import version
 from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.parameters.arm import description_digest
 from soft_continuum.ros.conversions import seconds
-from soft_continuum.ros.names import ABOUT, INSTANCE
+from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum.text import plain, printable
 from soft_continuum_interfaces import srv
-from soft_continuum_interfaces.msg import NodeInstance
+from soft_continuum_interfaces.msg import Heartbeat
 
 PERIOD = 0.2  # s between two signs of life
 MAX_CONFLICT = 500  # characters of a conflict that another node notices
 
 
 @dataclass(frozen=True)
-class Instance:
+class NodeInfo:
     """
-    What a node says of itself, five times a second on ``~/instance``, as in NodeInstance.
+    What a node reports of itself, five times a second on ``~/heartbeat``.
 
     description: parameters.arm.description_digest.  time: its ROS time, s.
     """
@@ -40,33 +40,34 @@ class Instance:
 
     @classmethod
     def own(cls, parameters: Mapping[str, Any]) -> Self:
-        """Return what a node of this process with these parameters says."""
+        """Return that of a node of this process with these parameters."""
         return cls(uuid4().hex, version(), description_digest(parameters), socket.gethostname())
 
-    def to_ros(self, time: float) -> NodeInstance:
+    def to_ros(self, time: float) -> Heartbeat:
         """Return it as a message that is sent at a ROS time, s."""
-        return NodeInstance(
+        return Heartbeat(
             stamp=stamp_of(time), process=self.process, host=self.host, version=self.version,
             description=self.description, conflict=self.conflict)
 
     @classmethod
-    def from_ros(cls, message: NodeInstance) -> Self:
+    def from_ros(cls, message: Heartbeat) -> Self:
         """Read a message."""
         return cls(plain(message.process), plain(message.version), plain(message.description),
                    plain(message.host), seconds(message.stamp),
                    printable(message.conflict, MAX_CONFLICT))
 
 
-class About:
-    """Publishes an Instance for a node, and serves ~/about (soft_continuum_interfaces/About)."""
+class NodeInfoPublisher:
+    """Publishes the NodeInfo of a node as ~/heartbeat, and serves ~/get_node_info."""
 
     def __init__(self, node: Any, parameters: Mapping[str, Any]) -> None:
         """Begin; parameters: of the node."""
-        self.own = Instance.own(parameters)
+        self.own = NodeInfo.own(parameters)
         self._node = node
-        self._publisher = node.create_publisher(NodeInstance, INSTANCE, STREAM)
+        self._publisher = node.create_publisher(Heartbeat, HEARTBEAT, STREAM)
         answer = guarded(node, self._answer)
-        node.create_service(srv.About, ABOUT, lambda _, response: answer(response) or response)
+        node.create_service(srv.GetNodeInfo, GET_NODE_INFO,
+                            lambda _, response: answer(response) or response)
         repeat(node, PERIOD, self._publish)
 
     @property
@@ -77,7 +78,7 @@ class About:
     def _publish(self) -> None:
         self._publisher.publish(self.own.to_ros(self.time))
 
-    def _answer(self, response: srv.About.Response) -> srv.About.Response:
+    def _answer(self, response: srv.GetNodeInfo.Response) -> srv.GetNodeInfo.Response:
         response.host, response.version = self.own.host, self.own.version
         response.description = self.own.description
         response.stamp = self._node.get_clock().now().to_msg()

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``learn``: what kinematics has learned of the running arm, as a parameter file."""
+"""``save-estimate``: writes the parameters that kinematics has estimated to a file."""
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from soft_continuum.client.estimate import Estimate
     from soft_continuum.mechanics.arm import Arm
 
-NAME = 'learn'
-FILE = 'learned.yaml'
+NAME = 'save-estimate'
+FILE = 'estimated.yaml'
 HOW_TO_SEE = 'does the node camera or disc_sensors run, and what does `soft_continuum status` say?'
 HOW_TO_LEARN = ('a segment tells its stiffness while it is soft and hangs on its own spring, and '
                 'its K when a load on it changes while it is stiff: set other shapes')
@@ -69,7 +69,7 @@ def _run(options: argparse.Namespace) -> None:
     path, = reserve_outputs(options.output, [FILE], options.force)
     with RunningArm(options.namespace, timeout=options.timeout) as arm:
         estimate = arm.state.estimate
-        learned = learn(_known(estimate), arm.description)
+        learned = estimated_parameters(_known(estimate), arm.description)
         title = _title(arm.is_simulated)
     _say(learned)
     assert estimate is not None
@@ -95,7 +95,7 @@ def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
     from soft_continuum.client.errors import ClientError
     from soft_continuum.client.state import source_text
     if estimate is None:
-        raise ClientError('kinematics publishes no shape, so there is nothing to learn from; see '
+        raise ClientError('kinematics publishes no shape, so there is no estimate to save; see '
                           '`soft_continuum status`')
     if not estimate.parameters:
         raise ClientError(f'nothing is estimated, the shape is {source_text(estimate)}; '
@@ -119,7 +119,7 @@ def _say(learned: Learned) -> None:
         print(f'{NAME}: warning: {text}; look at the arm before you use it', file=sys.stderr)
 
 
-def learn(parameters: Sequence[LearnedParameter], arm: 'Arm') -> Learned:
+def estimated_parameters(parameters: Sequence[LearnedParameter], arm: 'Arm') -> Learned:
     """Return what a description takes of what is estimated of an arm that was described."""
     from soft_continuum.analysis.unknowns import stiffnesses_of
     learned = Learned()

@@ -8,8 +8,7 @@ from typing import Any
 
 import pytest
 
-from soft_continuum.cli.learn import FILE
-from soft_continuum.cli.learn import learn as what_is_learned
+from soft_continuum.cli.save_estimate import estimated_parameters, FILE
 from soft_continuum.client.estimate import LearnedParameter
 from soft_continuum.parameters.files import (
     load_arm,
@@ -27,25 +26,26 @@ def arm(estimated_of_module: EstimatedArm) -> EstimatedArm:
     return estimated_of_module
 
 
-Learn = Callable[..., tuple[int, str, str]]
+Save = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def learn(arm: EstimatedArm, call: Callable[..., Any], tmp_path: Path) -> Learn:
+def save(arm: EstimatedArm, call: Callable[..., Any], tmp_path: Path) -> Save:
     """Return a function that saves what is learned; None: nothing is estimated."""
     def run(parameters: list[EstimatedParameter] | None, *options: str) -> tuple[int, str, str]:
         arm.age = None if parameters is None else 0.05
         arm.state = KinematicsState(
             source=KinematicsState.PREDICTED if parameters is None else KinematicsState.ESTIMATED,
             parameters=parameters or [])
-        return call('learn', '--output', str(tmp_path), *options)  # type: ignore[no-any-return]
+        return call(  # type: ignore[no-any-return]
+            'save-estimate', '--output', str(tmp_path), *options)
 
     return run
 
 
 def test_what_is_determined_becomes_a_description_that_nodes_read(
-        learn: Learn, tmp_path: Path) -> None:
-    status, output, errors = learn([
+        save: Save, tmp_path: Path) -> None:
+    status, output, errors = save([
         learned('stiffness_factor_1', 1.25, 0.05),
         learned('stiffness_factor_2', 0.9, 0.25, determined=False),
         learned('stiff_ratio_3', 40.0, 4.0), learned('payload', 0.021, 0.002),
@@ -69,10 +69,10 @@ def test_what_is_determined_becomes_a_description_that_nodes_read(
     assert 'left_tendon is pulled in by -1.20 +- 0.1 mm beyond what its motor says' in output
     assert 'stiffness factor, segment 2: not determined' in output
     # Nothing is overwritten unless that is asked for.
-    status, _, errors = learn([learned('payload', 0.5, 0.002)])
+    status, _, errors = save([learned('payload', 0.5, 0.002)])
     assert status == 2 and 'add --force to overwrite it' in errors
     assert load_arm(description_file(), tmp_path / FILE).payload == pytest.approx(0.021)
-    assert learn([learned('payload', 0.5, 0.002)], '--force')[0] == 0
+    assert save([learned('payload', 0.5, 0.002)], '--force')[0] == 0
     assert load_arm(description_file(), tmp_path / FILE).payload == pytest.approx(0.5)
 
 
@@ -85,17 +85,17 @@ def test_what_is_determined_becomes_a_description_that_nodes_read(
     ([learned('stiffness_factor_7', 1.0, 0.1)], 'this arm has no such segment'),
     ([learned('colour', 1.0, 0.1)], 'no parameter of a description')])
 def test_what_is_not_determined_is_refused_with_the_reason(
-        learn: Learn, tmp_path: Path, parameters: list[EstimatedParameter] | None, reason: str
+        save: Save, tmp_path: Path, parameters: list[EstimatedParameter] | None, reason: str
         ) -> None:
-    status, _, errors = learn(parameters)
+    status, _, errors = save(parameters)
     assert status == 1
     assert reason in errors and errors.count('\n') == 1
     assert not list(tmp_path.iterdir())
 
 
 def test_a_value_that_is_not_plausible_is_written_with_a_warning(
-        learn: Learn, tmp_path: Path) -> None:
-    status, _, errors = learn([
+        save: Save, tmp_path: Path) -> None:
+    status, _, errors = save([
         learned('stiff_ratio_2', 4.1, 0.4, problem='less than 5: is the vacuum full?')])
     assert status == 0
     assert 'warning: K, segment 2 4.1: less than 5: is the vacuum full?' in errors
@@ -105,7 +105,7 @@ def test_a_value_that_is_not_plausible_is_written_with_a_warning(
 def written(arm: Any, parameters: list[EstimatedParameter], path: Path) -> None:
     """Write what a description takes of them."""
     known = [LearnedParameter(p.name, p.value, p.deviation, p.determined) for p in parameters]
-    write_parameters(path, what_is_learned(known, arm).values, [])
+    write_parameters(path, estimated_parameters(known, arm).values, [])
 
 
 def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> None:
@@ -130,6 +130,7 @@ def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> No
 
 def test_without_nodes_there_is_nothing_to_learn_from(
         arm: EstimatedArm, call: Callable[..., Any], tmp_path: Path) -> None:
-    status, _, errors = call('learn', '--output', str(tmp_path), namespace='/nobody', timeout=0.5)
+    status, _, errors = call('save-estimate', '--output', str(tmp_path), namespace='/nobody',
+                             timeout=0.5)
     assert status == 3 and 'do not run' in errors
     assert not list(tmp_path.iterdir())
