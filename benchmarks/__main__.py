@@ -18,8 +18,7 @@ NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops', 'd
 def main() -> None:
     """Run what the command line asks for, print it, and write it into the documents."""
     parser = argparse.ArgumentParser(
-        prog='./run bench', description='Measure; write the tables of docs/benchmarks and those '
-        'of sensing, estimation, mechanics, planning, twin, closed loop, servo and study.')
+        prog='./run bench', description='Measure, and write the tables of docs/benchmarks.')
     parser.add_argument('--only', metavar='NAME', action='append', choices=NAMES,
                         help=f'one of {", ".join(NAMES)}; may be given more than once')
     parser.add_argument('--quick', action='store_true',

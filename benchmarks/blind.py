@@ -41,7 +41,7 @@ def _bumped(seen: Seen) -> Seen:
 
 
 FAULTS: dict[str, Callable[[Seen], Seen]] = {
-    'no picture, a dark or a frozen one': _nothing,
+    'no images, or dark or frozen ones': _nothing,
     'the tip disc hidden': partial(_without, 3),
     'disc 2 hidden': partial(_without, 2),
     'camera bumped by 2° and 12 mm': _bumped,
@@ -85,11 +85,12 @@ def run(quick: bool) -> Section:
                          f'{1e3 * found.tip_error:.2f} mm, open loop '
                          f'{1e3 * without.tip_error:.2f} mm {found.outcome.failed[:60]}')
     rows = [_row(name, moment, each) for (name, moment), each in results.items()]
-    head = ('fault', 'after', 'ended in a fault', 'succeeded', 'tip, mm: median', 'worst',
-            'open loop, tip, mm: median', 'worst', 'farther off than in open loop')
-    return Section('how_to/close_the_loop.md', 'blind', '\n\n'.join([
-        f'Simulated: {len(seeds)} rigs `typical` and random shapes that are not among those '
-        f'above, a goal on the tip. {machine()}', table(head, rows)]))
+    head = ('fault', 'after this part of the images', 'ended with an error', 'succeeded',
+            'error of the tip, mm: median', 'worst', 'in open loop, mm: median', 'worst',
+            'worse than in open loop')
+    return Section('benchmarks/closed_loop.md', 'blind', '\n\n'.join([
+        f'Simulated: {len(seeds)} rigs `typical`, random shapes other than those of `loop`, aim '
+        f'on the tip. {machine()}', table(head, rows)]))
 
 
 def _row(name: str, moment: float, results: list[tuple[Result, Result]]) -> tuple[str, ...]:

@@ -30,13 +30,13 @@ ANGLE = 0.6  # rad, largest bending angle of a segment
 INSIDE = 7.815  # chi squared of three that 95 % are below
 CLUTTER = 10_000
 SMALL = 320, 240  # px
-HEAD = ('preset', 'discs seen', 'position, mm RMS', '95 %', 'angle, degrees RMS',
-        'to where the tags are, mm', 'degrees', 'inside the 95 % ellipsoid',
-        'ms per picture')
+HEAD = ('preset', 'discs seen', 'error of the position, mm: RMS', '95 %',
+        'of the angle, degrees: RMS', 'relative to the tags: mm RMS', 'degrees RMS',
+        'inside the 95 % ellipsoid', 'ms per image')
 
 
 def run(quick: bool) -> Section:
-    """Measure; the section is of sensing.md."""
+    """Measure; the section is of the page about estimation."""
     cv2.setNumThreads(1)
     random = np.random.default_rng(1)
     values = load_description(description_file(), node='camera')
@@ -61,11 +61,11 @@ def run(quick: bool) -> Section:
         progress(f'camera: {preset} done')
     found = _false_detections(layout, random, 20 if quick else CLUTTER)
     body = '\n\n'.join([
-        f'Simulated: {CAMERAS} cameras, {PICTURES} pictures of 1280 x 960 each, on one core. '
+        f'Simulated: {CAMERAS} cameras, {PICTURES} images of 1280 x 960 each, on one core. '
         + machine(), table(HEAD, rows),
-        f'Tags seen in {20 if quick else CLUTTER} pictures of {SMALL[0]} x {SMALL[1]} of random '
+        f'Tags found in {20 if quick else CLUTTER} images of {SMALL[0]} x {SMALL[1]} with random '
         f'black and white cells of 4 to 24 px: {found}.'])
-    return Section('explanation/sensing.md', 'camera', body)
+    return Section('benchmarks/estimation.md', 'camera', body)
 
 
 def _measure(chain: PlaneChain, layout: TagLayout, given: ModelErrors,

@@ -38,7 +38,7 @@ AXIAL_STIFFNESS, RATIO, DEAD_BAND, LAG = 5e3, 50.0, 1e-4, 0.1  # N, K, m, s: of 
 
 
 def run(quick: bool) -> Section:
-    """Measure; the section is of the page about following a target."""
+    """Measure; the section is of the page about the closed loop."""
     arm = load_arm(description_file())
     presets = {name: read_model_errors(description_file().with_name('twin.yaml'), name)
                for name in ('typical', 'bad')}
@@ -47,31 +47,32 @@ def run(quick: bool) -> Section:
     if not quick:
         _draw(responses, steps, IMAGE)
     body = '\n\n'.join([
-        f'Simulated with motors that have {SETTINGS.speed * 1e3:g} mm/s, default parameters, a '
-        f'target every 50 ms and 15 pictures per second with {degrees(NOISE):.1f}° of noise. '
+        f'Simulated with motors of {SETTINGS.speed * 1e3:g} mm/s, default parameters, a '
+        f'target every 50 ms and 15 images per second with {degrees(NOISE):.1f}° of noise. '
         + machine(),
         f'**A sine** of ±{degrees(AMPLITUDE):.0f}° at {FREQUENCY:g} Hz on the MuJoCo twin, target '
-        'less true angle:',
+        'minus true angle:',
         table(('preset', 'segment',
                *(f'{name}: RMS / largest error, degrees' for name, _ in SOURCES)),
               _sines(arm, presets, quick)),
         '**Bandwidth** with the camera 100 ms late, '
-        f'±{degrees(SMALL):.0f}°, `typical`: gain and phase of the true angle over the target',
+        f'±{degrees(SMALL):.0f}°, `typical`: gain and phase from target to true angle',
         table(('Hz', *(f'segment {s + 1}: gain, phase' for s in range(len(responses)))),
               [(f'{f:g}', *(f'{abs(z):.2f}, {round(np.angle(z, deg=True))}°' for z in each))
                for f, *each in zip(FREQUENCIES, *responses, strict=False)]),
-        f'**Wrong models**: steps of {2 * degrees(STEP):.0f}° of each segment, of a plant with '
-        f'another stiffness, K = {RATIO:g}, tendons of {AXIAL_STIFFNESS / 1e3:g} kN, a friction '
+        f'**Wrong models**: steps of {2 * degrees(STEP):.0f}° of each segment of a plant with '
+        f'{STIFFNESS[0]:g} to {STIFFNESS[-1]:g} times the stiffness, K = {RATIO:g}, '
+        f'tendons of {AXIAL_STIFFNESS / 1e3:g} kN, a friction '
         f'band of {DEAD_BAND * 1e3:g} mm and a lag of {LAG * 1e3:g} ms:',
-        table(('delay, and whether the stamps tell it', 'runs', 'came to rest',
+        table(('delay, and whether the stamps include it', 'runs', 'came to rest',
                'largest overshoot, degrees', f'largest error in the last {LAST:g} s, degrees',
                'largest motion in it, mm of pull'), rows),
-        '**Margins** of the loop, by its formula:',
-        table(('k', 'delay', 'stamps tell it', 'gain margin', 'phase margin, degrees'),
+        '**Margins** of the loop, computed from its formula:',
+        table(('k', 'delay', 'stamps include it', 'gain margin', 'phase margin, degrees'),
               _margins()),
-        f'**Cost**: one cycle takes {number(_cost(arm) * 1e3)} ms (median), and to enable the '
-        f'servo {number(_enabling(arm) * 1e3)} ms, of processor time.'])
-    return Section('how_to/follow_a_moving_target.md', 'servo', body)
+        f'**Processor time**: one cycle takes {number(_cost(arm) * 1e3)} ms (median), enabling '
+        f'the servo {number(_enabling(arm) * 1e3)} ms.'])
+    return Section('benchmarks/closed_loop.md', 'servo', body)
 
 
 def _sines(arm: Arm, presets: dict[str, ModelErrors], quick: bool) -> list[tuple[str, ...]]:

@@ -36,13 +36,15 @@ REPEATS = 300
 
 
 def run(quick: bool) -> Section:
-    """Measure; the section is of the page about space."""
+    """Measure; the section is of the page about accuracy."""
     _kernel.functions()  # loaded before anything is timed
     rows = [_row(rod, bodies, 4 if quick else None) for rod in (STEEL, TPU) for bodies in BODIES]
-    head = ('rod', 'bodies', 'shapes solved', 'tip, mm: mean', 'worst', 'all stations, mm: mean',
-            'worst', 'ms for a shape, median', 'worst')
-    return Section('explanation/mechanics.md', 'spatial', '\n\n'.join([
-        f'{machine()}', table(head, rows), _beside_rods(),
+    head = ('rod', 'bodies', 'shapes solved', 'error of the tip, mm: mean', 'worst',
+            'of all stations, mm: mean', 'worst', 'ms per shape: median', 'worst')
+    return Section('benchmarks/accuracy.md', 'spatial', '\n\n'.join([
+        'Shapes of rods of steel and TPU under gravity and wrenches, computed with SoRoSim '
+        f'(Cosserat rods) and rounded to about 0.1 mm (`data/sorosim`). {machine()}',
+        table(head, rows), _beside_rods(),
         _beside_the_plane(20 if quick else REPEATS),
         _questions(3 if quick else 30), _batches(300 if quick else 3000)]))
 
@@ -76,7 +78,8 @@ def _beside_rods() -> str:
             cells.append(number(1e3 * float(off.max())))
         rows.append((str(bodies), *cells))
     return table(('bodies in each of three segments, all soft and hanging',
-                  'paper, off the rods at most, mm', 'second order', 'with two spacers'), rows)
+                  'largest distance from Kirchhoff rods, mm: `PAPER`', '`SECOND_ORDER`',
+                  'with two spacers'), rows)
 
 
 def _beside_the_plane(repeats: int) -> str:
@@ -85,9 +88,9 @@ def _beside_the_plane(repeats: int) -> str:
     planar, solid = Statics(arm), SpaceStatics(arm)
     soft = [True, False, False]
     solves: dict[str, Callable[[], object]] = {
-        'in the plane': lambda: planar.solve(planar.chain.straight(), PULLS, soft),
-        'in space': lambda: solid.solve(solid.chain.straight(), PULLS, soft)}
-    return _times('the arm of the paper, from straight', solves, repeats)
+        'planar solver': lambda: planar.solve(planar.chain.straight(), PULLS, soft),
+        'spatial solver': lambda: solid.solve(solid.chain.straight(), PULLS, soft)}
+    return _times("the paper's arm, from straight", solves, repeats)
 
 
 def three_tendons() -> Arm:
@@ -115,7 +118,7 @@ def _questions(repeats: int) -> str:
         'bending for a tip position': lambda: bending_for_tip(statics, there.tip),
         'bending for a tip pose': lambda: bending_for_tip(
             statics, there.tip, there.orientations[-1])}
-    return _times('three segments, three tendons, 12 bodies a segment', asked, repeats)
+    return _times('three segments and tendons, 12 bodies per segment', asked, repeats)
 
 
 def _batches(count: int) -> str:
@@ -140,7 +143,7 @@ def _batches(count: int) -> str:
         off = np.abs(batch.tips[::count // 50] - alone).max()
         rows.append((name, number(count / wall), number(count / used), f'{off:.0e}'))
     return table((f'{count:,} pulls up to {1e3 * PULL:g} mm in one batch', 'solves/s', 'per core',
-                  'off, m'), rows)
+                  'difference, m'), rows)
 
 
 def _times(title: str, asked: dict[str, Callable[[], object]], repeats: int) -> str:

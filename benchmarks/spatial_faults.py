@@ -156,7 +156,7 @@ def watched(arm: Any, fault: Fault, seed: int, shapes: int = 1) -> Outcome:
 
 
 def run(quick: bool) -> Section:
-    """Measure; the section is of the page about the estimate."""
+    """Measure; the section is of the page about estimation."""
     arm = Description.read(description_file().with_name(ARM)).arm
 
     def seeds(count: int) -> range:
@@ -167,11 +167,11 @@ def run(quick: bool) -> Section:
     runs = sum(broken.values(), [])
     right = sum(one.first in RIGHT[fault] for fault, each in broken.items() for one in each)
     body = '\n\n'.join([
-        f'Simulated: the same with the arm of `config/{ARM}`, in random directions; {RUNS} runs '
+        f'Simulated: as for the planar arm, with `config/{ARM}` in random directions. {RUNS} runs '
         f'of each fault, seeds from {FIRST_SEED} on. ' + machine(),
         table(HEAD, [row(fault, outcomes) for fault, outcomes in broken.items()]),
-        f'All in all {right} of {len(runs)}.', 'Without a fault:',
+        f'Correct: {right} of {len(runs)}.', 'Without a fault:',
         table(ALARMS, [alarms('sequences in open loop', sequences),
                        alarms('before the faults above', runs),
                        alarms('all', sequences + runs)])])
-    return Section('explanation/estimation.md', 'spatial_faults', body)
+    return Section('benchmarks/estimation.md', 'spatial_faults', body)

@@ -30,8 +30,8 @@ SEEDS = 5
 MOUNTINGS = {'upright': 0.0, 'tilted by 45°': np.pi / 4.0, 'lying': np.pi / 2.0}  # about y
 TICK, IMU_TICKS = 0.02, 5  # s; from one measurement to the next
 TICK_STEPS = round(TICK / TIME_STEP)
-HEAD = ('mounted', 'preset', 'tip of the prediction, mm: median', 'worst',
-        'tip by IMUs, mm: median', 'worst', 'better by IMUs')
+HEAD = ('mounting', 'preset', 'error of the predicted tip, mm: median', 'worst',
+        'with IMUs, mm: median', 'worst', 'better with IMUs')
 
 
 class TiltedLab(Lab):
@@ -97,10 +97,10 @@ def run(quick: bool) -> Section:
             rows.append((name, f'`{preset}`', *values, f'{better} of {len(errors)}'))
     body = '\n\n'.join([
         f'Simulated: {len(seeds)} rigs of `config/{ARM}` for each row (seeds 0 to '
-        f'{len(seeds) - 1}), each set to a random shape of up to 34° per segment, open loop, and '
-        f'judged against the truth of the plant after {HOLDING:g} s at rest; IMUs at 10 Hz. '
+        f'{len(seeds) - 1}), each set to a random shape of up to 34° per segment in open loop. '
+        f'The truth is the shape of the plant after {HOLDING:g} s at rest. IMUs: 10 Hz. '
         + machine(), table(HEAD, rows)])
-    return Section('explanation/estimation.md', 'spatial_imus', body)
+    return Section('benchmarks/estimation.md', 'spatial_imus', body)
 
 
 def _errors(description: Description, given: ModelErrors) -> tuple[float, float]:

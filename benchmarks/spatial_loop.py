@@ -41,13 +41,13 @@ def run(quick: bool) -> Section:
                 description, replace(given, seed=seed), goal, contender, sensor))
             progress(f'spatial_loop: seed {seed}, {name}: {line(results[name][-1])}')
     body = '\n\n'.join([
-        f'Simulated: {len(seeds)} rigs of `config/{ARM}`, preset `{PRESET}`, each with other '
-        f'random errors and another random shape of up to {np.degrees(ANGLE):.0f}° per segment in '
-        'any direction, the same for all contenders. Errors are against the truth of the plant. '
-        'Discs are measured in drawn pictures, by cameras that were tared on the straight arm, '
-        'the second 60° beside the first. '
+        f'Simulated: {len(seeds)} rigs of `config/{ARM}`, preset `{PRESET}`, each with its own '
+        f'random errors and a random shape of up to {np.degrees(ANGLE):.0f}° per segment in any '
+        'direction, the same for all methods. Errors are relative to the true shape of the plant. '
+        'Discs are measured in simulated images, after a tare of the straight arm. The second '
+        'camera is 60° from the first. '
         + machine(), table(HEAD, [row(name, each) for name, each in results.items()])])
-    return Section('how_to/close_the_loop.md', 'spatial_loop', body)
+    return Section('benchmarks/closed_loop.md', 'spatial_loop', body)
 
 
 def random_goal(description: Description, seed: int) -> Goal:

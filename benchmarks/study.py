@@ -29,7 +29,7 @@ shapes: {shapes}
 
 
 def run(quick: bool) -> Section:
-    """Measure; the section is of the page about studies."""
+    """Measure; the section is of the page about performance."""
     solves = QUICK_SOLVES if quick else SOLVES
     with TemporaryDirectory() as directory:
         path = Path(directory) / 'study.yaml'
@@ -43,15 +43,15 @@ def run(quick: bool) -> Section:
     names = ('1 process', '2 processes', '2 processes, one killed every 10 s')
     body = '\n\n'.join([
         f"{len(study.designs)} designs of the paper's arm with {study.shapes:,} shapes each: "
-        f'{count:,} bendings solved. ' + machine(),
-        table(('', 'wall clock s', 'computing s', 'speed-up', 'efficiency', 'killed',
-               'same bytes as 1 process'),
+        f'{count:,} solves. ' + machine(),
+        table(('', 'wall clock, s', 'computing, s', 'speed-up', 'efficiency',
+               'workers killed', 'same files as 1 process'),
               [[name, f'{case[0]:.1f}', f'{case[1]:.1f}', f'{wall / case[0]:.2f}',
                 f'{100.0 * wall / case[0] / processes:.0f} %', str(case[3]),
                 'yes' if case[2] == rows else 'NO']
                for name, processes, case in zip(
                    names, (1, 2, 2), (cases[0], two, killed), strict=True)])])
-    return Section('how_to/compare_designs.md', 'study', body)
+    return Section('benchmarks/performance.md', 'study', body)
 
 
 def measured(study: Study, directory: Path, processes: int, killed: bool

@@ -65,7 +65,7 @@ def state(bodies: int, force: tuple[float, float, float], discs: bool = False
 
 
 def run(quick: bool) -> Section:
-    """Measure; the section is of the page about space."""
+    """Measure; the section is of the page about accuracy."""
     state(1, LOADS[1])  # loaded before anything is timed
     rows = []
     for discs in (False, True):
@@ -73,12 +73,18 @@ def run(quick: bool) -> Section:
             begin = time.perf_counter()
             tips = [state(bodies, force, discs).tip for force in LOADS]
             took = 1e3 * (time.perf_counter() - begin) / len(LOADS)
-            rows.append((f'here, {"discs" if discs else "spacers"}, {bodies} bodies between them',
+            guides = 'discs' if discs else 'spacers'
+            rows.append((f'soft_continuum: {guides}, bodies between them: {bodies}',
                          *_row(tips), number(took)))
     rows += [(f'tdcr-modeling: {name}', *_row([np.array(tip) for tip in tips]), '-')
              for name, tips in MODELS.items()]
-    head = ('model', 'tip, mm', 'away, mm', 'tip under a load, mm', 'away, mm', 'ms for a shape')
-    return Section('explanation/mechanics.md', 'tdcr', f'{machine()}\n\n{table(head, rows)}')
+    head = ('model', 'tip, mm', 'distance, mm', 'tip with load, mm', 'distance, mm',
+            'ms per shape')
+    return Section('benchmarks/accuracy.md', 'tdcr', '\n\n'.join([
+        f'The arm is the example of tdcr-modeling: two segments of {LENGTH:g} m with {SPACERS} '
+        f'discs and three tendons each, tensions of {TENSIONS[0]:g} and {TENSIONS[4]:g} N, loads '
+        f'of 0 and {LOADS[1]} N at the tip. Distances are from the Cosserat rod that has all of '
+        f'the force at the discs. {machine()}', table(head, rows)]))
 
 
 def _row(tips: Sequence[Array]) -> list[str]:

@@ -30,7 +30,7 @@ RATE_TIME = 10.0  # s simulated to find how fast
 
 
 def run(quick: bool) -> Section:
-    """Measure; the section is of the page about the twin."""
+    """Measure; the section is of the page about accuracy."""
     random = np.random.default_rng(1)
     arm = load_arm(description_file())
     in_space: Any = load_arm(description_file().with_name('spatial_jamming.yaml'))
@@ -52,20 +52,20 @@ def run(quick: bool) -> Section:
                            random))
         progress(f'twin: sequence {n + 1} in space: '
                  f'{", ".join(f"{d * 1e3:.4f}" for d in there[-1].max(axis=0))} mm')
-    rows = [row for name, each in (('planar', found), ('in space', there))
+    rows = [row for name, each in (('planar', found), ('spatial', there))
             for row in _rows(name, np.concatenate(each) * 1e3, ideal)]
     rates = [(f'`{preset}`', *(number(_rate(one, read_model_errors(file, preset)))
                                for one in (arm, in_space, free))) for preset in PRESETS]
     body = '\n\n'.join([
         f'Simulated: {count} random sequences (seed 1) of {STEPS} steps with '
         f'{len(arm.segments)} segments, each set to up to {degrees(ANGLE):.0f}° in random order, '
-        f'the arm mounted at random angles; and {more} of the arm of `spatial_jamming.yaml`, in '
-        f'random directions, every other one with a payload of {PAYLOAD:g} kg. ' + machine(),
-        table(('arm', 'stiff segments of the statics', 'the farthest disc, mm: median', '95 %',
-               'worst', f'steps within {GOAL:g} mm'), rows),
-        table(('preset', 'simulated time over processor time, one core: planar arm',
+        f'with the arm mounted at random angles, and {more} with `spatial_jamming.yaml` in random '
+        f'directions, every other one with a payload of {PAYLOAD:g} kg. ' + machine(),
+        table(('arm', 'stiff segments of the statics', 'largest error of a disc, mm: median',
+               '95 %', 'worst', f'steps within {GOAL:g} mm'), rows),
+        table(('preset', 'simulated over processor time, one core: planar arm',
                '`spatial_jamming.yaml`', '`tendon_arm.yaml`'), rates)])
-    return Section('how_to/try_it_on_a_simulated_rig.md', 'twin', body)
+    return Section('benchmarks/accuracy.md', 'twin', body)
 
 
 def _rows(arm: str, distances: Array, ideal: ModelErrors) -> list[tuple[str, ...]]:
