@@ -25,7 +25,7 @@ from soft_continuum.sequencing.planner import Planner, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Phase
 from soft_continuum.sequencing.settings import (
     DEAD_BAND,
-    LOCK_IN_DEVIATION,
+    LOCK_IN_STDDEV,
     LoopSettings,
     RunnerSettings,
 )
@@ -139,7 +139,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
         lambda segments, aim: planned(lambda planner: next_step(
             planner, state(), lab.pulls.tolist(), segments, aim, DEAD_BAND)),
         lambda segments, aim, limit: planned(lambda planner: segments_worth_correcting(
-            planner, state(), lab.pulls.tolist(), segments, aim, LOCK_IN_DEVIATION,
+            planner, state(), lab.pulls.tolist(), segments, aim, LOCK_IN_STDDEV,
             limit)),
         state)
     runner = ClosedLoopRunner(

@@ -34,7 +34,7 @@ from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePl
 from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
-PRESETS = ('typical', 'bad')
+PRESETS = ('typical', 'severe')
 SEEDS = 10
 SHAPES = 2  # one after the other
 SETTLING, HOLDING = 1.0, 2.0  # s after each motion, and until a shape is judged

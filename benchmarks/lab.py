@@ -319,7 +319,7 @@ class Lab:
             return {n: Pose(*seen) for n, seen in self._rings.discs(discs).items()}
         if self._drawn is None:
             self._drawn = TagTwinCamera(layout, self.differences)
-            stuck = layout.stuck_as({'tags.mounts': (0.0,)})
+            stuck = layout.stuck_as({'tags.offsets': (0.0,)})
             self._camera = layout.camera(self._drawn.lens, stuck)
             # Drawn only now: not every contender looks.
             _, stuck, _ = layout.tared(stuck, [self._sight(*then) for then in self._straight])

@@ -30,7 +30,7 @@ from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
-PRESETS = ('typical', 'bad')
+PRESETS = ('typical', 'severe')
 SEEDS = 30
 ANGLE = 0.6  # rad, largest bending angle of a goal
 HOLDING = 2.0  # s until the arm is judged

@@ -41,7 +41,7 @@ def run(quick: bool) -> Section:
     """Measure; the section is of the page about the closed loop."""
     arm = load_arm(description_file())
     presets = {name: read_model_errors(description_file().with_name('twin.yaml'), name)
-               for name in ('typical', 'bad')}
+               for name in ('typical', 'severe')}
     responses = _responses(arm, presets['typical'], quick)
     rows, steps = _grid(arm, quick)
     if not quick:

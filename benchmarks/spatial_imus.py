@@ -25,7 +25,7 @@ from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.twin.plant import TIME_STEP
 from soft_continuum.user_files import description_file
 
-PRESETS = ('typical', 'bad')
+PRESETS = ('typical', 'severe')
 SEEDS = 5
 MOUNTINGS = {'upright': 0.0, 'tilted by 45°': np.pi / 4.0, 'lying': np.pi / 2.0}  # about y
 TICK, IMU_TICKS = 0.02, 5  # s; from one measurement to the next

@@ -18,7 +18,7 @@ from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'
-PRESET = 'bad'
+PRESET = 'severe'
 SEEDS = 12
 ANGLE = 0.6  # rad, largest bending angle of a goal
 CONTENDERS: dict[str, tuple[Contender, str]] = {
