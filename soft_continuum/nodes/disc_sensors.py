@@ -60,7 +60,7 @@ class DiscSensors(Node):
         self._heights = straight_heights(arm)
         count = len(self._heights)
         self._tracker = Tracker.of(values, arm)
-        position, angle = (values[f'tracker.{name}_deviation'] for name in ('position', 'angle'))
+        position, angle = (values[f'tracker.{name}_stddev'] for name in ('position', 'angle'))
         self._covariance = np.diag([position**2] * 3 + [angle**2] * 3)
         self._rotations = imu_rotations(values['imu.axes'], count)
         self._imus = MountedImus.of(values, arm)
@@ -195,7 +195,7 @@ class DiscSensors(Node):
             ('pose', followed), ('tilt', tilted)) if discs]
         self._report()
         flat = tuple(float(v) for mount in mounts for v in mount)
-        kept = [f'tracker: {{mounts: {as_yaml(flat, 6)}}}'] if followed else []
+        kept = [f'tracker: {{offsets: {as_yaml(flat, 6)}}}'] if followed else []
         name, turns = self._imus.kept()
         kept += [f'imu: {{{name}: {as_yaml(turns, 6)}}}'] if tilted else []
         return (f'taken as straight: {"; ".join(self._tared)}. To keep it over a restart, write '

@@ -74,7 +74,7 @@ VACUUM_TOLERANCE = Parameter(
 JOYSTICK_AXES = {'x': (0, -1.0), 'y': (1, 1.0), 'z': (4, 1.0)}
 """Number, and what one full deflection counts: joy_node counts left as positive."""
 JOYSTICK_BUTTONS = {
-    'dead_man': (4, 'button that has to be held for anything to move'),
+    'enable': (4, 'button that has to be held for anything to move'),
     'emergency_stop': (1, 'button that turns the emergency stop on'),
     'reset': (7, 'button that turns the emergency stop off; pressed again, it resumes'),
     'mode': (6, 'button that changes between bending a segment and moving the tip'),
@@ -83,7 +83,7 @@ JOYSTICK_BUTTONS = {
     'stiffen': (2, 'button that stiffens the chosen segment'),
 }
 """Number, as joy_node counts the buttons of an Xbox pad, and meaning of every button."""
-NEEDED_BUTTONS = ('dead_man', 'emergency_stop')
+NEEDED_BUTTONS = ('enable', 'emergency_stop')
 
 NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     TENDON_ACTUATION: (

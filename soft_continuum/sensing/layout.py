@@ -41,7 +41,7 @@ class Layout(ABC):
     Tags of the family 36h11: on the discs, and fixed ones that are numbered from FIRST_FIXED.
 
     disc_size, fixed_size: edge of the black square, m.  fixed: where the fixed ones are, one a
-    row.  deviation, fixed_stddev: m, standard, of where tags are stuck on the discs, and where
+    row.  stddev, fixed_stddev: m, standard, of where tags are stuck on the discs, and where
     the fixed ones are.  disc_heights: (discs,) m.  straight_heights: (discs,) m, of the bottom of
     each disc of the straight arm above base_link.  segment_lengths: (segments,) m, between the
     discs.
@@ -50,7 +50,7 @@ class Layout(ABC):
     disc_size: float
     fixed_size: float
     fixed: Array
-    deviation: float
+    stddev: float
     fixed_stddev: float
     disc_heights: tuple[float, ...]
     straight_heights: tuple[float, ...]
@@ -104,7 +104,7 @@ class Layout(ABC):
 def of_arm(arm: Arm, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return what all layouts have of an arm and of parameters tags.*, by the names of Layout."""
     return {name: values[f'tags.{name}'] for name in (
-        'disc_size', 'fixed_size', 'deviation', 'fixed_stddev')} | {
+        'disc_size', 'fixed_size', 'stddev', 'fixed_stddev')} | {
         'disc_heights': tuple(d.height for d in arm.discs),
         'straight_heights': straight_heights(arm),
         'segment_lengths': tuple(s.length for s in arm.segments)}
@@ -171,7 +171,7 @@ class TagLayout(Layout):
             except SensorError as error:
                 raise SensorError(f'disc {n}: {error}') from None
         numbers = tuple(float(v) for mount in mounts for v in planar_pose(mount))
-        return discs, tuple(mounts), f'mounts: {as_yaml(numbers, 6)}'
+        return discs, tuple(mounts), f'offsets: {as_yaml(numbers, 6)}'
 
     def camera(self, lens: Lens, stuck: tuple[Array, ...]) -> 'DiscCamera':
         """Return a TagCamera."""

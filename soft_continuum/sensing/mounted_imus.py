@@ -25,7 +25,7 @@ from soft_continuum.sensing.tilt import (
 )
 
 SETTINGS = ('acceleration_stddev', 'rate_stddev', 'bias_stddev', 'motion_acceleration',
-            'deviation')
+            'stddev')
 MOUNTED = {1: ('mounting_angles', 'one for all or for each of {} discs'),
            3: ('mounting_turns', 'a rotation vector for each of {} discs, or 0.0 for none')}
 """By the number of axes about which a disc turns: parameter imu. of how IMUs are mounted."""

@@ -64,7 +64,7 @@ class RingLayout(Layout):
     Around every disc lies a prism of ``faces`` tags, edge to edge, upright: z of the disc is up.
     Face k of disc N looks from the axis along k / faces of a turn about z from x, and has the
     number faces * N + k.  fixed: (fixed, 4), centre x, y, z (m) in base_link and the direction
-    that it looks (rad about z from x); z of base_link is up.  deviation, ring_stddev: m,
+    that it looks (rad about z from x); z of base_link is up.  stddev, ring_stddev: m,
     standard, of where tags are on their ring, and rings on their disc.  disc_radii: (discs,) m.
     How tags are stuck is where their corners are seen of the straight arm.
     """
@@ -130,7 +130,7 @@ class RingLayout(Layout):
 
     def ring(self, disc: int) -> dict[int, Tag]:
         """Return the tags of a disc in its frame, from the centre of its bottom, by number."""
-        found, spread = {}, _spread(self.deviation, self.disc_size)
+        found, spread = {}, _spread(self.stddev, self.disc_size)
         for k, number in enumerate(self.numbers(disc)):
             axes = _upright(2.0 * pi * k / self.faces)
             centre = self.radius * axes[2] + [0.0, 0.0, self.heights[disc]]
@@ -154,7 +154,7 @@ class RingLayout(Layout):
         corners = at_rest([sight.corners for sight in seen])
         discs = [n for n in range(len(self.heights)) if not corners.keys().isdisjoint(
             self.numbers(n))]
-        return discs, corners, f'straight: {as_yaml(as_numbers(corners), 7)}'
+        return discs, corners, f'reference_corners: {as_yaml(as_numbers(corners), 7)}'
 
     def camera(self, lens: Lens, stuck: Corners) -> 'DiscCamera':
         """Return a RingCamera."""
@@ -183,9 +183,9 @@ def off_a_line(points: Array) -> bool:
     return bool(len(points) >= MIN_FIXED and spread[1] > MIN_WIDTH * spread[0] > 0.0)
 
 
-def _spread(deviation: float, size: float) -> Array:
+def _spread(stddev: float, size: float) -> Array:
     """Return that of a tag of some size that is stuck off by a standard deviation, m."""
-    return np.diag(deviation * np.repeat([1.0, 1.0 / size], 3))
+    return np.diag(stddev * np.repeat([1.0, 1.0 / size], 3))
 
 
 def _upright(direction: float) -> Array:

@@ -75,7 +75,7 @@ class TagCamera(DiscCamera):
 
     def _fixed_covariance(self, disc: int, fit: '_Fit') -> Array:
         """Return the covariance of what is off in every picture alike: tags, and the lens."""
-        stuck = self.layout.deviation
+        stuck = self.layout.stddev
         of_tag = np.diag([stuck, stuck, stuck / self.layout.disc_size])**2
         lever = np.eye(3)  # a tag that is turned shifts the bottom of the disc
         lever[:2, 2] = -self.layout.heights[disc] * directions(fit.pose[2])[0]

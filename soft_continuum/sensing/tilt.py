@@ -63,7 +63,7 @@ class ImuSettings:
 
     gravity: m/s^2.  acceleration_stddev (m/s^2) and rate_stddev (rad/s): standard, of one
     sample, where the IMU does not tell.  bias_stddev: rad/s, of the gyroscope when it is
-    switched on.  motion_acceleration: m/s^2, standard, of a disc that moves.  deviation: rad,
+    switched on.  motion_acceleration: m/s^2, standard, of a disc that moves.  stddev: rad,
     standard, of what an IMU is off in every sample at an angle alike: its mounting, and its
     accelerometer's offset.
     """
@@ -73,7 +73,7 @@ class ImuSettings:
     rate_stddev: float = 0.003
     bias_stddev: float = 0.05
     motion_acceleration: float = 1.0
-    deviation: float = 0.01
+    stddev: float = 0.01
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class UpFilter:
     @property
     def up_covariance(self) -> Array:
         """Of up, across it, (3, 3), what is off in every sample included."""
-        found = self.covariance[UP, UP] + self._settings.deviation**2 * EYE
+        found = self.covariance[UP, UP] + self._settings.stddev**2 * EYE
         across = EYE - np.outer(self.up, self.up)
         return np.asarray(across @ found @ across)
 
@@ -217,7 +217,7 @@ class UpFilter:
         self.covariance = moves @ self.covariance @ moves.T
         # At another angle the offset of the accelerometer is another angle.
         self.covariance[UP, UP] += (noise**2 * by_rate @ by_rate.T
-                                    + self._settings.deviation**2 * hypot(*turn.tolist()) * EYE)
+                                    + self._settings.stddev**2 * hypot(*turn.tolist()) * EYE)
         self.covariance[BIAS, BIAS] += BIAS_WALK**2 * step * EYE
 
     def _restart(self, up: Array, variance: float) -> None:

@@ -4,7 +4,7 @@
 
 from math import inf
 
-from soft_continuum.teleop.pad import Controls, DEAD_MAN
+from soft_continuum.teleop.pad import Controls, ENABLE
 
 MOVE = 'hold the dead-man button and move the stick'
 RELEASE = 'release the dead-man button, let go of the stick, then press it again'
@@ -40,7 +40,7 @@ class DeadMan:
     @property
     def held(self) -> bool:
         """Whether the button is held, by the last message."""
-        return self._controls is not None and DEAD_MAN in self._controls.pressed
+        return self._controls is not None and ENABLE in self._controls.pressed
 
     def receive(self, controls: Controls, now: float, stamp: float | None = None) -> None:
         """Take in a message; stamp: s by the clock of its sender, None for none."""

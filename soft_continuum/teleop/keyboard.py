@@ -13,8 +13,8 @@ from math import inf
 
 from soft_continuum.teleop.pad import (
     Controls,
-    DEAD_MAN,
     EMERGENCY_STOP,
+    ENABLE,
     MODE,
     NEXT_SEGMENT,
     RESET,
@@ -77,4 +77,4 @@ class Keyboard:
             return Controls()
         before, self._gripped = self._gripped, True
         x, y, z = (self.speed * value for value in STICK[key]) if before else (0.0, 0.0, 0.0)
-        return Controls((x, y, z), frozenset({DEAD_MAN}))
+        return Controls((x, y, z), frozenset({ENABLE}))

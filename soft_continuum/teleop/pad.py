@@ -11,13 +11,13 @@ from soft_continuum.parameters.parameter import ParameterError
 
 NONE = -1
 """Number of an axis or a button that the device does not have."""
-DEAD_MAN = 'dead_man'
+ENABLE = 'enable'
 EMERGENCY_STOP = 'emergency_stop'
 RESET = 'reset'
 MODE = 'mode'
 NEXT_SEGMENT = 'next_segment'
 SOFTEN, STIFFEN = 'soften', 'stiffen'
-BUTTONS = (DEAD_MAN, EMERGENCY_STOP, RESET, MODE, NEXT_SEGMENT, SOFTEN, STIFFEN)
+BUTTONS = (ENABLE, EMERGENCY_STOP, RESET, MODE, NEXT_SEGMENT, SOFTEN, STIFFEN)
 AXES = ('x', 'y', 'z')
 MAX_AXIS = 1.001  # that an axis may show; joy_node goes to 1
 

@@ -37,7 +37,7 @@ TIMEOUT = 60.0  # s, on a loaded machine
 QUICK = {'tendon_speed': 0.03, 'tendon_acceleration': 0.3, 'tendon_rate': 10.0,
          'jamming_rate': 20.0,
          # What follows the model and is off on purpose, as some tests' trackers, must not lead it.
-         'estimation__used': False}
+         'estimation__enabled': False}
 
 
 @pytest.fixture(scope='module')

@@ -119,7 +119,7 @@ def test_usage_names_the_command_that_was_typed(capsys, monkeypatch, script, pro
 def test_the_version_is_that_of_the_package(call):
     status, said, _ = call('--version')
     assert status == arguments.DONE
-    assert re.fullmatch(r'soft_continuum 0\.1\.0\+[0-9a-f]{8}\n', said)
+    assert re.fullmatch(r'soft_continuum 0\.2\.0\+[0-9a-f]{8}\n', said)
 
 
 @pytest.mark.parametrize(('words', 'reason'), [

@@ -231,7 +231,7 @@ def test_a_tare_takes_the_present_as_straight_and_says_how_to_keep_it(rig: Rig) 
     found = re.search(r'disc_sensors: (\{.*\})$', answer.message)
     assert found
     kept = yaml.safe_load(found[1])['ros__parameters']
-    assert len(kept['tracker']['mounts']) == 28
+    assert len(kept['tracker']['offsets']) == 28
     assert kept['imu']['mounting_angles'] == pytest.approx([0.0, 0.0, 0.0, 0.15], abs=0.01)
     before = len(sensors.poses[1]), len(sensors.poses[3])
     sensors.until(send, lambda: len(sensors.poses[1]) > before[0] + 1

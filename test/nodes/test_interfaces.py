@@ -49,7 +49,7 @@ def in_graph(rig: Rig, node: str, found: Iterable[tuple[str, list[str]]]) -> dic
         short = name.removeprefix(f'{rig.namespace}/')
         short = re.sub(rf'^{node}/', '~/', short)
         short = re.sub(r'(segment|disc)_\d+', r'\1_N', short)
-        short = re.sub(r'^\w+/instance$', 'NODE/heartbeat', short)
+        short = re.sub(r'^\w+/heartbeat$', 'NODE/heartbeat', short)
         if '/_' not in short and short not in LEFT_OUT:
             names[short] = re.sub('/(msg|srv|action)/', '/', types[0])
     return names
@@ -72,7 +72,7 @@ def assert_same(node: str, kind: str, on_page: dict[str, str],
 @pytest.fixture(scope='module')
 def suite(module_rig: Rig) -> Rig:
     """Return every node of the suite, with load cells."""
-    module_rig.start_arm(load_cells__used=True)
+    module_rig.start_arm(load_cells__enabled=True)
     module_rig.start(*OTHERS, ready=False)
     return module_rig
 

@@ -42,7 +42,7 @@ def test_nothing_moves_without_load_cells_and_what_they_show_ends_a_motion(
         rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(SimulatedTendons, 'reference_moves', True)
     cells = Cells(rig)
-    rig.start('tendon_actuation', *OTHERS, load_cells__used=True, load_cells__zeros=ZEROS,
+    rig.start('tendon_actuation', *OTHERS, load_cells__enabled=True, load_cells__zeros=ZEROS,
               load_cells__scales=SCALES, stale_timeout=3.0, tension_tolerance=10.0)
     rig.goal('c_form').assert_rejected('the tension of right_tendon, left_tendon is not measured')
     homing = rig.trigger('tendon_actuation/reference')

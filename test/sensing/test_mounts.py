@@ -188,7 +188,7 @@ def test_what_a_tare_answers_is_what_the_parameter_takes():
     again = layout.stuck_as({f'tags.{k}': tuple(v) for k, v in yaml.safe_load(kept).items()})
     for n, (one, other) in enumerate(zip(again, before, strict=True)):
         assert one == pytest.approx(after[1] if n == 1 else other, abs=1e-6)
-    with pytest.raises(ParameterError, match=r'tags\.mounts has 11 numbers'):
+    with pytest.raises(ParameterError, match=r'tags\.offsets has 11 numbers'):
         layout.stuck_as({'tags.offsets': tuple(range(11))})
     with pytest.raises(SensorError, match='disc 1: it is seen 30.0 mm'):
         layout.tared(before, sights([[0.03, 0.1, 0.0]] * 5))

@@ -48,7 +48,7 @@ def ideal():
     return camera, TagCamera(camera._layout, camera.lens), camera.picture(views.poses(*ANGLES))
 
 
-@pytest.mark.parametrize('preset', ['ideal', 'bad'])
+@pytest.mark.parametrize('preset', ['ideal', 'severe'])
 def test_the_model_is_where_the_camera_sees_it(preset):
     camera = views.camera(preset, tag_offset=0.0, fixed_offset=0.0, depth_offset=0.0,
                           calibration_error=0.0)

@@ -260,7 +260,7 @@ def test_a_tare_corrects_the_camera_and_how_tags_are_stuck():
     """Bent arms are seen better too: what is wrong along the view is not taken for a ring."""
     random, before, after = np.random.default_rng(3), [], []
     for seed in range(2):
-        drawn = views.camera('bad', seed=seed)
+        drawn = views.camera('severe', seed=seed)
         cameras = RingCamera(views.layout(), drawn.lens), tared(drawn)
         for _ in range(2):
             truth = views.random_discs(random)

@@ -20,7 +20,7 @@ REST = np.zeros(500)
 
 
 def hinge():
-    return UpFilter(ImuSettings(imus.GRAVITY, deviation=DEVIATION), PLANAR_AXES[3:])
+    return UpFilter(ImuSettings(imus.GRAVITY, stddev=DEVIATION), PLANAR_AXES[3:])
 
 
 def samples(record, start=1000.0):

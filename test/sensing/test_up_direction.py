@@ -21,7 +21,7 @@ from support import space_views, views
 from support.imus import Errors, GRAVITY
 
 DEVIATION, STEP, LENGTH = 0.01, 0.02, 0.25
-SETTINGS, ALL = ImuSettings(GRAVITY, deviation=DEVIATION), SPATIAL_AXES[3:]
+SETTINGS, ALL = ImuSettings(GRAVITY, stddev=DEVIATION), SPATIAL_AXES[3:]
 STRAIGHT = Rotation.identity()
 ERRORS = Errors(offset=DEVIATION * GRAVITY)
 

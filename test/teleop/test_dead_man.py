@@ -8,7 +8,7 @@ import pytest
 from soft_continuum.teleop.dead_man import DeadMan
 from soft_continuum.teleop.pad import Controls
 
-HELD = frozenset({'dead_man'})
+HELD = frozenset({'enable'})
 REST = Controls()
 GRIP = Controls(pressed=HELD)
 PUSH = Controls((0.5, 0.0, 0.0), HELD)
