@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A joystick, a servo and a teleop that listens to it."""
 
+from threading import Lock
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -35,17 +36,19 @@ class Joystick:
             TendonTrajectory, 'tendon_actuation/tendon_trajectory')
         self._marks = 0
         self._message = Joy(axes=[0.0] * 8, buttons=[0] * 11)
+        self._lock = Lock()  # so that the timer does not send what was held before
         self._unrest = 0.0  # part by which the stick is less far than it is held
         self._timer = rig.observer.create_timer(PERIOD, self._publish)
         rig.wait_for(lambda: len(self.statuses), 'a status of the servo')
 
     def _publish(self) -> None:
-        # A hand never holds a stick quite still; one that does not change has lost its radio.
-        self._unrest = 1e-3 - self._unrest
-        message = Joy(buttons=self._message.buttons, axes=[
-            axis * (1.0 - self._unrest) for axis in self._message.axes])
-        message.header.stamp = self.rig.observer.get_clock().now().to_msg()
-        self._publisher.publish(message)
+        with self._lock:
+            # A hand never holds a stick quite still; one that does not change has lost its radio.
+            self._unrest = 1e-3 - self._unrest
+            message = Joy(buttons=self._message.buttons, axes=[
+                axis * (1.0 - self._unrest) for axis in self._message.axes])
+            message.header.stamp = self.rig.observer.get_clock().now().to_msg()
+            self._publisher.publish(message)
 
     def unplug(self) -> None:
         """Say nothing more; its executor would end if that came while it takes the timer."""
@@ -64,8 +67,9 @@ class Joystick:
 
     def show(self, *pressed: int, x: float = 0.0, y: float = 0.0) -> None:
         """Hold these buttons, and the left stick like this, from now on."""
-        self._message = Joy(axes=[x, y] + [0.0] * 6,
-                            buttons=[int(n in pressed) for n in range(11)])
+        with self._lock:
+            self._message = Joy(axes=[x, y] + [0.0] * 6,
+                                buttons=[int(n in pressed) for n in range(11)])
         self._publish()
 
     def wait_for(self, text: str, **fields: Any) -> TeleopState:
