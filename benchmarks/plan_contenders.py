@@ -13,7 +13,7 @@ from benchmarks.queries import MARGIN, Query
 from soft_continuum.mechanics import bending_for_tip, set_shape
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.obstacles import Surroundings
+from soft_continuum.obstacles import CollisionScene
 from soft_continuum.sequencing.planner import Move, PlanError, Planner, Shape
 from soft_continuum.sequencing.reach import reach, ReachSettings
 
@@ -29,7 +29,7 @@ def ours(description: Description, query: Query, limit: float) -> Sequence[Move]
     """Return the first plan of the suite."""
     found = next(reach(
         Planner(description.arm, description.settings), query.state, query.pulls.tolist(),
-        query.goal, Surroundings(description.arm, query.obstacles),
+        query.goal, CollisionScene(description.arm, query.obstacles),
         ReachSettings(margin=MARGIN, states=UNLIMITED, time_limit=limit)))
     if found.why or found.plan is None:
         raise NoPlanError(found.why)
@@ -58,7 +58,7 @@ def rrt_connect(description: Description, query: Query, limit: float) -> Sequenc
     util.RNG.setSeed(1)
     began = process_time()
     planner = Planner(description.arm, description.settings)
-    around = Surroundings(description.arm, query.obstacles)
+    around = CollisionScene(description.arm, query.obstacles)
     limits = description.arm.bending_angle_limits.tolist()
     space = base.RealVectorStateSpace(len(limits))
     bounds = base.RealVectorBounds(len(limits))

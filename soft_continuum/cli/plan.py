@@ -23,7 +23,7 @@ from soft_continuum.cli.tip_path import read_tip_path
 from soft_continuum.client.tip import Tip
 from soft_continuum.extras import require
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.obstacles import Surroundings
+from soft_continuum.obstacles import CollisionScene
 from soft_continuum.obstacles.files import load_obstacles
 from soft_continuum.sequencing.moves import PlanSettings
 from soft_continuum.sequencing.planner import Planner
@@ -87,7 +87,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
                         ('reach.states', options.states)):
         if value is not None:
             values[name] = value
-    around = Surroundings(arm, load_obstacles(options.obstacles) if options.obstacles else ())
+    around = CollisionScene(arm, load_obstacles(options.obstacles) if options.obstacles else ())
     tips = (read_tip_path(options.path, options.unit, UNITS[options.unit] * options.tolerance,
                           options.decimal)
             if options.path else [given_tip(options)])
@@ -103,7 +103,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
     return parser.fail(found.why, FAILED) if found.why else DONE
 
 
-def _planned(arm: Arm, values: dict[str, Any], around: Surroundings,
+def _planned(arm: Arm, values: dict[str, Any], around: CollisionScene,
              start: Sequence[Any] | None, tips: Sequence[Tip]) -> tuple[Any, Reach]:
     """Return the state at the start, and the plan; raises PlanError for what is no goal."""
     planner, settings = Planner(arm, PlanSettings.of(values)), reach_from_parameters(values)

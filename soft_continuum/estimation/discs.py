@@ -20,7 +20,7 @@ MODEL_ERROR = np.diag(np.repeat([SHIFT_ERROR, TURN_ERROR], 3))**2
 """Covariance (6, 6) of a disc's pose for that."""
 
 
-def apart(state: Any, other: Any) -> Array:
+def pose_error(state: Any, other: Any) -> Array:
     """Return by how much the discs' bottoms are elsewhere than in another state, (discs, 6)."""
     return np.array([displacement(now, then) for now, then in zip(
         state.poses[::2], other.poses[::2], strict=True)])

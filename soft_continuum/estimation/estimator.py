@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import scipy
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.discs import apart, MODEL_ERROR
+from soft_continuum.estimation.discs import MODEL_ERROR, pose_error
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
     Innovation,
@@ -136,7 +136,7 @@ class Estimator:
         if switched:
             self._switch(commands.stiff, commands.time)
         self.state = state
-        self._change = apart(state, start) if switched else self._change
+        self._change = pose_error(state, start) if switched else self._change
         self._note(commands, before)
         self._drift_by(max(0.0, commands.time - before.time),
                        np.abs(commands.pulls - before.pulls))

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.discs import apart, bent_evenly, camera_moved
+from soft_continuum.estimation.discs import bent_evenly, camera_moved, pose_error
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
@@ -172,7 +172,7 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
         directions = np.column_stack([
             PART * step * rows[:, layout.offset.start + tendon], _yielding(other, rows, layout)])
         return Hypothesis(
-            Cause.TENDON_SLIPPED, tendon, point, point.measured(apart(other, point.state)),
+            Cause.TENDON_SLIPPED, tendon, point, point.measured(pose_error(other, point.state)),
             directions, rows @ reference.covariance @ rows.T + point.noise, step=step)
 
     for tendon in range(layout.tendons):
@@ -211,7 +211,7 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
         rows = _rows_at(point, statics, there, reference.layout, commands)
         return Hypothesis(
             Cause.LOAD, disc, point,
-            point.measured(apart(there, point.state)) - pushed @ force / FORCE, pushed,
+            point.measured(pose_error(there, point.state)) - pushed @ force / FORCE, pushed,
             rows @ reference.covariance @ rows.T + point.noise, FORCE)
 
     for tensions in (state.tensions, np.zeros_like(state.tensions)):

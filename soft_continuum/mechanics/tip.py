@@ -233,14 +233,14 @@ class _Fit:
             return np.concatenate([self.missed(bending, goal, turn),
                                    BEYOND * np.maximum(over, 0.0)], axis=-1)
 
-        def slopes(values: Array) -> Array:
+        def jacobian(values: Array) -> Array:
             more, less = np.split(left(values + steps), 2)
             found: Array = (more - less).T / (2.0 * DIFFERENCE)
             return found
 
         bending = guess.copy()
         if unknown:
-            bending = bent(least_squares(left, guess[self.free], slopes, xtol=tolerance,
+            bending = bent(least_squares(left, guess[self.free], jacobian, xtol=tolerance,
                                          ftol=tolerance, gtol=tolerance,
                                          max_nfev=MAX_EVALUATIONS).x)
         bending[some] = within_limits(bending[some], self.limits[some])
@@ -288,7 +288,7 @@ class _Fit:
                     self.turn.T @ fit.state.rotations[-1]).as_rotvec()])
             return np.concatenate([away, BEYOND * np.maximum(over, 0.0)])
 
-        def slopes(values: Array) -> Array:
+        def jacobian(values: Array) -> Array:
             here = left(values)
             return np.column_stack([(left(values + step) - here) / DIFFERENCE
                                     for step in DIFFERENCE * np.eye(len(values))])
@@ -298,7 +298,7 @@ class _Fit:
         most = np.broadcast_to(self.limits[:, None], self.free.shape)[self.free]
         with suppress(StaticsError):  # what was found before that stays
             least_squares(left, np.clip(near.bending[self.free], -INSIDE * most, INSIDE * most),
-                          slopes, bounds=(-most, most), xtol=1e-9, ftol=1e-9, gtol=1e-12,
+                          jacobian, bounds=(-most, most), xtol=1e-9, ftol=1e-9, gtol=1e-12,
                           max_nfev=MAX_FITS)
         return best
 

@@ -13,7 +13,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.entries import repeat, subscribe
-from soft_continuum.obstacles import Mesh, Obstacle, ObstacleError, Surroundings
+from soft_continuum.obstacles import CollisionScene, Mesh, Obstacle, ObstacleError
 from soft_continuum.obstacles.files import load_obstacles, MAX_OBSTACLES
 from soft_continuum.obstacles.mesh import MAX_TRIANGLES
 from soft_continuum.parameters.parameter import ParameterError
@@ -62,7 +62,7 @@ class KnownObstacles:
             if path := parameters['obstacles.file']:
                 self._known = {(one.name, 0): one
                                for one in load_obstacles(Path(path).expanduser())}
-            self._surroundings = self._around(self._known)
+            self._scene = self._around(self._known)
         except ObstacleError as error:
             raise ParameterError(f'parameter obstacles.file: {error}') from None
         self._publisher = node.create_publisher(MarkerArray, 'known_obstacles', LATCHED)
@@ -71,9 +71,9 @@ class KnownObstacles:
         repeat(node, EXPIRY_PERIOD, self._expire)
 
     @property
-    def surroundings(self) -> Surroundings:
+    def scene(self) -> CollisionScene:
         """What is around the arm; another object whenever that has changed."""
-        return self._surroundings
+        return self._scene
 
     @property
     def report(self) -> dict[str, str]:
@@ -133,18 +133,18 @@ class KnownObstacles:
 
     def _set(self, known: dict[Key, Obstacle]) -> None:
         """Take other obstacles; raises ObstacleError and changes nothing where they cannot be."""
-        self._surroundings = self._around(known)
+        self._scene = self._around(known)
         self._known = known
         self._publish()
         self._on_change()
 
-    def _around(self, known: Mapping[Key, Obstacle]) -> Surroundings:
+    def _around(self, known: Mapping[Key, Obstacle]) -> CollisionScene:
         triangles = sum(len(one.shape.triangles) for one in known.values()
                         if isinstance(one.shape, Mesh))
         if triangles > MAX_TRIANGLES:
             raise ObstacleError(f'the meshes have {triangles} triangles in all; allowed: '
                                 f'{MAX_TRIANGLES}. Simplify them, for instance with MeshLab')
-        return Surroundings(self._arm, known.values())
+        return CollisionScene(self._arm, known.values())
 
     def _publish(self) -> None:
         stamp = self._node.get_clock().now().to_msg()

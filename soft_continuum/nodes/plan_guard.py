@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
-from soft_continuum.obstacles import Surroundings
+from soft_continuum.obstacles import CollisionScene
 from soft_continuum.sequencing.plan_watch import PlanWatch
 from soft_continuum.sequencing.plans import ShapePlan
 
@@ -14,14 +14,14 @@ from soft_continuum.sequencing.plans import ShapePlan
 class PlanGuard:
     """Watches one plan after the other; distances are found on a thread of its own."""
 
-    def __init__(self, parameters: Mapping[str, Any], surroundings: Callable[[], Surroundings]
+    def __init__(self, parameters: Mapping[str, Any], scene: Callable[[], CollisionScene]
                  ) -> None:
-        """Start the thread; surroundings: as they are known now."""
-        self._parameters, self._surroundings = parameters, surroundings
+        """Start the thread; scene: as they are known now."""
+        self._parameters, self._scene = parameters, scene
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='plan_guard')
         self._plan: ShapePlan | None = None
         self._watch: PlanWatch | None = None
-        self._seen: Surroundings | None = None
+        self._seen: CollisionScene | None = None
         self._look: Future[None] | None = None
         self.close = self._thread.shutdown
 
@@ -37,7 +37,7 @@ class PlanGuard:
             if plan is not None and plan.ways:
                 self._watch = PlanWatch(plan, self._parameters['obstacles.margin'],
                                         self._parameters['reach.max_deviation'])
-        watch, around = self._watch, self._surroundings()
+        watch, around = self._watch, self._scene()
         if watch is None:
             return '', '', False
         if self._look is not None and self._look.done():

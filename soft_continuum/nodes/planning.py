@@ -14,7 +14,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.obstacles import Surroundings
+from soft_continuum.obstacles import CollisionScene
 from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting, Step
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans
@@ -64,14 +64,14 @@ class Planning:
     """Begins to plan; only the newest plan is made."""
 
     def __init__(self, arm: Arm, parameters: Mapping[str, Any], observed: ArmObserver,
-                 surroundings: Callable[[], Surroundings], warn: Callable[[str], None]) -> None:
+                 scene: Callable[[], CollisionScene], warn: Callable[[str], None]) -> None:
         """
         Plan for what is ``observed`` of ``arm``, within the limits of the parameters.
 
         warn: is told when a search ended early, on the thread that plans.
         """
         self._arm, self._parameters, self._observed = arm, parameters, observed
-        self._surroundings, self._warn, self._kept = surroundings, warn, KeptPlans()
+        self._scene, self._warn, self._kept = scene, warn, KeptPlans()
         self._thread = PlanningThread()
         self.abandon, self.close = self._thread.abandon, self._thread.close
 
@@ -83,7 +83,7 @@ class Planning:
         first: it is enough to know that there are plans, not how good they could be nor the
         states on their ways.
         """
-        around = self._surroundings()
+        around = self._scene()
         if first and not around.obstacles and not any(shape.tips for shape in shapes):
             return self._start(lambda planner, state, pulls: planner.plan(state, pulls, shapes))
         if kept := self._shown(shapes, take=not first):
@@ -99,7 +99,7 @@ class Planning:
     def explain(self, shapes: Sequence[Shape], time_limit: float, states: int
                 ) -> 'Future[list[Reach]]':
         """Begin to plan shapes, up to the first that fails; time_limit, states: 0: as ``plan``."""
-        situation, around = self._situation, self._surroundings()
+        situation, around = self._situation, self._scene()
         settings = reach_from_parameters(self._parameters)
         settings = replace(settings, time_limit=time_limit or settings.time_limit,
                            states=states or settings.states)
@@ -114,7 +114,7 @@ class Planning:
     @property
     def _situation(self) -> object:
         """What must be equal for a plan to hold, besides where the arm is."""
-        return (self._observed.tendons.stops, self._surroundings(),
+        return (self._observed.tendons.stops, self._scene(),
                 PlanSettings.of(self._parameters), reach_from_parameters(self._parameters))
 
     def _shown(self, shapes: Sequence[Shape], take: bool) -> list[ShapePlan]:
@@ -126,7 +126,7 @@ class Planning:
             shapes, self._parameters['angle_tolerance'], take)
 
     def _searched(self, planner: Any, state: Any, pulls: Sequence[float], shapes: Sequence[Shape],
-                  around: Surroundings, settings: ReachSettings, first: bool = False
+                  around: CollisionScene, settings: ReachSettings, first: bool = False
                   ) -> Iterator[Reach]:
         """As plan_shapes; says which search the time has ended."""
         for shape, found in zip(shapes, plan_shapes(
@@ -155,7 +155,7 @@ class Planning:
         jamming = self._parameters['arm.jamming']
         lock_in = self._parameters['loop.lock_in_stddev'] if jamming else 0.0
         # What is set again was not planned among obstacles: it must hardly move the arm.
-        near = self._parameters['obstacles.margin'] if self._surroundings().obstacles else inf
+        near = self._parameters['obstacles.margin'] if self._scene().obstacles else inf
         return self._start(lambda planner, state, pulls: segments_worth_correcting(
             planner, state, pulls, segments, aim, lock_in, min(release_limit, near)))
 

@@ -126,9 +126,9 @@ class ShapeSequencer(Node):
         self._obstacles = KnownObstacles(self, self._arm, self.parameters, self._report)
         reach_from_parameters(self.parameters)  # raises for what is none
         self._planning = Planning(
-            self._arm, self.parameters, self._observed, lambda: self._obstacles.surroundings,
+            self._arm, self.parameters, self._observed, lambda: self._obstacles.scene,
             self.get_logger().warning)
-        self._guard = PlanGuard(self.parameters, lambda: self._obstacles.surroundings)
+        self._guard = PlanGuard(self.parameters, lambda: self._obstacles.scene)
         self._server = SequenceServer(
             self, guarded(self, self._on_request), guarded(self, self._on_accepted))
         self._service = PlanService(self, self._planning, self._busy, self._shapes_now)

@@ -3,13 +3,13 @@
 """
 What the arm must not touch: obstacles in base_link, and how far the arm is from them; without ROS.
 
-``Surroundings`` needs coal, from the extra ``obstacles``, as soon as there is an obstacle.
+``CollisionScene`` needs coal, from the extra ``obstacles``, as soon as there is an obstacle.
 """
 
+from soft_continuum.obstacles.collision_scene import Clearance, CollisionScene
 from soft_continuum.obstacles.mesh import Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, turned_by
 from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
-from soft_continuum.obstacles.surroundings import Clearance, Surroundings
 
 __all__ = ['Box', 'Capsule', 'Clearance', 'Cylinder', 'Mesh', 'Obstacle', 'ObstacleError',
-           'Sphere', 'Surroundings', 'turned_by']
+           'Sphere', 'CollisionScene', 'turned_by']

@@ -122,7 +122,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
         check_wanted()
         return aim.residuals(predicted(statics, state, segments, locked(values)))
 
-    def slopes(values: Array) -> Array:
+    def jacobian(values: Array) -> Array:
         """Return derivatives by steps that do not vanish where a segment is straight."""
         here = residuals(values)
         steps = np.where(values > 0.0, -STEP, STEP)  # towards the inside
@@ -133,7 +133,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     before = residuals(best)
     try:
         found = least_squares(
-            residuals, best, jac=slopes, bounds=bounds, x_scale=0.1, xtol=PRECISION,
+            residuals, best, jac=jacobian, bounds=bounds, x_scale=0.1, xtol=PRECISION,
             ftol=PRECISION)
         if found.cost <= 0.5 * before @ before:
             best = found.x

@@ -30,7 +30,7 @@ from soft_continuum.sequencing.plans import (
 from soft_continuum.sequencing.reach.arcs import TipResidual
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.limits import ReachSettings, Surroundings
+from soft_continuum.sequencing.reach.limits import CollisionScene, ReachSettings
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 from soft_continuum.sequencing.reach.search import AIM, as_shape, reach, Search
 
@@ -39,7 +39,7 @@ SHARE = 0.7
 
 
 def reach_held(planner: MovePlanner, state: Any, pulls: Sequence[float], shape: Shape,
-               surroundings: Surroundings, settings: ReachSettings, first: bool = False) -> Reach:
+               scene: CollisionScene, settings: ReachSettings, first: bool = False) -> Reach:
     """
     Return the plan to a goal of the tip of a shape with vacuums.
 
@@ -48,7 +48,7 @@ def reach_held(planner: MovePlanner, state: Any, pulls: Sequence[float], shape: 
     if len(shape.tips) > 1:
         raise PlanError(f'{len(shape.tips)} tips and vacuums: a path is followed with every '
                         'segment stiff but one; give one tip, or leave the vacuums out')
-    search = _Search(planner, state, pulls, shape, surroundings, settings)
+    search = _Search(planner, state, pulls, shape, scene, settings)
     goal, least = shape.tips[0], inf
     best: Held | None = None
     miss = TipResidual(goal)
@@ -88,11 +88,11 @@ class _Search:
     """Plans to a goal, and from each of them to goals that are moved."""
 
     def __init__(self, planner: MovePlanner, state: Any, pulls: Sequence[float], shape: Shape,
-                 surroundings: Surroundings, settings: ReachSettings) -> None:
+                 scene: CollisionScene, settings: ReachSettings) -> None:
         self.why, self.blocked_by, self.cut_short = '', tuple[str, ...](), False
         self._goal, self._vacuums, self._settings = shape.tips[0], shape.vacuums, settings
         self.budget = Budget(settings.states, settings.time_limit)
-        self._validator = MotionValidator(planner.until(self.budget.judge), surroundings, settings)
+        self._validator = MotionValidator(planner.until(self.budget.judge), scene, settings)
         self._start = self._last = self._validator.start(state, np.array(pulls, dtype=float))
 
     def note(self, error: BlockedError) -> None:
@@ -124,7 +124,7 @@ class _Search:
             return None
         validator = self._validator
         try:
-            return Search(validator.planner, self._start, goal, validator.surroundings,
+            return Search(validator.planner, self._start, goal, validator.scene,
                           self._settings).planned(_candidate(self._start, last))
         except BlockedError:
             return None
@@ -136,14 +136,14 @@ class _Search:
         settings = replace(
             self._settings, states=int(SHARE * states), time_limit=SHARE * seconds)
         for found in reach(validator.planner, start.state, start.pulls.tolist(), goal,
-                           validator.surroundings, settings):
+                           validator.scene, settings):
             self.cut_short |= found.cut_short
             if found.plan is None:
                 self.why, self.blocked_by = found.why, found.blocked_by
                 continue
             moves, end = found.plan.moves, found.plan.state
             yield Node(end, moves[-1].pulls[-1] if moves else start.pulls,
-                       validator.surroundings.clearance(end), moves, found.steps,
+                       validator.scene.clearance(end), moves, found.steps,
                        frozenset(move.segment for move in moves))
 
 

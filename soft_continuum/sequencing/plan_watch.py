@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.obstacles.surroundings import Clearance, Surroundings
+from soft_continuum.obstacles.collision_scene import Clearance, CollisionScene
 from soft_continuum.sequencing.plans import ShapePlan
 from soft_continuum.sequencing.reach.passage import between, body_radius
 
@@ -45,10 +45,10 @@ class PlanWatch:
         """Whether any obstacles were looked at yet."""
         return bool(self._clear)
 
-    def look(self, surroundings: Surroundings) -> None:
+    def look(self, scene: CollisionScene) -> None:
         """Find out how far the states, and what is between them, are from obstacles."""
         self._clear = [list(zip(clear, self._onward(way, clear), strict=True)) for way, clear in (
-            (way, surroundings.clearances(way)) for way in self._plan.ways)]
+            (way, scene.clearances(way)) for way in self._plan.ways)]
 
     def _onward(self, way: Sequence[Any], clear: Sequence[Clearance]) -> Iterator[Clearance]:
         """Yield how near obstacles are between each state and the next, and at the last one."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.obstacles.surroundings import Surroundings
+from soft_continuum.obstacles.collision_scene import CollisionScene
 from soft_continuum.sequencing.held_plan import held, plan_held
 from soft_continuum.sequencing.held_tip import reach_held
 from soft_continuum.sequencing.planner import Planner
@@ -43,7 +43,7 @@ ORDERS = 24
 
 
 def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float],
-                shapes: Sequence[Shape], surroundings: Surroundings, settings: ReachSettings,
+                shapes: Sequence[Shape], scene: CollisionScene, settings: ReachSettings,
                 first: bool = False) -> Iterator[Reach]:
     """
     Yield the plan of each shape, from where the one before it ends, up to the first that fails.
@@ -56,11 +56,11 @@ def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float],
         try:
             if shape.tips and shape.vacuums:
                 found = reach_held(
-                    planner, state, pulls, shape, surroundings, settings, first)
+                    planner, state, pulls, shape, scene, settings, first)
             elif shape.tips:
-                found = _by_tip(planner, state, pulls, shape, surroundings, settings, first)
-            elif surroundings.obstacles:
-                found = _in_some_order(planner, state, pulls, shape, surroundings, settings)
+                found = _by_tip(planner, state, pulls, shape, scene, settings, first)
+            elif scene.obstacles:
+                found = _in_some_order(planner, state, pulls, shape, scene, settings)
             else:
                 found = _from_base(planner, state, pulls, shape, settings)
         except PlanError as error:
@@ -83,11 +83,11 @@ def plan_of(found: Reach, shape: Shape) -> ShapePlan:
 
 
 def _by_tip(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
-            surroundings: Surroundings, settings: ReachSettings, first: bool) -> Reach:
+            scene: CollisionScene, settings: ReachSettings, first: bool) -> Reach:
     """Return the best plan to a goal of the tip, or along a path."""
-    for found in (reach(planner, state, pulls, shape.tips[0], surroundings, settings)
+    for found in (reach(planner, state, pulls, shape.tips[0], scene, settings)
                   if len(shape.tips) == 1 else
-                  follow(planner, state, pulls, shape.tips, surroundings, settings)):
+                  follow(planner, state, pulls, shape.tips, scene, settings)):
         if first and not found.why:
             break
     if found.plan is None:
@@ -125,9 +125,9 @@ def _step(planner: Planner, state: Any, move: Move, settings: ReachSettings) -> 
 
 
 def _in_some_order(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
-                   surroundings: Surroundings, settings: ReachSettings) -> Reach:
+                   scene: CollisionScene, settings: ReachSettings) -> Reach:
     """Return the plan to angles in the first order that is clear of obstacles."""
-    validator = MotionValidator(planner, surroundings, settings)
+    validator = MotionValidator(planner, scene, settings)
     start = validator.start(state, np.array(pulls, dtype=float))
     blocked_by: dict[str, None] = {}
     try:

@@ -36,7 +36,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
-from soft_continuum.obstacles import Obstacle, ObstacleError, Surroundings
+from soft_continuum.obstacles import CollisionScene, Obstacle, ObstacleError
 from soft_continuum.obstacles.files import load_obstacles
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description, read_yaml
@@ -114,7 +114,7 @@ def _study(path: Path, given: Any) -> Study:
         varied = {name: _candidates(name, how, values) for name, how in given['vary'].items()}
         choices = (_drawn(varied, _whole(path, given, 'sample', 1, MAX_DESIGNS, 1), seed)
                    if 'sample' in given else _grid(varied))
-        around = _surroundings(path.parent, given)
+        around = _scene(path.parent, given)
         several = [dict(zip(varied, choice, strict=True)) for choice in choices]
         if len(several) * len(around) > MAX_DESIGNS:
             raise ParameterError(f'{len(several)} designs with each of {len(around)} sets of '
@@ -127,7 +127,7 @@ def _study(path: Path, given: Any) -> Study:
                  _whole(path, given, 'queries', 0, MAX_QUERIES, 0), seed)
 
 
-def _surroundings(directory: Path, given: Mapping[str, Any]) -> dict[str, tuple[Obstacle, ...]]:
+def _scene(directory: Path, given: Mapping[str, Any]) -> dict[str, tuple[Obstacle, ...]]:
     """Return the sets of obstacles by the names of their files; '' without the key."""
     if OBSTACLES not in given:
         return {'': ()}
@@ -255,7 +255,7 @@ def _design(number: int, chosen: Mapping[str, Any], rows: Mapping[str, Any],
         varied[OBSTACLES] = file
     design = Design(number, varied, {**base, **checked}, around[file])
     try:  # refused here, before any work is done
-        Surroundings(design.arm, design.obstacles)
+        CollisionScene(design.arm, design.obstacles)
     except (ParameterError, ObstacleError) as error:
         raise ParameterError(f'design {number + 1} ({described(varied)}): {error}') from None
     return design

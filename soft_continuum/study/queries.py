@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.statics import Statics
-from soft_continuum.obstacles import Surroundings
+from soft_continuum.obstacles import CollisionScene
 from soft_continuum.sequencing.moves import PlanSettings
 from soft_continuum.sequencing.planner import Planner
 from soft_continuum.sequencing.reach import reach, TipGoal
@@ -38,7 +38,7 @@ def query(design: Design, number: int, seed: int) -> dict[str, Any]:
     draw = np.random.default_rng([seed, design.number, number, 1])
     arm = design.arm
     values: Mapping[str, Any] = design.values
-    around, statics = Surroundings(arm, design.obstacles), Statics(arm)
+    around, statics = CollisionScene(arm, design.obstacles), Statics(arm)
     settings = replace(reach_from_parameters(values), time_limit=inf, seed=number)
     jamming = bool(values['arm.jamming'])
     nan = float('nan')

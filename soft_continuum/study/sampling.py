@@ -17,7 +17,7 @@ from soft_continuum.mechanics.directions import hinged
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
 from soft_continuum.mechanics.statics import Statics
-from soft_continuum.obstacles import Surroundings
+from soft_continuum.obstacles import CollisionScene
 from soft_continuum.study.design import Design
 
 HELD, TENSION, TRAVEL, TOUCHES, FALLS = 'held', 'tension', 'travel', 'touches', 'falls'
@@ -37,7 +37,7 @@ def shapes(design: Design, first: int, count: int, seed: int) -> list[dict[str, 
     arm, statics = design.arm, Statics(design.arm)
     draw = np.random.default_rng([seed, design.number, first, 0])
     jamming = bool(design.values['arm.jamming'])
-    around = Surroundings(arm, design.obstacles)
+    around = CollisionScene(arm, design.obstacles)
     rows = []
     for shape in range(first, first + count):
         bending = drawn(arm, draw, jamming)
@@ -77,7 +77,7 @@ def set_to(statics: Any, bending: Array, jamming: bool) -> tuple[Any, int]:
     return state, int(bending.any(axis=1).sum()) if jamming else 1
 
 
-def outcome_of(state: Any, values: Mapping[str, Any], around: Surroundings) -> str:
+def outcome_of(state: Any, values: Mapping[str, Any], around: CollisionScene) -> str:
     """Return what became of a shape; state: None where no tendons hold it."""
     if state is None:
         return FALLS

@@ -105,7 +105,7 @@ def blotched(random: np.random.Generator) -> NDArray[np.float32]:
     return board
 
 
-def slopes(places: NDArray[Any]) -> NDArray[Any]:
+def jacobian(places: NDArray[Any]) -> NDArray[Any]:
     """Return how the values (height, width, k) of pixels change to the right and down."""
     return np.stack([np.gradient(places, axis=1), np.gradient(places, axis=0)])
 

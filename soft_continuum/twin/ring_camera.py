@@ -26,6 +26,7 @@ from soft_continuum.twin.optics import (
     DARK,
     FIELD,
     HEIGHT,
+    jacobian,
     MARGIN,
     Optics,
     PLATE,
@@ -33,7 +34,6 @@ from soft_continuum.twin.optics import (
     SAMPLES,
     Sensor,
     SKIN,
-    slopes,
     WIDTH,
 )
 
@@ -77,7 +77,7 @@ class RingTwinCamera:
         self._place(direction, given.camera_shift)
         rays = self._optics.rays()
         self._flat = (rays[..., :2] / rays[..., 2:]).astype(np.float32)
-        self._changes = slopes(self._flat)
+        self._changes = jacobian(self._flat)
         self._still = self._drawn(
             blotched(self._random), [_Piece(corners, 0.0, modules) for corners, modules in zip(
                 self._fixed, self._fixed_modules, strict=True)])

@@ -24,6 +24,7 @@ from soft_continuum.twin.optics import (
     DARK,
     FIELD,
     HEIGHT,
+    jacobian,
     MARGIN,
     Optics,
     PLATE,
@@ -31,7 +32,6 @@ from soft_continuum.twin.optics import (
     SAMPLES,
     Sensor,
     SKIN,
-    slopes,
     WIDTH,
 )
 
@@ -54,7 +54,7 @@ class TagTwinCamera:
         self._fixed = layout.fixed + self._random.normal(
             0.0, given.fixed_offset, layout.fixed.shape)
         self._board, self._front = (self._on_plane(rays, depth) for depth in (0.0, self._depth))
-        self._slopes = slopes(self._front)
+        self._jacobian = jacobian(self._front)
         self._still = self._background()
         for one in given.obstacles:
             away = np.linalg.norm(self._front - [one.x, one.z], axis=-1)
@@ -114,7 +114,7 @@ class TagTwinCamera:
     def _background(self) -> NDArray[np.float32]:
         """Return the board with its fixed tags."""
         grey = blotched(self._random)
-        changes = slopes(self._board)
+        changes = jacobian(self._board)
         size = self._layout.fixed_size
         for n, centre in zip(self._layout.fixed_numbers, self._fixed, strict=True):
             modules = white_modules(n)
@@ -149,7 +149,7 @@ class TagTwinCamera:
             flat = np.stack([tag @ tag_right, tag @ tag_up], axis=-1) / size
             return printed(flat, self._modules[n], plate)
 
-        grey[box] = _sampled(self._front[box], self._slopes[(slice(None), *box)], grey[box],
+        grey[box] = _sampled(self._front[box], self._jacobian[(slice(None), *box)], grey[box],
                              shade)
 
     def _box(self, points: Array, depth: float) -> tuple[slice, slice]:

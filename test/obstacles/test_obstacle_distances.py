@@ -16,12 +16,12 @@ from soft_continuum.obstacles import (
     Box,
     Capsule,
     Clearance,
+    CollisionScene,
     Cylinder,
     Mesh,
     Obstacle,
     ObstacleError,
     Sphere,
-    Surroundings,
     turned_by,
 )
 from soft_continuum.parameters.files import load_arm
@@ -116,7 +116,7 @@ def test_the_distance_is_that_of_a_dense_cloud_of_points_and_never_larger(chain,
         local = (points - place) @ obstacle.rotation
         true = formula(local, shape).min()
         try:
-            found = Surroundings(chain.arm, [obstacle]).clearance(state)
+            found = CollisionScene(chain.arm, [obstacle]).clearance(state)
         except ObstacleError:  # it is in the base
             continue
         compared += 1
@@ -134,8 +134,8 @@ def test_the_nearest_of_many_obstacles_is_the_nearest_of_each_alone(chain):
     several = [Obstacle(f'{k}', shape, tuple(random.uniform(0.1, 0.3, 3)),
                         turned_by(*random.uniform(-3.0, 3.0, 3)))
                for k, (shape, _) in enumerate(SHAPES)]
-    together = Surroundings(chain.arm, several)
-    alone = [Surroundings(chain.arm, [one]) for one in several]
+    together = CollisionScene(chain.arm, several)
+    alone = [CollisionScene(chain.arm, [one]) for one in several]
     states = [bent(chain, random) for _ in range(10)]
     for state, found in zip(states, together.clearances(states), strict=True):
         best = min((one.clearance(state) for one in alone), key=lambda c: c.distance)
@@ -143,7 +143,7 @@ def test_the_nearest_of_many_obstacles_is_the_nearest_of_each_alone(chain):
 
 
 def test_without_obstacles_the_distance_is_infinite(chain):
-    assert Surroundings(chain.arm).clearance(chain.straight()) == Clearance(inf, '')
+    assert CollisionScene(chain.arm).clearance(chain.straight()) == Clearance(inf, '')
 
 
 def box_mesh(size):
@@ -175,8 +175,8 @@ def test_a_mesh_is_as_far_as_the_shapes_that_fill_it(chain):
     frame = Obstacle('frame', Sphere(1.0), tuple(middle), turn).rotation
     several = [Obstacle(f'{k}', box, tuple(middle + frame @ place), turn)
                for k, (box, place) in enumerate(zip(BOWL, PLACES, strict=True))]
-    of_boxes = Surroundings(chain.arm, several)
-    of_mesh = Surroundings(chain.arm, [Obstacle('bowl', bowl(), tuple(middle), turn)])
+    of_boxes = CollisionScene(chain.arm, several)
+    of_mesh = CollisionScene(chain.arm, [Obstacle('bowl', bowl(), tuple(middle), turn)])
     signs = set()
     for _ in range(25):
         state = bent(chain, random)
@@ -191,7 +191,7 @@ def test_a_mesh_is_as_far_as_the_shapes_that_fill_it(chain):
 def test_an_arm_that_reaches_through_a_mesh_is_not_clear_of_it(chain):
     straight = chain.straight()
     tip = Obstacle('tip', bowl(), (0.0, 0.0, straight.backbone[-1][2] - 0.04))
-    assert Surroundings(chain.arm, [tip]).clearance(straight).distance < 0
+    assert CollisionScene(chain.arm, [tip]).clearance(straight).distance < 0
 
 
 @pytest.mark.parametrize(('shape', 'z'), [
@@ -201,16 +201,16 @@ def test_an_arm_that_reaches_through_a_mesh_is_not_clear_of_it(chain):
 def test_an_obstacle_in_the_base_disc_is_refused(chain, shape, z):
     place = (0.0, 0.0, z)
     with pytest.raises(ObstacleError, match='obstacle it is in the base disc'):
-        Surroundings(chain.arm, [Obstacle('it', shape, place)])
+        CollisionScene(chain.arm, [Obstacle('it', shape, place)])
 
 
 def test_the_arm_may_stand_on_a_table_that_is_an_obstacle(chain):
     table = Obstacle('table', Box((1.0, 1.0, 0.1)), (0.0, 0.0, -0.05))
     height = chain.arm.discs[0].height
-    found = Surroundings(chain.arm, [table]).clearance(chain.straight()).distance
+    found = CollisionScene(chain.arm, [table]).clearance(chain.straight()).distance
     assert found == pytest.approx(height, abs=1e-5)  # from the top of the base disc
     with pytest.raises(ObstacleError, match='base disc'):
-        Surroundings(chain.arm, [Obstacle('table', Box((1.0, 1.0, 0.1)), (0.0, 0.0, -0.045))])
+        CollisionScene(chain.arm, [Obstacle('table', Box((1.0, 1.0, 0.1)), (0.0, 0.0, -0.045))])
 
 
 def test_a_mirrored_arm_is_as_far_from_mirrored_obstacles(chain):
@@ -222,8 +222,8 @@ def test_a_mirrored_arm_is_as_far_from_mirrored_obstacles(chain):
         mirror = np.array([1.0, -1.0, 1.0])
     for shape in (Sphere(0.03), Capsule(0.02, 0.2), Box((0.1, 0.2, 0.3))):  # as their own images
         place = np.array([0.2, 0.1, 0.3])
-        here = Surroundings(chain.arm, [Obstacle('it', shape, tuple(place))])
-        there = Surroundings(chain.arm, [Obstacle('it', shape, tuple(mirror * place))])
+        here = CollisionScene(chain.arm, [Obstacle('it', shape, tuple(place))])
+        there = CollisionScene(chain.arm, [Obstacle('it', shape, tuple(mirror * place))])
         for _ in range(5):
             state = bent(chain, random)
             image = chain.state_of(turns * state.coordinates, state.held_coordinates, state.stiff)
@@ -242,7 +242,7 @@ def test_the_outside_of_a_sharp_bend_belongs_to_the_arm(chain):
         state = chain.state_of(joints.ravel(), joints.ravel(), (False,) * chain.segments)
         place = state.backbone[joint] + (radius + 0.004) * outside
         needle = Obstacle('needle', Sphere(0.001), tuple(place))
-        found = Surroundings(chain.arm, [needle]).clearance(state).distance
+        found = CollisionScene(chain.arm, [needle]).clearance(state).distance
         assert found <= 0.003
         assert found > 0.003 - 2.0 * radius * (1.0 / np.cos(0.15) - 1.0)
 
@@ -254,16 +254,17 @@ def test_guides_outside_of_the_segments_belong_to_the_arm():
     x, y = 0.03 * np.cos(pi / 9), 0.03 * np.sin(pi / 9)  # between two tendons
     beside = [Obstacle('it', Sphere(0.005), (x, y, z)) for z in (0.05, 0.0925)]
     for one in beside:  # a segment, a disc
-        assert Surroundings(wide, [one]).clearance(straight).distance == pytest.approx(
+        assert CollisionScene(wide, [one]).clearance(straight).distance == pytest.approx(
             0.01, abs=1e-5)
-        assert Surroundings(arm, [one]).clearance(Chain(arm).straight()
+        assert CollisionScene(arm, [one]).clearance(Chain(arm).straight()
                                                   ).distance == pytest.approx(0.015, abs=1e-5)
 
 
 def test_without_obstacles_nothing_of_coal_is_loaded():
     # It takes memory and time of every start.
-    script = ('import sys; from soft_continuum.obstacles import Surroundings; from soft_continuum.'
-              'parameters.files import load_arm; Surroundings(load_arm(sys.argv[1])); '
+    script = ('import sys; from soft_continuum.obstacles import CollisionScene; '
+              'from soft_continuum.parameters.files import load_arm; '
+              'CollisionScene(load_arm(sys.argv[1])); '
               'print(*sys.modules)')
     done = subprocess.run([sys.executable, '-c', script, CONFIG / 'manipulator.yaml'],
                           capture_output=True, text=True, check=True)

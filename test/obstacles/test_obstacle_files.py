@@ -8,7 +8,7 @@ import struct
 import numpy as np
 import pytest
 
-from soft_continuum.obstacles import Box, ObstacleError, Surroundings, turned_by
+from soft_continuum.obstacles import Box, CollisionScene, ObstacleError, turned_by
 from soft_continuum.obstacles.files import load_mesh, load_obstacles
 from soft_continuum.parameters.files import load_arm
 
@@ -56,7 +56,7 @@ def test_the_example_is_read_in_metres_and_none_of_it_is_in_the_straight_arm():
     assert obstacles[0].shape == Box((0.8, 0.6, 0.02))
     assert obstacles[1].position == pytest.approx((0.23, 0.0, 0.19))
     arm = load_arm(CONFIG / 'manipulator.yaml')
-    assert Surroundings(arm, obstacles).obstacles == obstacles
+    assert CollisionScene(arm, obstacles).obstacles == obstacles
 
 
 def test_turns_are_about_fixed_axes_one_after_another(tmp_path):
@@ -156,7 +156,7 @@ def test_a_mesh_in_millimetres_is_refused_with_its_size_and_what_to_do(tmp_path)
                              'position: [0, 0, 200]}]')
     arm = load_arm(CONFIG / 'manipulator.yaml')
     with pytest.raises(ObstacleError, match='part is 60 x 60 x 60 m, .* scale: 0.001'):
-        Surroundings(arm, load_obstacles(path))
+        CollisionScene(arm, load_obstacles(path))
 
 
 def test_a_material_that_a_mesh_names_is_not_read(tmp_path):

@@ -24,7 +24,7 @@ from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.chain import SLACK
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.statics import PRETENSIONS, Statics
-from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
+from soft_continuum.obstacles import Box, CollisionScene, Obstacle, Sphere
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
@@ -165,7 +165,7 @@ class Model:
             'margin', 'lock_in', 'softening_time', 'max_softenings', 'seed')})
         found, = plan_shapes(
             self._planner(limits), self.straight(), [0.0] * len(self.arm.tendon_names),
-            [Shape('tip', (), tips=(tip,))], Surroundings(self.arm, obstacles),
+            [Shape('tip', (), tips=(tip,))], CollisionScene(self.arm, obstacles),
             settings, first=True)
         assert found.plan is not None and not found.why, found.why
         clearance, nearest = found.clearance

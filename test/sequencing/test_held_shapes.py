@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
+from soft_continuum.obstacles import CollisionScene, Obstacle, Sphere
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.plan_watch import PlanWatch
@@ -57,7 +57,7 @@ def found(shape, *obstacles):
     """Plan among obstacles."""
     planner = Planner(ARM, PLAN_SETTINGS)
     plans = plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), [shape],
-                        Surroundings(ARM, obstacles), SETTINGS, first=True)
+                        CollisionScene(ARM, obstacles), SETTINGS, first=True)
     return next(plans)
 
 
@@ -68,7 +68,7 @@ def before(plan, gap):
     place = plan.state.backbone[-1] + 0.1 * way
     for _ in range(20):
         ball = Obstacle('ball', Sphere(0.02), tuple(place.tolist()))
-        place -= (Surroundings(ARM, [ball]).clearance(plan.state).distance - gap) * way
+        place -= (CollisionScene(ARM, [ball]).clearance(plan.state).distance - gap) * way
     return ball
 
 
@@ -188,7 +188,7 @@ def test_the_whole_way_of_a_shape_with_vacuums_is_clear():
     assert clear.plan.state.bending_angles == pytest.approx(WEAK.bending_angles, abs=0.2 * DEGREE)
     ways = [state for way in clear.plan.ways for state in way]
     assert ways[-1] is clear.plan.state  # the way on which it gives way is of it
-    distances = [near.distance for near in Surroundings(ARM, [around]).clearances(ways)]
+    distances = [near.distance for near in CollisionScene(ARM, [around]).clearances(ways)]
     assert min(distances) == distances[-1] == pytest.approx(0.008, abs=1e-3)
     assert SETTINGS.margin <= clear.clearance[0] <= min(distances)
 
@@ -196,12 +196,12 @@ def test_the_whole_way_of_a_shape_with_vacuums_is_clear():
 def test_an_obstacle_that_comes_is_in_the_way_until_the_vacuums_are_lowered():
     free = found(WEAK).plan
     watch = PlanWatch(free, SETTINGS.margin, 0.02)
-    watch.look(Surroundings(ARM, [before(free, 0.003)]))
+    watch.look(CollisionScene(ARM, [before(free, 0.003)]))
     stiff = free.stiff
     for way in (0, len(free.moves)):
         assert 'where the vacuums are lowered' in watch.obstructed(way, stiff)
     there = Obstacle('ball', Sphere(0.002), tuple(stiff.backbone[-1].tolist()))
-    watch.look(Surroundings(ARM, [there]))
+    watch.look(CollisionScene(ARM, [there]))
     assert 'ball' in watch.obstructed(len(free.moves), stiff)
 
 

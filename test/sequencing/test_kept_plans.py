@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from soft_continuum.obstacles import Surroundings
+from soft_continuum.obstacles import CollisionScene
 from soft_continuum.sequencing.kept_plans import KeptPlans
 from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
@@ -25,7 +25,7 @@ TOLERANCE = 1e-3  # rad
 def found():
     planner = Planner(ARM, PLAN_SETTINGS)
     return list(plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), SHAPES,
-                            Surroundings(ARM), ReachSettings(time_limit=np.inf), first=True))
+                            CollisionScene(ARM), ReachSettings(time_limit=np.inf), first=True))
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import pytest
 
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.obstacles import Box, Obstacle, Sphere, Surroundings
+from soft_continuum.obstacles import Box, CollisionScene, Obstacle, Sphere
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, WHOLE_ARM
@@ -42,13 +42,13 @@ class Query:
     def __init__(self, goal, obstacles=(), arm=ARM, settings=PATIENT, limits=None, **changes):
         self.arm, self.goal, self.settings = arm, goal, settings
         self.limits = limits or PlanSettings(**changes)
-        self.surroundings = Surroundings(arm, obstacles)
+        self.scene = CollisionScene(arm, obstacles)
         self.planner = Planner(arm, self.limits)
         self.start = self.planner.statics.chain.straight()
         self.pulls = [0.0] * len(arm.tendon_names)
 
     def all(self, function=reach):
-        return function(self.planner, self.start, self.pulls, self.goal, self.surroundings,
+        return function(self.planner, self.start, self.pulls, self.goal, self.scene,
                         self.settings)
 
     def first(self):
@@ -108,7 +108,7 @@ def test_a_plan_ends_with_the_tip_at_the_goal_when_its_pulls_are_run(behind):
 def test_between_the_states_that_it_looked_at_the_arm_stays_as_clear_as_a_plan_says(behind):
     query, found = behind
     states = query.run(found)
-    least = min(near.distance for near in query.surroundings.clearances(states))
+    least = min(near.distance for near in query.scene.clearances(states))
     assert MARGIN <= found.clearance[0] <= least
     assert found.clearance[1] in ('beam', 'ball')
     assert not any(state.jumped for state in states)
@@ -121,7 +121,7 @@ def test_obstacles_change_the_plan_and_without_them_it_would_touch_them(behind):
     free = Query(query.goal).first()
     assert not np.array_equal(angles(free), angles(found))
     states = query.run(free)
-    assert min(near.distance for near in query.surroundings.clearances(states)) < MARGIN
+    assert min(near.distance for near in query.scene.clearances(states)) < MARGIN
 
 
 def test_a_mirrored_goal_among_mirrored_obstacles_has_the_mirrored_plan(behind):
@@ -149,7 +149,7 @@ def test_a_segment_is_set_twice_where_no_two_settings_of_a_whole_grid_get_there(
     found = query.first()
     assert not found.why
     assert angles(found)[:, 0].tolist() == [1, 0, 1]
-    validator = MotionValidator(query.planner, query.surroundings, query.settings)
+    validator = MotionValidator(query.planner, query.scene, query.settings)
     start = validator.start(query.start, np.zeros(2))
     grid = 0.9 * TWO.segments[0].bending_angle_limit * np.linspace(-1.0, 1.0, 7)
     ends = 0
@@ -228,7 +228,7 @@ def test_what_is_blocked_says_by_which_obstacle_and_comes_near():
     assert found.blocked_by == ('lamp',)
     assert found.plan is not None
     states = query.run(found)
-    assert min(near.distance for near in query.surroundings.clearances(states)) >= MARGIN
+    assert min(near.distance for near in query.scene.clearances(states)) >= MARGIN
     end = np.linalg.norm(states[-1].backbone[-1] - query.goal.position)
     assert query.goal.position_tolerance < end < 0.08
 
@@ -386,7 +386,7 @@ def test_segments_in_space_reach_around_what_stands_in_the_way():
     assert found.softenings <= 3
     states = query.run(found, 2)
     assert np.linalg.norm(states[-1].tip - query.goal.position) <= query.goal.position_tolerance
-    least = min(near.distance for near in query.surroundings.clearances(states))
+    least = min(near.distance for near in query.scene.clearances(states))
     assert MARGIN <= found.clearance[0] <= least
     assert not any(state.jumped for state in states)
 

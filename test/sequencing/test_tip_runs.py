@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.obstacles import Obstacle, Sphere, Surroundings
+from soft_continuum.obstacles import CollisionScene, Obstacle, Sphere
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.plan_watch import PlanWatch
 from soft_continuum.sequencing.planner import ObstructedError, PlanError, Planner, Shape
@@ -47,7 +47,7 @@ class TipRig(MeasuredRig):
 
     def planned(self, shape):
         planner, state = self.estimated()
-        around = Surroundings(self.arm)
+        around = CollisionScene(self.arm)
         found, = plan_shapes(
             planner, state, self.tendons.reading.pulls, [shape], around, SETTINGS, first=True)
         return plan_of(found, shape)
@@ -87,13 +87,13 @@ def plan():
 def found_from_straight(shape, *obstacles, **options):
     """Return what is found for a shape of the straight arm."""
     found, = plan_shapes(Planner(ARM, PLAN_SETTINGS), Chain(ARM).straight(), (0.0, 0.0),
-                         [shape], Surroundings(ARM, obstacles), SETTINGS, **options)
+                         [shape], CollisionScene(ARM, obstacles), SETTINGS, **options)
     return found
 
 
 def watch(*obstacles):
     watching = PlanWatch(plan(), MARGIN, DEPARTURE)
-    watching.look(Surroundings(ARM, obstacles))
+    watching.look(CollisionScene(ARM, obstacles))
     return watching
 
 
@@ -156,7 +156,7 @@ def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
 
     def at(distance):
         x, _, z = middle.backbone[-1] + distance * sideways
-        return Surroundings(ARM, [ball(x, z, 0.001)])
+        return CollisionScene(ARM, [ball(x, z, 0.001)])
 
     near = next(around for around in map(at, np.linspace(0.0, 0.05, 200))
                 if around.clearance(middle).distance > 0.5 * MARGIN)
@@ -169,7 +169,7 @@ def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
 def test_an_arm_that_is_nearer_than_the_margin_may_go_away():
     start = Chain(ARM).straight()
     side = start.backbone[-1]
-    around = next(found for found in (Surroundings(ARM, [ball(x, side[2])])
+    around = next(found for found in (CollisionScene(ARM, [ball(x, side[2])])
                                       for x in np.arange(-0.03, -0.08, -2e-4))
                   if found.clearance(start).distance > 0.4 * MARGIN)
     assert around.clearance(start).distance < MARGIN

@@ -11,7 +11,7 @@ import pytest
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.space.statics import SpaceStatics
-from soft_continuum.obstacles import Surroundings
+from soft_continuum.obstacles import CollisionScene
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
 from soft_continuum.sequencing.reach import ReachSettings, TipGoal
@@ -73,7 +73,7 @@ def test_a_tip_is_at_its_goal_once_the_plant_has_given_way():
     planner, vacuums = Planner(arm, PlanSettings(full_vacuum=FULL)), (30e3, 80e3, 60e3)
     place = np.array((0.15, 0.0, 0.22))
     found, = plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), [
-        Shape('tip', (), tips=(TipGoal(place),), vacuums=vacuums)], Surroundings(arm),
+        Shape('tip', (), tips=(TipGoal(place),), vacuums=vacuums)], CollisionScene(arm),
         ReachSettings(time_limit=np.inf), first=True)
     before, after = resting(arm, found.plan, vacuums)
     assert np.linalg.norm(before[-1, :2] - place[::2]) > 5e-3

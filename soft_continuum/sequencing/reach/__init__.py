@@ -10,12 +10,12 @@ from soft_continuum.sequencing.plans import PlannedStep, Reach, TipGoal
 from soft_continuum.sequencing.reach.following import follow
 from soft_continuum.sequencing.reach.limits import (
     Clear,
+    CollisionScene,
     Distance,
     NoObstacles,
     ReachSettings,
-    Surroundings,
 )
 from soft_continuum.sequencing.reach.search import reach
 
 __all__ = ['Clear', 'Distance', 'NoObstacles', 'PlannedStep', 'Reach', 'ReachSettings',
-           'Surroundings', 'TipGoal', 'follow', 'reach']
+           'CollisionScene', 'TipGoal', 'follow', 'reach']

@@ -132,7 +132,7 @@ class Arcs:
                 damping[going] * np.where(better, 0.2, 8.0), LEAST_DAMPING)
         return bent, left
 
-    def slopes(self, bending: Array, columns: NDArray[np.intp], miss: TipResidual) -> Array:
+    def jacobian(self, bending: Array, columns: NDArray[np.intp], miss: TipResidual) -> Array:
         """Return how what is missed changes with some columns of bendings (m, ...): (m, k, n)."""
         count = len(columns)
         flat = np.repeat(bending.reshape(1, len(bending), -1), count + 1, axis=0)
@@ -143,11 +143,11 @@ class Arcs:
     def _change(self, bending: Array, left: Array, columns: NDArray[np.intp], damping: Array,
                 miss: TipResidual) -> Array:
         """Return by how much bendings (m, ...) are too large for what is left (m, k)."""
-        count, slopes = len(columns), self.slopes(bending, columns, miss)
-        square = slopes.swapaxes(1, 2) @ slopes
+        count, jacobian = len(columns), self.jacobian(bending, columns, miss)
+        square = jacobian.swapaxes(1, 2) @ jacobian
         scale = np.trace(square, axis1=1, axis2=2) / count + 1e-12
         square += (damping * scale)[:, None, None] * np.eye(count)
-        found = np.linalg.solve(square, slopes.swapaxes(1, 2) @ left[..., None])[..., 0]
+        found = np.linalg.solve(square, jacobian.swapaxes(1, 2) @ left[..., None])[..., 0]
         change = np.zeros((len(bending), self.free.size))
         change[:, columns] = found
         return change.reshape(bending.shape)

@@ -30,7 +30,7 @@ from soft_continuum.sequencing.plans import (
 from soft_continuum.sequencing.reach.arcs import Arcs, TipResidual
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.limits import ReachSettings, Surroundings
+from soft_continuum.sequencing.reach.limits import CollisionScene, ReachSettings
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 from soft_continuum.sequencing.reach.search import as_shape, Search
 
@@ -43,7 +43,7 @@ TIPS = 10  # that a fit of a whole path looks at count as one state judged
 
 
 def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequence[TipGoal],
-           surroundings: Surroundings, settings: ReachSettings | None = None
+           scene: CollisionScene, settings: ReachSettings | None = None
            ) -> Iterator[Reach]:
     """
     Yield plans through goals of the tip, each better than the one before it; the last is the best.
@@ -59,11 +59,11 @@ def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequ
         raise PlanError(f'a path has {len(goals)} goals; allowed: 2 to {MAX_GOALS}')
     for goal in goals:
         goal.check(planner.statics.chain.arm)
-        if (inside := surroundings.at(goal.position)).distance <= 0.0:
+        if (inside := scene.at(goal.position)).distance <= 0.0:
             raise PlanError(f'a goal of the path is in {inside.obstacle}')
-    start = MotionValidator(planner, surroundings, settings).start(
+    start = MotionValidator(planner, scene, settings).start(
         state, np.array(pulls, dtype=float))
-    yield from _Following(planner, start, goals, surroundings, settings).run()
+    yield from _Following(planner, start, goals, scene, settings).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +85,9 @@ class _Following:
     """One search."""
 
     def __init__(self, planner: MovePlanner, start: Node, goals: Sequence[TipGoal],
-                 surroundings: Surroundings, settings: ReachSettings) -> None:
+                 scene: CollisionScene, settings: ReachSettings) -> None:
         self.planner, self.start, self.goals = planner, start, goals
-        self.surroundings, self.settings = surroundings, settings
+        self.scene, self.settings = scene, settings
         self.arcs = Arcs(planner.statics.chain.arm)
         self.budget = Budget(settings.states, settings.time_limit)
         self.limited = planner.until(self.budget.judge)
@@ -99,7 +99,7 @@ class _Following:
         settings = self.settings
         first = replace(settings, states=int(BEGIN_PART * settings.states),
                         time_limit=BEGIN_PART * settings.time_limit)
-        search = Search(self.limited, self.start, self.goals[0], self.surroundings, first)
+        search = Search(self.limited, self.start, self.goals[0], self.scene, first)
         for found in search.run():
             if not found.why and found.softenings:
                 break
@@ -201,7 +201,7 @@ class _Following:
         return [one for one in found if one.cost[1] <= self.settings.max_softenings]
 
     def _search(self, node: Node, goal: TipGoal) -> Search:
-        return Search(self.limited, node, goal, self.surroundings, self.settings)
+        return Search(self.limited, node, goal, self.scene, self.settings)
 
     def _seen(self, track: _Track, node: Node, number: int) -> _Track:
         """Return a track that goes on to a node, at a goal of that number."""

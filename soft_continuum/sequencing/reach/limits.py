@@ -24,9 +24,9 @@ class Distance(Protocol):
         """Its name; empty without any."""
 
 
-class Surroundings(Protocol):
+class CollisionScene(Protocol):
     """
-    What the arm must not touch: soft_continuum.obstacles.Surroundings, or any other.
+    What the arm must not touch: soft_continuum.obstacles.CollisionScene, or any other.
 
     The body that it measures is that of the state; distances may be too small, never too large.
     """
@@ -47,7 +47,7 @@ class Clear:
 
 
 class NoObstacles:
-    """Surroundings without an obstacle."""
+    """CollisionScene without an obstacle."""
 
     def clearance(self, state: Equilibrium) -> Clear:
         """Return that nothing is near."""

@@ -19,7 +19,7 @@ from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.sequencing.moves import MovePlanner
 from soft_continuum.sequencing.plans import Move, PlanError, PlannedStep, WHOLE_ARM
-from soft_continuum.sequencing.reach.limits import Clear, Distance, ReachSettings, Surroundings
+from soft_continuum.sequencing.reach.limits import Clear, CollisionScene, Distance, ReachSettings
 
 DETOUR = 1.2
 """A way between two neighbouring states over the straight distance: they differ by little."""
@@ -93,10 +93,10 @@ def between(one: Equilibrium | BodyFrames, near_one: float, other: Equilibrium |
 class MotionValidator:
     """Moves of one arm among its surroundings."""
 
-    def __init__(self, planner: MovePlanner, surroundings: Surroundings, settings: ReachSettings
+    def __init__(self, planner: MovePlanner, scene: CollisionScene, settings: ReachSettings
                  ) -> None:
         """Prepare; settings: of which margin, lock_in and softening_time count."""
-        self.planner, self.surroundings, self.settings = planner, surroundings, settings
+        self.planner, self.scene, self.settings = planner, scene, settings
         chain = planner.statics.chain
         arm = chain.arm
         self.radius = body_radius(chain)
@@ -109,7 +109,7 @@ class MotionValidator:
 
     def start(self, state: Any, pulls: Array) -> Node:
         """Return where plans begin; raises PlanError where that is in an obstacle."""
-        near = self.surroundings.clearance(state)
+        near = self.scene.clearance(state)
         if near.distance <= 0.0:
             raise PlanError(f'the arm touches {near.obstacle} where it is: it overlaps by '
                             f'{-near.distance * 1e3:.1f} mm; move one of them away first')
@@ -166,7 +166,7 @@ class MotionValidator:
 
     def free(self, state: Any, needed: float) -> None:
         """Raise BlockedError where an obstacle is nearer to a state than needed, m."""
-        near = self.surroundings.clearance(state)
+        near = self.scene.clearance(state)
         if near.distance < needed:
             raise _too_near(near, needed)
 
@@ -191,7 +191,7 @@ class MotionValidator:
             self, self.needed(node.locked, soft), lambda state, pulls: self.planner.held(
                 state, pulls, move.segment, move.sliding))
         if not node.moves:  # from where the arm is nearer to something it may go away
-            near = self.surroundings.clearance(state)
+            near = self.scene.clearance(state)
             clear = min(node.near.distance, near.distance) - DETOUR * moved(
                 node.state, state, self.radius)
             if clear < way.needed:
@@ -239,7 +239,7 @@ class _ClearanceChecker:
             raise BlockedError(
                 f'segment {worst + 1} would bend by {np.degrees(over[worst]):.1f} degrees, beyond '
                 'its bending_angle_limits', limit='bending_angle_limits')
-        near = validator.surroundings.clearance(state)
+        near = validator.scene.clearance(state)
         if near.distance < self.needed:
             raise _too_near(near, self.needed)
         self.states.append(state)

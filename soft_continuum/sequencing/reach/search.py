@@ -22,7 +22,7 @@ from soft_continuum.sequencing.plans import PlanError, Reach, Shape, ShapePlan, 
 from soft_continuum.sequencing.reach.arcs import Arcs, size, TipResidual
 from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
-from soft_continuum.sequencing.reach.limits import Distance, ReachSettings, Surroundings
+from soft_continuum.sequencing.reach.limits import CollisionScene, Distance, ReachSettings
 from soft_continuum.sequencing.reach.passage import (
     BlockedError,
     BodyFrames,
@@ -48,7 +48,7 @@ NAME = 'tip goal'
 
 
 def reach(planner: MovePlanner, state: Any, pulls: Sequence[float], goal: TipGoal,
-          surroundings: Surroundings, settings: ReachSettings | None = None) -> Iterator[Reach]:
+          scene: CollisionScene, settings: ReachSettings | None = None) -> Iterator[Reach]:
     """
     Yield plans to a goal of the tip, each better than the one before it; the last is the best.
 
@@ -58,24 +58,24 @@ def reach(planner: MovePlanner, state: Any, pulls: Sequence[float], goal: TipGoa
     """
     settings = settings or ReachSettings()
     goal.check(planner.statics.chain.arm)
-    inside = surroundings.at(goal.position)
+    inside = scene.at(goal.position)
     if inside.distance <= 0.0:
         raise PlanError(f'the tip goal is in {inside.obstacle}, '
                         f'{-inside.distance * 1e3:.1f} mm deep; move one of them')
-    start = MotionValidator(planner, surroundings, settings).start(
+    start = MotionValidator(planner, scene, settings).start(
         state, np.array(pulls, dtype=float))
-    yield from Search(planner, start, goal, surroundings, settings).run()
+    yield from Search(planner, start, goal, scene, settings).run()
 
 
 class Search:
     """A search for plans from a node to one goal."""
 
     def __init__(self, planner: MovePlanner, start: Node, goal: TipGoal,
-                 surroundings: Surroundings, settings: ReachSettings) -> None:
+                 scene: CollisionScene, settings: ReachSettings) -> None:
         """Prepare."""
         self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
         self.budget = Budget((1.0 - KEPT) * settings.states, (1.0 - KEPT) * settings.time_limit)
-        self.validator = MotionValidator(planner.until(self.budget.judge), surroundings, settings)
+        self.validator = MotionValidator(planner.until(self.budget.judge), scene, settings)
         self.miss = TipResidual(goal)
         self.arcs = Arcs(planner.statics.chain.arm)
         self.bending = np.array(start.state.bending)
@@ -207,7 +207,7 @@ class Search:
         Broyden's method, which begins with the derivatives of arcs.
         """
         columns = self.arcs.columns(movers)
-        slopes = self.arcs.slopes(bending[None], columns, self.miss)[0]
+        slopes = self.arcs.jacobian(bending[None], columns, self.miss)[0]
         states = self._predicted(node, movers, bending)
         left = self.miss.of_state(states[-1])
         best = bending, states, left
@@ -287,7 +287,7 @@ class Search:
             self.validator.planner.check_wanted()
             state = self.arcs.chain.uniform(bending)
             self._shapes[key] = (BodyFrames(state.backbone, state.rotations),
-                                 self.validator.surroundings.clearance(state))
+                                 self.validator.scene.clearance(state))
         return self._shapes[key]
 
     def _free(self, near: Distance) -> None:

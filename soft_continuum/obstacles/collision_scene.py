@@ -35,14 +35,14 @@ class Clearance:
     obstacle: str
 
 
-class Surroundings:
+class CollisionScene:
     """
     The obstacles around an arm.
 
     Distances are those of the body that the module ``body`` describes, and never larger. Its base
     disc is not counted: an obstacle may be as near to it as it likes, so that the arm can stand on
     a table that is an obstacle, but not in it by more than 1 mm (SEATED). What is above the base
-    disc counts, from its first millimetre on. Surroundings never change: make new ones.
+    disc counts, from its first millimetre on. CollisionScene never change: make new ones.
     """
 
     def __init__(self, arm: Arm, obstacles: Iterable[Obstacle] = ()) -> None:
