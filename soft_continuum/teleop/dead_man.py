@@ -54,12 +54,12 @@ class DeadMan:
                 return
         if controls != self._controls:
             self._changed = now
-        before, self._controls, self._received = self._controls, controls, now
+        self._controls, self._received = controls, now
         if not self.held:
             self._was_released, self._may_move, self.problem = True, False, ''
         elif not self._was_released:
             if RELEASE not in self.problem:
-                self.problem = f'{self.problem}: {RELEASE}' if before else RELEASE
+                self.problem = f'{self.problem}: {RELEASE}' if self.problem else RELEASE
         elif not self._may_move:
             self._may_move = controls.at_rest
             self.problem = '' if controls.at_rest else (

@@ -9,6 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from sensor_msgs.msg import Joy
 
+from soft_continuum.teleop.dead_man import RELEASE
 from soft_continuum_interfaces.msg import TeleopState, TendonTrajectory
 from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, trajectory
 
@@ -91,13 +92,24 @@ class Joystick:
         self.show()
 
     def steer(self, x: float = 0.0, y: float = 0.0) -> None:
-        """Hold the button, then deflect the stick, and wait for a motion."""
+        """Hold the button, then deflect the stick, again if told so, and wait for a motion."""
+        def moves() -> bool:
+            message = self.states.last.message
+            if RELEASE in message:  # messages came later than PATIENT, which ends a motion
+                self.show()
+                self.wait_for('', enabled=False)
+                self._deflect(x, y)
+            return 'moving' in message
+
+        self._deflect(x, y)
+        self.rig.wait_for(moves, 'a teleop that moves the arm', 2.0 * DEADLINE)
+        self.rig.wait_for(lambda: self.rig.moving, 'a motion')
+        self.rig.wait_for(lambda: not self._without_target(), 'a servo that follows')
+
+    def _deflect(self, x: float, y: float) -> None:
         self.show(LB)
         self.wait_for('', enabled=True)
         self.show(LB, x=x, y=y)
-        self.wait_for('moving')
-        self.rig.wait_for(lambda: self.rig.moving, 'a motion')
-        self.rig.wait_for(lambda: not self._without_target(), 'a servo that follows')
 
     def _without_target(self) -> bool:
         return any(text in self.statuses.last.message for text in ('no target', 'disabled'))
