@@ -10,9 +10,9 @@ from benchmarks.tables import Section, write
 from benchmarks.timing import progress
 
 NAMES = ('startup', 'solve', 'batch', 'joints', 'accuracy', 'nodes', 'loops', 'drivers', 'camera',
-         'twin', 'estimate', 'loop', 'blind', 'servo', 'teleop', 'faults', 'spatial_faults',
-         'spatial_imus', 'spatial', 'spatial_camera', 'spatial_loop', 'tdcr', 'ftdcr', 'plan',
-         'study')
+         'twin', 'behaviour', 'estimate', 'loop', 'blind', 'servo', 'teleop', 'faults',
+         'spatial_faults', 'spatial_imus', 'spatial', 'spatial_camera', 'spatial_loop', 'tdcr',
+         'ftdcr', 'plan', 'study')
 
 
 def main() -> None:
