@@ -11,5 +11,5 @@ from soft_continuum.obstacles.mesh import Mesh
 from soft_continuum.obstacles.obstacle import Obstacle, turned_by
 from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
 
-__all__ = ['Box', 'Capsule', 'Clearance', 'Cylinder', 'Mesh', 'Obstacle', 'ObstacleError',
-           'Sphere', 'CollisionScene', 'turned_by']
+__all__ = ['Box', 'Capsule', 'Clearance', 'CollisionScene', 'Cylinder', 'Mesh', 'Obstacle',
+           'ObstacleError', 'Sphere', 'turned_by']

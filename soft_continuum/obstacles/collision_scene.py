@@ -42,7 +42,7 @@ class CollisionScene:
     Distances are those of the body that the module ``body`` describes, and never larger. Its base
     disc is not counted: an obstacle may be as near to it as it likes, so that the arm can stand on
     a table that is an obstacle, but not in it by more than 1 mm (SEATED). What is above the base
-    disc counts, from its first millimetre on. CollisionScene never change: make new ones.
+    disc counts, from its first millimetre on. A scene never changes: make a new one.
     """
 
     def __init__(self, arm: Arm, obstacles: Iterable[Obstacle] = ()) -> None:

@@ -114,20 +114,20 @@ def _study(path: Path, given: Any) -> Study:
         varied = {name: _candidates(name, how, values) for name, how in given['vary'].items()}
         choices = (_drawn(varied, _whole(path, given, 'sample', 1, MAX_DESIGNS, 1), seed)
                    if 'sample' in given else _grid(varied))
-        around = _scene(path.parent, given)
+        obstacle_sets = _obstacle_sets(path.parent, given)
         several = [dict(zip(varied, choice, strict=True)) for choice in choices]
-        if len(several) * len(around) > MAX_DESIGNS:
-            raise ParameterError(f'{len(several)} designs with each of {len(around)} sets of '
-                                 f'obstacles; allowed: {MAX_DESIGNS} in all')
-        designs = tuple(_design(n, choice, varied, values, file, around)
-                        for n, (choice, file) in enumerate(product(several, around)))
+        if len(several) * len(obstacle_sets) > MAX_DESIGNS:
+            raise ParameterError(f'{len(several)} designs with each of {len(obstacle_sets)} sets '
+                                 f'of obstacles; allowed: {MAX_DESIGNS} in all')
+        designs = tuple(_design(n, choice, varied, values, file, obstacle_sets[file])
+                        for n, (choice, file) in enumerate(product(several, obstacle_sets)))
     except (ParameterError, ObstacleError) as error:
         raise ParameterError(f'{path}: {error}') from None
     return Study(designs, _whole(path, given, 'shapes', 1, MAX_SHAPES, DEFAULT_SHAPES),
                  _whole(path, given, 'queries', 0, MAX_QUERIES, 0), seed)
 
 
-def _scene(directory: Path, given: Mapping[str, Any]) -> dict[str, tuple[Obstacle, ...]]:
+def _obstacle_sets(directory: Path, given: Mapping[str, Any]) -> dict[str, tuple[Obstacle, ...]]:
     """Return the sets of obstacles by the names of their files; '' without the key."""
     if OBSTACLES not in given:
         return {'': ()}
@@ -243,8 +243,7 @@ def _drawn(varied: Mapping[str, 'Sequence[Any] | _Range'], count: int, seed: int
 
 
 def _design(number: int, chosen: Mapping[str, Any], rows: Mapping[str, Any],
-            base: Mapping[str, Value], file: str,
-            around: Mapping[str, tuple[Obstacle, ...]]) -> Design:
+            base: Mapping[str, Value], file: str, obstacles: tuple[Obstacle, ...]) -> Design:
     given: dict[str, Any] = {}
     for name, value in chosen.items():
         given |= value if isinstance(value, Mapping) else {name: value}
@@ -253,7 +252,7 @@ def _design(number: int, chosen: Mapping[str, Any], rows: Mapping[str, Any],
               for name, value in chosen.items()}
     if file:
         varied[OBSTACLES] = file
-    design = Design(number, varied, {**base, **checked}, around[file])
+    design = Design(number, varied, {**base, **checked}, obstacles)
     try:  # refused here, before any work is done
         CollisionScene(design.arm, design.obstacles)
     except (ParameterError, ObstacleError) as error:

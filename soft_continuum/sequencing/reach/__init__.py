@@ -17,5 +17,5 @@ from soft_continuum.sequencing.reach.limits import (
 )
 from soft_continuum.sequencing.reach.search import reach
 
-__all__ = ['Clear', 'Distance', 'NoObstacles', 'PlannedStep', 'Reach', 'ReachSettings',
-           'CollisionScene', 'TipGoal', 'follow', 'reach']
+__all__ = ['Clear', 'CollisionScene', 'Distance', 'NoObstacles', 'PlannedStep', 'Reach',
+           'ReachSettings', 'TipGoal', 'follow', 'reach']

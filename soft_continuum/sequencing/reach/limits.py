@@ -47,7 +47,7 @@ class Clear:
 
 
 class NoObstacles:
-    """CollisionScene without an obstacle."""
+    """A scene without an obstacle."""
 
     def clearance(self, state: Equilibrium) -> Clear:
         """Return that nothing is near."""
