@@ -184,14 +184,14 @@ def identify(recording: Recording, begin: MeasuredArm, steps: int = 5) -> Measur
     def residuals(steps_of: Array) -> Array:
         return 1e3 * aligned(found(steps_of).deviations(recording)).ravel()
 
-    def slopes(steps_of: Array) -> Array:
+    def jacobian(steps_of: Array) -> Array:
         at, unit = residuals(steps_of), np.eye(len(names))
         return np.column_stack([
             (residuals(steps_of + 0.3 * one) - at) / 0.3 for one in unit])
 
     least = np.array([0.0 if name in NEVER_NEGATIVE else -np.inf for name in names])
-    best = least_squares(residuals, np.zeros(len(names)), slopes, ftol=2e-3, max_nfev=steps + 1,
-                         bounds=((least - first) / scales, np.inf))
+    best = least_squares(residuals, np.zeros(len(names)), jacobian, ftol=2e-3,
+                         max_nfev=steps + 1, bounds=((least - first) / scales, np.inf))
     return found(best.x)
 
 

@@ -26,16 +26,16 @@ class LoadCells:
     def __init__(self, node: Node, tendons: Sequence[str], parameters: Mapping[str, Any]) -> None:
         """Subscribe if load_cells.enabled says so; raises ParameterError."""
         self._tendons = tuple(tendons)
-        self._used: bool = parameters['load_cells.enabled']
+        self._enabled: bool = parameters['load_cells.enabled']
         self._parameters = parameters
         self._zeros, self._scales = (
-            _per_tendon(name, parameters[name], tendons) if self._used else ()
+            _per_tendon(name, parameters[name], tendons) if self._enabled else ()
             for name in ('load_cells.zeros', 'load_cells.scales'))
         self._last = {name: (nan, Age()) for name in tendons}  # N
         if 0.0 in self._scales:
             raise ParameterError('parameter load_cells.scales has a 0: then no tension would ever '
                                  'be seen; soft_continuum calibrate load_cells finds the scales')
-        if self._used:
+        if self._enabled:
             subscribe(node, JointState, LOAD_CELLS, self._on_message, SENSOR)
 
     def _on_message(self, message: JointState) -> None:
@@ -48,7 +48,7 @@ class LoadCells:
 
     def tensions(self) -> tuple[float, ...] | None:
         """Return the tension of each tendon, N, nan of a silent cell; None for no load cells."""
-        if not self._used:
+        if not self._enabled:
             return None
         timeout = self._parameters['stale_timeout']
         return tuple(tension if age.seconds <= timeout else nan

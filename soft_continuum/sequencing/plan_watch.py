@@ -24,15 +24,15 @@ class PlanWatch:
     ``look`` takes some ms per state and may run on another thread; the rest costs little.
     """
 
-    def __init__(self, plan: ShapePlan, margin: float, departure: float) -> None:
+    def __init__(self, plan: ShapePlan, margin: float, max_deviation: float) -> None:
         """
         Watch ``plan``.
 
         margin: m that the arm has to stay away from obstacles; a move that begins nearer to one
-        may be as near as it was planned.  departure: m by which the arm may be away from the plan
-        where nothing is near.
+        may be as near as it was planned.  max_deviation: m by which the arm may be away from the
+        plan where nothing is near.
         """
-        self._plan, self._margin, self._departure = plan, margin, departure
+        self._plan, self._margin, self._max_deviation = plan, margin, max_deviation
         self._least = [min(margin, near) - ROUNDING for near in plan.clearances] or (
             [margin] * len(plan.ways))
         self._radius = body_radius(plan.state.chain)
@@ -90,14 +90,14 @@ class PlanWatch:
         """
         Return how far the arm is from the plan, if that is too far; else nothing.
 
-        It may always be the margin away; and more, up to ``departure``, where that leaves the
+        It may always be the margin away; and more, up to ``max_deviation``, where that leaves the
         margin to every obstacle.  After the last move, when segments may be set again or
         vacuums are lowered, only obstacles limit how far.
         """
         if state is None:
             return ''
         done = move == len(self._points)
-        most = self._departure if move < len(self._plan.moves) else inf
+        most = self._max_deviation if move < len(self._plan.moves) else inf
         move -= done
         far = self._away(move, state)
         i = len(far) - 1 if done else int(far.argmin())

@@ -230,8 +230,8 @@ def soften_another(rig: Rig) -> None:
 ])
 def test_a_disturbance_in_mid_motion_ends_the_goal_with_its_name(
         rig: Rig, disturb: Callable[[Rig], None], named: str) -> None:
-    silence = {'stale_timeout': 4.0} if disturb is deactivate_valves else {}
-    rig.start_arm(**SLOW['moving'], jamming_timeout=1.0, settle_timeout=1.0, **silence)
+    patience = {'stale_timeout': 4.0} if disturb is deactivate_valves else {}
+    rig.start_arm(**SLOW['moving'], jamming_timeout=1.0, settle_timeout=1.0, **patience)
     goal = rig.goal(BEND).wait_for_phase('moving')
     rig.wait_for(lambda: rig.moving, 'motion')
     disturb(rig)

@@ -16,10 +16,10 @@ from support.two_computers import Computers, Quality, RIG, why_not, WORKSTATION
 LOSSY = Quality(delay=0.05, jitter=0.01, loss=0.05)
 """In each direction, so that a round trip takes 0.1 s."""
 FORWARD, BACK = [0.0, 0.0, 0.5], [0.0, 0.0, -0.5]
-SILENCE_TIMEOUT = 2.0  # s: a busy machine is silent for more than the 0.5 s that ./run soak tries
-SLOW = {**PARAMETERS, 'stale_timeout': SILENCE_TIMEOUT, 'tendon_speed': 0.006}
+STALE_TIMEOUT = 2.0  # s: a busy machine is silent for more than the 0.5 s that ./run soak tries
+SLOW = {**PARAMETERS, 'stale_timeout': STALE_TIMEOUT, 'tendon_speed': 0.006}
 """A motion takes longer than the timeout."""
-ALLOWED, BUSY = SILENCE_TIMEOUT + 0.1, 2.0  # s: what a cut takes, and what a busy machine may add
+ALLOWED, BUSY = STALE_TIMEOUT + 0.1, 2.0  # s: what a cut takes, and what a busy machine may add
 AFTERWARDS = 1.0  # s
 
 pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or 'namespaces may be made')
@@ -50,7 +50,7 @@ def test_goals_succeed_over_a_slow_and_lossy_cable_and_a_cut_ends_all_motion(
     cut = time.time_ns()
     answer = split.operator.answer()
     assert answer.startswith(
-        f'HARDWARE_FAULT: nothing received for {SILENCE_TIMEOUT:g} s from '), answer
+        f'HARDWARE_FAULT: nothing received for {STALE_TIMEOUT:g} s from '), answer
     split.rig.wait_for(lambda: not split.moving, 'rest')
     assert split.moved_after(cut) < ALLOWED + BUSY
     assert split.valves == valves

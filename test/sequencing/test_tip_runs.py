@@ -25,7 +25,7 @@ from support.virtual_rig import (
     TICK_STEPS,
 )
 
-MARGIN, DEPARTURE = 0.005, 0.02  # m
+MARGIN, MAX_DEVIATION = 0.005, 0.02  # m
 PLACE = np.array([0.15, 0.0, 0.22])
 SETTINGS = ReachSettings(margin=MARGIN, time_limit=np.inf)
 
@@ -64,7 +64,7 @@ class TipRig(MeasuredRig):
         if self.count % TICK_STEPS:  # it is for the runner
             return observation
         if self.watched is not runner.plan:
-            self.watched, self.watch = runner.plan, PlanWatch(runner.plan, MARGIN, DEPARTURE)
+            self.watched, self.watch = runner.plan, PlanWatch(runner.plan, MARGIN, MAX_DEVIATION)
         watch, state = self.watch, self.estimated()[1]
         return replace(observation, obstructed=watch.obstructed(runner.move, state),
                        departed=watch.departed(runner.move, state))
@@ -92,7 +92,7 @@ def found_from_straight(shape, *obstacles, **options):
 
 
 def watch(*obstacles):
-    watching = PlanWatch(plan(), MARGIN, DEPARTURE)
+    watching = PlanWatch(plan(), MARGIN, MAX_DEVIATION)
     watching.look(CollisionScene(ARM, obstacles))
     return watching
 
@@ -128,7 +128,7 @@ def test_the_arm_may_depart_from_its_plan_by_what_obstacles_leave():
         return min(np.linalg.norm(leaning(angle).backbone - one.backbone, axis=1).max()
                    for one in plan().ways[0])
 
-    assert MARGIN < departed(0.15) < DEPARTURE < departed(0.4)
+    assert MARGIN < departed(0.15) < MAX_DEVIATION < departed(0.4)
     tip = state.backbone[-1]
     assert watch().departed(0, leaning(0.15)) == ''
     assert watch(ball(tip[0], tip[2] + 0.2)).departed(0, leaning(0.15)) == ''
@@ -161,7 +161,7 @@ def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
     near = next(around for around in map(at, np.linspace(0.0, 0.05, 200))
                 if around.clearance(middle).distance > 0.5 * MARGIN)
     assert near.clearance(middle).distance < MARGIN
-    watching = PlanWatch(coarse, MARGIN, DEPARTURE)
+    watching = PlanWatch(coarse, MARGIN, MAX_DEVIATION)
     watching.look(near)
     assert 'ball' in watching.obstructed(0, one)
 
@@ -174,7 +174,7 @@ def test_an_arm_that_is_nearer_than_the_margin_may_go_away():
                   if found.clearance(start).distance > 0.4 * MARGIN)
     assert around.clearance(start).distance < MARGIN
     found = found_from_straight(tip_shape(PLACE), *around.obstacles, first=True)
-    watching = PlanWatch(plan_of(found, tip_shape(PLACE)), MARGIN, DEPARTURE)
+    watching = PlanWatch(plan_of(found, tip_shape(PLACE)), MARGIN, MAX_DEVIATION)
     assert not watching.looked
     watching.look(around)
     assert watching.looked and watching.obstructed(0, start) == ''

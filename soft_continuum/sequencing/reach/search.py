@@ -38,7 +38,7 @@ FINE = 0.004  # m: points of arcs that move by less are not looked at in between
 CORRECTIONS = 8  # of bendings, by the statics
 AIM = 0.3  # of the tolerances: so near the correction ends
 DIVERGED = 3.0  # times what was missed at best: a correction does not come back from there
-RANK = 1e-6  # of singular values of slopes: less is nothing
+RANK = 1e-6  # of singular values of a Jacobian: less is nothing
 TIME_TOLERANCE = 0.1  # s: durations that differ by less are one, and the tension decides
 KEPT = 0.15  # of the budget, to look for the nearest when there is no plan
 IMPROVEMENTS = 40  # candidates beside the best that are tried
@@ -207,7 +207,7 @@ class Search:
         Broyden's method, which begins with the derivatives of arcs.
         """
         columns = self.arcs.columns(movers)
-        slopes = self.arcs.jacobian(bending[None], columns, self.miss)[0]
+        jacobian = self.arcs.jacobian(bending[None], columns, self.miss)[0]
         states = self._predicted(node, movers, bending)
         left = self.miss.of_state(states[-1])
         best = bending, states, left
@@ -215,7 +215,7 @@ class Search:
             if size(left) <= AIM:
                 break
             there = bending.copy().reshape(-1)
-            there[columns] -= np.linalg.lstsq(slopes, left, rcond=RANK)[0]
+            there[columns] -= np.linalg.lstsq(jacobian, left, rcond=RANK)[0]
             there = self.arcs.within(there.reshape(bending.shape))
             change = (there - bending).reshape(-1)[columns]
             if not change.any():
@@ -223,8 +223,8 @@ class Search:
             before, bending = left, there
             states = self._predicted(node, movers, bending)
             left = self.miss.of_state(states[-1])
-            slopes = slopes + np.outer(
-                left - before - slopes @ change, change) / (change @ change)
+            jacobian = jacobian + np.outer(
+                left - before - jacobian @ change, change) / (change @ change)
             if size(left) < size(best[2]):
                 best = bending, states, left
             elif size(left) > DIVERGED * size(best[2]):
