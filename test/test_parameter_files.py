@@ -27,7 +27,7 @@ from soft_continuum.parameters import files
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.overrides import full_name, Overrides
-from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.parameter import Parameter, ParameterError, RENAMED
 from soft_continuum.parameters.shapes import SHAPE_PREFIX
 
 RATE = Parameter('rate', 50.0, 'how often', 5.0, 500.0, unit='Hz')
@@ -226,6 +226,25 @@ def test_a_key_without_a_value_is_refused_naming_it(parameter_file):
 def test_an_unknown_key_is_refused_with_a_suggestion(parameter_file, key, meant):
     message = refusal(parameter_file(section(f'{key}: 1')))
     assert f'unknown parameter {key}; did you mean {meant}?' in message
+
+
+def renamed():
+    """Names of parameters of version 0.1, and those that they have now."""
+    yield from ((old, new) for old, new in RENAMED.items() if '-' not in new)  # a verb has one
+    yield from ((p.name.removesuffix('stddev') + 'deviation', p.name)
+                for p in ALL_PARAMETERS if p.name.endswith('stddev'))
+
+
+@pytest.mark.parametrize('old, new', renamed())
+def test_a_name_of_version_0_1_is_refused_with_the_new_one(parameter_file, old, new):
+    group, _, key = old.rpartition('.')
+    nested = f'{group}:\n  {key}: 1' if group else f'{key}: 1'
+    for overrides in (Overrides(parameter_file(section(f'{old}: 1'))),
+                      Overrides(parameter_file(section(nested))),
+                      Overrides.of_arguments(['--ros-args', '-p', f'{old}:=1'])):
+        with pytest.raises(ParameterError) as refused:
+            files.given_parameters(overrides, ALL_PARAMETERS, full_name('camera'))
+        assert str(refused.value).endswith(f'unknown parameter {old}; it is named {new} now')
 
 
 def test_an_unknown_key_that_is_like_no_other_is_refused_with_those_of_its_group(parameter_file):

@@ -126,6 +126,7 @@ def test_the_version_is_that_of_the_package(call):
     ((), 'no verb given'),
     (('fly',), "unknown verb 'fly' ("),
     (('stauts',), "unknown verb 'stauts'; did you mean status?"),
+    (('learn',), "unknown verb 'learn'; it is named save-estimate now"),
     (('--jsno', 'status'), 'unknown option --jsno; did you mean --json?'),
     (('run', 'c_form', '--hodl=2'), 'unknown option --hodl; did you mean --hold?'),
     (('calibrate', 'steps', '--mesured', '5', '5'), 'did you mean --measured?'),
