@@ -163,7 +163,8 @@ def param(verb: str, rig: Rig, words: Sequence[str]) -> Action:
         result = rig.set_parameter(node, name, yaml.safe_load(given.value))
         assert result.successful, result.reason
         rig.set_parameter(node, name, getattr(
-            before, ['', 'bool_value', 'integer_value', 'double_value'][before.type]))
+            before, ('', 'bool_value', 'integer_value', 'double_value', 'string_value')[
+                    before.type]))
     return lambda: None
 
 
