@@ -162,9 +162,8 @@ def param(verb: str, rig: Rig, words: Sequence[str]) -> Action:
         before, = rig.call(GetParameters, f'{node}/get_parameters', names=[name]).values
         result = rig.set_parameter(node, name, yaml.safe_load(given.value))
         assert result.successful, result.reason
-        rig.set_parameter(node, name, getattr(
-            before, ('', 'bool_value', 'integer_value', 'double_value', 'string_value')[
-                    before.type]))
+        kind = ('', 'bool', 'integer', 'double', 'string')[before.type]
+        rig.set_parameter(node, name, getattr(before, f'{kind}_value'))
     return lambda: None
 
 
