@@ -159,7 +159,7 @@ RENAMED = {
     'teleop.dead_man_button': 'teleop.enable_button', 'tags.mounts': 'tags.offsets',
     'tracker.mounts': 'tracker.offsets', 'tags.straight': 'tags.reference_corners',
     'learn': 'save-estimate'}
-"""New names of parameters and of a verb, by the old ones; also, *deviation is *stddev now."""
+"""New names of parameters and of a verb, by the old ones; others that end in deviation: stddev."""
 
 
 def name_hint(name: str, known: Iterable[str]) -> str:
