@@ -11,6 +11,7 @@ from textwrap import dedent
 import pytest
 
 from soft_continuum.cli.registry import VERBS
+from soft_continuum.client import Arm
 from soft_continuum.parameters.files import load_description
 from support.documented_commands import blocks, Checker, is_ros2, LINES, NOT_OURS, PAGES, ROOT
 
@@ -69,6 +70,11 @@ def test_a_page_is_in_plain_english(page: str) -> None:
 def test_the_page_of_the_command_line_names_every_verb() -> None:
     text = PAGES['docs/reference/command_line.md'].read_text(encoding='utf-8')
     assert not VERBS.keys() - set(re.findall(r'`([\w-]+)', text))
+
+
+def test_the_page_of_the_client_names_every_call() -> None:
+    text = PAGES['docs/how_to/use_the_python_client.md'].read_text(encoding='utf-8')
+    assert not {name for name in vars(Arm) if name[0] != '_'} - set(re.findall(r'`(\w+)', text))
 
 
 @pytest.mark.parametrize('page', LINES)
