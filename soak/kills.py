@@ -49,7 +49,7 @@ def run(share: float) -> Report:
                     _kill(bench, victim, results[victim], random)
                     bench.restore()
                     bench.check_nodes()
-                    bench.forget()
+                    bench.clear()
             except FAILED as error:  # go on with new nodes
                 output = bench.nodes[victim].output[-1000:] if victim in bench.nodes else ''
                 failures.append(f'kill of {victim}: {error}\nits output: {output}')

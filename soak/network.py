@@ -119,7 +119,7 @@ def _goals(arm: SplitArm, quality: Quality, count: int, failures: list[str]) -> 
             others.append(answer)
             if quality in MUST_WORK:
                 failures.append(f'{quality}: {answer}')
-        arm.forget()
+        arm.clear()
     progress(f'{quality}: {len(times)} of {count}; {others}')
     ordered = sorted(times)
     return (f'{quality.delay * 1e3:g}', f'{quality.jitter * 1e3:g}', f'{quality.loss:.0%}',
@@ -161,7 +161,7 @@ def _cut(arm: SplitArm, shape: list[float], ends: Ends) -> None:
             ends.others.append(f'a goal ended with {answer}')
         time.sleep(AFTERWARDS)
         ends.afterwards += bool(arm.moved_after(rest)) or arm.valves != valves
-        arm.forget()
+        arm.clear()
     except FAILED as error:
         ends.others.append(str(error))
 

@@ -99,7 +99,7 @@ def _run_on(bench: Workbench, watch: Watch, tally: Tally, random: Random,
             bench.check_nodes()
         except FAILED as error:
             raise ClaimError(f'{name}: {error}') from error
-        bench.forget()
+        bench.clear()
 
 
 def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) -> bool:

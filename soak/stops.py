@@ -47,7 +47,7 @@ def run(share: float, board: str = 'grbl') -> Report:
             except FAILED as error:
                 failures.append(str(error))
                 break
-            bench.forget()
+            bench.clear()
     median, percentile, largest = spread(times)
     if len(times) < trials:
         failures.append(f'only {len(times)} of {trials} motions took place')

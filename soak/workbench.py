@@ -73,7 +73,7 @@ class Workbench:
                           f'a status of {", ".join(names)}')
         self._activate(*names)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keep only the last messages; not while something waits for more of them."""
         for recording in self._recordings:
             del recording.heard[:-KEPT]

@@ -35,10 +35,10 @@ from soft_continuum.hardware.calibration import (
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.drives import (
+    clear_zero,
     corrected_scale,
     corrected_steps,
     DRIVES,
-    forget_zero,
 )
 from soft_continuum.hardware.protocols import (
     HardwareError,
@@ -192,7 +192,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 
 def _forget_zero(values: Mapping[str, Any]) -> None:
     try:
-        forget_zero(values)
+        clear_zero(values)
     except HardwareError as error:
         print('The device of the tendons may still hold a provisional zero: power-cycle it before '
               f'anything else ({error})', file=sys.stderr)

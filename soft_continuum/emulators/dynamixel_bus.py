@@ -158,7 +158,7 @@ class DynamixelEmulator(EmulatedDevice):
         baud_rate = SPEEDS.get(termios.tcgetattr(self._slave)[5], 0)
         for protocol, reader in self._readers.items():
             if now - self._heard_at > GAP:
-                reader.forget()
+                reader.clear()
             for packet in reader.feed(data):
                 # The computer has written it all at once; on the wire it takes its time.
                 self._free = max(now, self._free) + self._duration(packet.size, baud_rate)

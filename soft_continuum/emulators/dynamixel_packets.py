@@ -126,7 +126,7 @@ class PacketReader:
         """Begin with nothing."""
         self._buffer = bytearray()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Drop the beginning of a packet whose rest did not come in time."""
         self._buffer.clear()
 

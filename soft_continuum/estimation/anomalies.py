@@ -77,9 +77,9 @@ class AnomalyDetector:
         self._last: Commands | None = None
         self._stood: Array = np.zeros(0)  # m, pulls since which no motor moved
         self._rests = -np.inf  # s, from which on the arm does
-        self.forget()
+        self.clear()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Take the next estimate that agrees with its measurements as the reference."""
         self._reference: Estimator | None = None
         self._window: list[tuple[float, Sequence[DiscMeasurement]]] = []  # since the arm rests
@@ -153,7 +153,7 @@ class AnomalyDetector:
         try:
             self._reference.follow(commands)
         except (StaticsError, np.linalg.LinAlgError):
-            self.forget()
+            self.clear()
 
     # What is measured.
 
@@ -194,7 +194,7 @@ class AnomalyDetector:
             try:
                 self._judge(time, mean, self._reference, estimator)
             except StaticsError:
-                self.forget()
+                self.clear()
 
     def refer_to(self, estimator: Estimator, time: float) -> None:
         """Take an estimate as the reference; measurements up to ``time`` (s) are as expected."""
@@ -238,7 +238,7 @@ class AnomalyDetector:
         found = _clearest(verdicts, log_likelihood(point.values, covariance))
         if found is not None:
             if found.hypothesis.step and abs(found.size) < LEAST_OFFSET:
-                self.forget()  # friction and backlash: the estimate adapts
+                self.clear()  # friction and backlash: the estimate adapts
                 return
             if self._suspected is not None and _same(self._suspected, found):
                 self._name(time, found, point, reference, estimator)
@@ -249,7 +249,7 @@ class AnomalyDetector:
             of_shift = point.parts[:, :3].any(axis=1)
             if (np.abs(point.values) > np.where(of_shift, LARGE_SHIFT, LARGE_TURN)).any():
                 self.active += (_unknown(time, verdicts, self._moved),)
-            self.forget()
+            self.clear()
 
     def _name(self, time: float, found: Verdict, point: Point, reference: Estimator,
               estimator: Estimator) -> None:
@@ -266,7 +266,7 @@ class AnomalyDetector:
             self._instead.seen, self._instead.updated = estimator.seen.copy(), estimator.updated
         self.active += (_anomaly(time, cause, one.number, found.size, estimator.arm.tendon_names[
             one.number] if one.step else '', len(np.unique(point.discs)) == 1),)
-        self.forget()
+        self.clear()
 
 
 @dataclass(frozen=True, eq=False)

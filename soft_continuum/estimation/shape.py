@@ -264,7 +264,7 @@ class ArmShape:
             try:
                 self.estimator = self._watch.note(time, discs, self.estimator)
             except (StaticsError, np.linalg.LinAlgError):
-                self._watch.forget()
+                self._watch.clear()
             far_off = innovation.distance > FAR_OFF and base_stands
             self._far_off = self._far_off + 1 if far_off else 0
             if self._far_off >= MAX_FAR_OFF and (seen := self._seen(discs, commands)) is not None:

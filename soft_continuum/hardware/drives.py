@@ -11,7 +11,7 @@ from soft_continuum.hardware.calibration import CalibrationError
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
 from soft_continuum.hardware.dynamixel.reference import ZeroFile
 from soft_continuum.hardware.dynamixel.setup import Spools
-from soft_continuum.hardware.dynamixel.start import forget_marks
+from soft_continuum.hardware.dynamixel.start import clear_marks
 from soft_continuum.hardware.grbl.link import GrblLink, SOFT_RESET
 from soft_continuum.hardware.grbl.setup import find_controller
 from soft_continuum.hardware.serial_ports import open_serial
@@ -68,21 +68,21 @@ def corrected_scale(drive: Drive, scale: float, commanded: float, measured: floa
     return corrected_steps(scale, commanded, measured)
 
 
-def forget_zero(values: Mapping[str, Any]) -> None:
+def clear_zero(values: Mapping[str, Any]) -> None:
     """Let the device of the tendons forget its zero, which was only an aid; nothing moves."""
     if values['tendon_driver'] == 'grbl':
         for port in values['grbl.port'].split():
-            forget_reference(port, values['grbl.baud_rate'])
+            clear_reference(port, values['grbl.baud_rate'])
     elif values['tendon_driver'] == 'dynamixel':
         spools, port = Spools.from_parameters(values), values['dynamixel.port']
         bus = DynamixelBus.from_parameters(values)
         try:
-            forget_marks(bus, spools.ids, ZeroFile(dynamixel_zeros(), port))
+            clear_marks(bus, spools.ids, ZeroFile(dynamixel_zeros(), port))
         finally:
             bus.close()
 
 
-def forget_reference(port: str, baud_rate: int) -> None:
+def clear_reference(port: str, baud_rate: int) -> None:
     """
     Let a GRBL controller at rest forget its zero, which was only an aid: nothing moves.
 

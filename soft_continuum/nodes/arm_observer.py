@@ -77,8 +77,8 @@ class ArmObserver(ReportedArm):
             self._pull_tolerances = accuracy_from_ros(state, self._names).pull_tolerances
         lost = state.connected and not state.referenced
         if lost:
-            self.forget_shape()
-            self._tendon_age.forget()
+            self.clear_shape()
+            self._tendon_age.clear()
         self._note_fault(TENDON_ACTUATION, state.fault or NOT_REFERENCED * lost)
         self._on_tendon_state(state)
 

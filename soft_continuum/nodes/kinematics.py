@@ -214,7 +214,7 @@ class Kinematics(Node):
                              'still has the shape that it had')
             self.status.set(WARN, self._unknown)
         try:
-            self._measured_tensions.hear(state)
+            self._measured_tensions.receive(state)
         except ValueError as error:
             self.status.alarm('accuracy', str(error), ACCURACY_PERIOD)
 

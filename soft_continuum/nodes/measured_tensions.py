@@ -41,7 +41,7 @@ class MeasuredTensions:
         """Let the first tensions wait for how well they are known: ``hear`` will be told."""
         self._unchecked_time = UNCHECKED_TIME
 
-    def hear(self, state: TendonActuationState) -> None:
+    def receive(self, state: TendonActuationState) -> None:
         """Note how well the device knows tensions; raises ValueError, and keeps what it told."""
         if state.connected:  # what it told before it was lost holds when it is back
             self._accuracy = accuracy_from_ros(state, self._tendons)

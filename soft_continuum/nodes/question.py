@@ -25,7 +25,7 @@ class Question:
         doubt: what speaks against it.  effect: what it would do, and what to do first.
         """
         answered = self._asked.seconds <= ANSWER_TIMEOUT
-        self._asked.forget()
+        self._asked.clear()
         if answered or not doubt:
             return ''
         self._asked.refresh()

@@ -102,9 +102,9 @@ class ReportedArm:
             if self.agreed:
                 self._agreed.refresh()
 
-    def forget_shape(self) -> None:
+    def clear_shape(self) -> None:
         """Wait for another shape: the pulls of the one that was reported count no more."""
-        self.shape_age.forget()
+        self.shape_age.clear()
 
     @property
     def last_bent(self) -> str:

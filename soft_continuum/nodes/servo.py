@@ -133,7 +133,7 @@ class Servo(Node):
         """Brake now, rather than when the last target is too old; it stays enabled."""
         self._targets.clear()
         if self._servo is not None:
-            self._servo.forget_target()
+            self._servo.clear_target()
             self._go_on(self._servo)
 
     def _on_sequencer(self, state: ShapeSequencerState) -> None:

@@ -294,7 +294,7 @@ class TendonActuation(ManagedNode):
         state, reading, last = report.state, report.reading, self._report
         self._report = report
         if state.connected and not state.referenced:
-            self._arm.forget_shape()
+            self._arm.clear_shape()
         self._state_publisher.publish(state)
         if reading is not None and (last is None or reading is not last.reading):
             message = JointState(
@@ -359,7 +359,7 @@ class TendonActuation(ManagedNode):
         self._answer(response, self._control.reference)
         if response.success and self._report is not None:
             # Pulls before and after count from two zeros: nobody must take one for the other.
-            self._arm.forget_shape()
+            self._arm.clear_shape()
             state = copy(self._report.state)
             state.referenced = False
             self._state_publisher.publish(state)

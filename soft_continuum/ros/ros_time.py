@@ -64,7 +64,7 @@ class Age:
         """Note that it was received now."""
         self._received = monotonic()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Count as never received, until it is received again."""
         self._received = -inf
 

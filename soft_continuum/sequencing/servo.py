@@ -220,7 +220,7 @@ class AngleServo:
             raise TargetError(f'a tip at {x}, {y}, {z} m; needed: finite numbers')
         self.set_angle(self.map.angle_for_tip(x, z, y), now)
 
-    def forget_target(self) -> None:
+    def clear_target(self) -> None:
         """Follow no target from now on: brake and hold, until there is another one."""
         self._target = None
 

@@ -155,7 +155,7 @@ def test_a_damaged_packet_is_never_taken_for_an_intact_one_and_the_next_is_under
     whole[at] ^= data.draw(st.integers(1, 255))
     reader = PacketReader()
     found = [p for p in reader.feed(noise.replace(b'\xff', b'') + bytes(whole)) if p.intact]
-    reader.forget()  # as after a pause
+    reader.clear()  # as after a pause
     assert not found
     assert [p.id for p in reader.feed(packet(9, Instruction.PING))] == [9]
 

@@ -166,5 +166,5 @@ def test_the_emulated_bus_survives_any_bytes(chunks):
     reader = PacketReader()
     for chunk in chunks:
         list(reader.feed(chunk))
-    reader.forget()
+    reader.clear()
     assert [p.id for p in reader.feed(status(3, 0)) if p.intact] == [3]

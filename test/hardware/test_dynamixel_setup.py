@@ -12,7 +12,7 @@ from soft_continuum.cli.calibrate_servos import main as calibrate_servos
 from soft_continuum.hardware.checks import check_servos, FAIL, OK, WARN
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.drives import forget_zero
+from soft_continuum.hardware.drives import clear_zero
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus, NoReplyError
 from soft_continuum.hardware.dynamixel.reference import (
     mark,
@@ -252,7 +252,7 @@ def test_a_provisional_zero_is_forgotten(real, tmp_path):
     tendons.reference()
     tendons.close()
     assert {check.step: check for check in check_servos(values)}['tendon reference'].status == OK
-    forget_zero(values)
+    clear_zero(values)
     check = {check.step: check for check in check_servos(values)}['tendon reference']
     assert check.status == WARN
     assert 'no zero of it is kept' in check.message

@@ -47,7 +47,7 @@ def tendons(shared_tendons: Rig) -> Rig:
     arrives(rig, (0.0, 0.0))
     rig.wait_for(lambda: not any(rig.status_value('tendon_actuation', key)
                                  for key in ('stopped', 'ended', 'refused')), 'a clean status')
-    rig.forget()
+    rig.clear()
     return rig
 
 

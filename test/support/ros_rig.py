@@ -504,7 +504,7 @@ class Rig:
         self.observer.create_subscription(kind, topic, note, qos, event_callbacks=NO_EVENTS)
         return recording
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Forget all messages but the last of each topic, between tests that share an arm."""
         for recording in self._recordings:
             del recording.heard[:-1]

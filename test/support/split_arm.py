@@ -157,7 +157,7 @@ class SplitArm:
                 last = max(last, now.time)
         return (last - begin) * 1e-9
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Keep only the last messages."""
         for recording in (self.rig.tendons, *self.rig.pressures):
             del recording.heard[:-5]

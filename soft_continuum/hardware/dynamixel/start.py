@@ -89,7 +89,7 @@ def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[Serv
     return zeros
 
 
-def forget_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> None:
+def clear_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> None:
     """Let servos and this computer forget the zeros; raises HardwareError."""
     zero_file.write(ids, [None] * len(ids))
     for servo in ids:
