@@ -85,6 +85,7 @@ def is_lifecycle_node(node: str) -> bool:
     return '\n## Lifecycle\n' in _page(node)
 
 
+@cache
 def _page(name: str) -> str:
     return (pages() / 'msg_docs' / f'{name}.md').read_text(encoding='utf-8')
 
