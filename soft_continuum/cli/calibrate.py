@@ -187,10 +187,10 @@ def _bench(job: Job, text: str, sets_zero: bool = False
         finally:
             tendons.close()
             if provisional:
-                _forget_zero(values)
+                _clear_zero(values)
 
 
-def _forget_zero(values: Mapping[str, Any]) -> None:
+def _clear_zero(values: Mapping[str, Any]) -> None:
     try:
         clear_zero(values)
     except HardwareError as error:
@@ -257,7 +257,7 @@ def _steps(job: Job) -> None:
                    for old, travel in zip(before, travels, strict=True))
     _take(job, name, scales)
     if job.values['tendon_driver'] == 'grbl' and scales != tuple(before):
-        _forget_zero(job.values)
+        _clear_zero(job.values)
         print('The steps per mm have changed: the zero must be set again.')
 
 

@@ -122,7 +122,7 @@ class DynamixelServo:
         self._registered = None
         self._booted, self._ready = self.time, self.time + BOOT_TIME
         self.heard = self._ready
-        self._forget_turns()
+        self._clear_turns()
         self._reset_goals()
         self.values['Torque Enable'] = self.values['Startup Configuration'] & 1
 
@@ -147,7 +147,7 @@ class DynamixelServo:
         offset = self.values['Homing Offset']
         return 0 if self.values['Operating Mode'] == POSITION and abs(offset) > 1024 else offset
 
-    def _forget_turns(self) -> None:
+    def _clear_turns(self) -> None:
         """Keep of the position only where in its turn it is."""
         self._turns = -PULSES * floor(self._raw() / PULSES)
         self._hold()
@@ -243,7 +243,7 @@ class DynamixelServo:
             if self.motor.speed:
                 error = Error.RESULT_FAIL
             else:
-                self._forget_turns()
+                self._clear_turns()
         elif what == Instruction.FACTORY_RESET and parameters in (b'\xff', b'\1', b'\2'):
             self._reset_to_factory(keep={b'\1': ('ID',), b'\2': ('ID', 'Baud Rate')}.get(
                 parameters, ()))
@@ -327,12 +327,12 @@ class DynamixelServo:
             self.values[name] = value
         if name == 'Torque Enable' and value and not before:
             if self.values['Operating Mode'] == POSITION:
-                self._forget_turns()
+                self._clear_turns()
             self._hold()
             self.values['Goal Position'] = floor(self.position)
         elif name in ('Operating Mode', 'Drive Mode') and value != before:
             if name == 'Drive Mode' or value == POSITION:
-                self._forget_turns()
+                self._clear_turns()
             if name == 'Operating Mode':
                 self._reset_goals()
         elif name == 'Goal Position' and self.torque:

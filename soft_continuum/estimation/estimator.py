@@ -72,7 +72,7 @@ class Estimator:
         self.state: Any = replace(state, chain=self._statics.chain)
         for s, stiff in enumerate(state.stiff):
             if not stiff:
-                self._forget_held(s)
+                self._clear_held(s)
         self._past: deque[Commands] = deque(maxlen=MAX_PAST)
         self._speeds = np.zeros(self.layout.tendons)  # m/s, that the shape has not settled from
         self._switched = -np.inf  # when the stiffness changed
@@ -164,10 +164,10 @@ class Estimator:
                 held = np.arange(layout.size)[layout.held_by(s)][self._described.bending_axes[s]]
                 self.covariance[held, held] += self.prior.lock_in**2
             elif was and not now:
-                self._forget_held(s)
+                self._clear_held(s)
         self._switched = time
 
-    def _forget_held(self, segment: int) -> None:
+    def _clear_held(self, segment: int) -> None:
         held = self.layout.held_by(segment)
         self.covariance[held] = self.covariance[:, held] = 0.0
 

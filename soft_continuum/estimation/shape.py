@@ -115,7 +115,7 @@ class ArmShape:
         Raises StaticsError when the model has no equilibrium there; the shape stays what it was.
         """
         if self._commands is not None and commands.time < self._commands.time - HISTORY:
-            self._forget_estimate()  # the clock was set back: nothing of it can be compared
+            self._clear_estimate()  # the clock was set back: nothing of it can be compared
         before, self._commands = self._commands, commands
         self._watch.follow(commands)
         self._predict(commands, before or commands)
@@ -142,7 +142,7 @@ class ArmShape:
 
     def _begin_anew(self) -> None:
         """Forget the estimate: the next measurement of all discs begins another."""
-        self._forget_estimate()
+        self._clear_estimate()
         self._begin_prediction(None)
 
     def lose(self, bent: str) -> None:
@@ -153,7 +153,7 @@ class ArmShape:
     def _begin_prediction(self, state: Any) -> None:
         self._path, self.unpredicted, self._solved, self._stood = state, None, (), None
 
-    def _forget_estimate(self) -> None:
+    def _clear_estimate(self) -> None:
         self.estimator, self._measured, self._watch = None, None, AnomalyDetector()
         if self._commands is not None:
             self._watch.follow(self._commands)
@@ -236,7 +236,7 @@ class ArmShape:
         """Take the arm to have a shape, and what sees it to be where it shall be."""
         self.lost_bent = ''
         self._base.clear()
-        self._forget_estimate()
+        self._clear_estimate()
         self._begin_prediction(state)
 
     # Measurements.
