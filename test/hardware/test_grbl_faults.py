@@ -416,9 +416,9 @@ def test_a_driver_that_is_being_opened_answers_at_once_and_can_be_closed(call):
             errors.append(str(error.value))
         opening = threading.Thread(target=connect)
         opening.start()
-        until(emulator, lambda: tendons._opening is not None)
+        until(emulator, lambda: tendons._link is not None)
         begin = emulator.time
-        with pytest.raises(HardwareError, match='is being opened'):
+        with pytest.raises(HardwareError, match='is being connected'):
             getattr(tendons, call)()
         tendons.close()
         until(emulator, lambda: not opening.is_alive())

@@ -109,7 +109,7 @@ def test_never_more_than_200_ms_of_motion_wait_in_the_controller(braking):
 def test_a_driver_that_dies_leaves_at_most_the_queue_to_run(monkeypatch):
     with rig() as (emulator, tendons):
         in_motion(emulator, tendons)
-        with tendons._lock:  # as if the process had ended here
+        with tendons._session._lock:  # as if the process had ended here
             before, ended = emulator.motors, tendons._thread
             monkeypatch.setattr(tendons._session, 'act', lambda now: sys.exit())
         after = standing(emulator)

@@ -19,6 +19,7 @@ from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.dynamixel.registers import Register
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output, open_serial
+from soft_continuum.hardware.serial_tendons import Wakeable
 
 REPLY_TIME, SEARCH_TIME = 0.15, 0.03
 """s that a reply to one servo's request may take, and while servos are looked for."""
@@ -59,17 +60,16 @@ class Reply:
     alert: bool
 
 
-class DynamixelBus:
-    """An open port with servos behind it; for one thread, but ``abort``."""
+class DynamixelBus(Wakeable):
+    """An open port with servos behind it; for one thread, but ``wake`` and ``abort``."""
 
     def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY) -> None:
         """Open a port that no other program may open until it is closed."""
         with needed(HardwareError):
             from soft_continuum.hardware.dynamixel.packets import Packets, Port
-        self.name, self.clock = port, clock
         self._port = Port(open_serial(port, baud_rate), clock)
+        super().__init__(port, clock)
         self._packets = Packets()
-        self._aborted = False
         self.fast: bool | None = None
         """Whether all answer a sync read in one packet (Fast Sync Read); None: not tried."""
 
@@ -82,15 +82,7 @@ class DynamixelBus:
         """Close the port."""
         discard_output(self._port.ser)
         self._port.ser.close()
-
-    def abort(self) -> None:
-        """Let every request raise HardwareError from now on; from any thread."""
-        self._aborted = True
-
-    def check_open(self) -> None:
-        """Raise HardwareError after ``abort``."""
-        if self._aborted:
-            raise HardwareError(f'{self.name} was closed while it was being opened')
+        super().close()
 
     @property
     def baud_rate(self) -> int:

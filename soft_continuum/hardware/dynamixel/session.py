@@ -87,6 +87,11 @@ class DynamixelSession:
         """Whether the tendons may move, or something is still to be written or to be answered."""
         return self.state in BUSY or self._mark_due or self._exchange.missed > 0
 
+    @property
+    def interval(self) -> float:
+        """From the begin of one cycle to that of the next, s."""
+        return CYCLE if self.busy else RESTING_CYCLE
+
     def reading(self) -> TendonReading:
         """Return the state of the last replies; without any for 0.3 s it fails."""
         with self._lock:

@@ -9,7 +9,6 @@ is set to one step per "mm" of its own.
 """
 
 from collections.abc import Sequence
-import contextlib
 from dataclasses import dataclass
 from math import ceil
 import os
@@ -20,6 +19,7 @@ import serial
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import discard_output
+from soft_continuum.hardware.serial_tendons import Wakeable
 
 STATUS_QUERY = b'?'
 FEED_HOLD = b'!'
@@ -162,18 +162,14 @@ class MessageReader:
         return [message for message in parsed if message is not None]
 
 
-class GrblLink:
+class GrblLink(Wakeable):
     """An open port with a controller behind it; for one thread, but ``wake`` and ``abort``."""
 
     def __init__(self, port: serial.Serial, clock: Clock = STEADY) -> None:
         """Use an open ``port``."""
+        super().__init__(port.port, clock)
         self._port = port
-        self.clock = clock
         self._reader = MessageReader()
-        self._wake_read, self._wake_write = os.pipe()
-        os.set_blocking(self._wake_read, False)
-        os.set_blocking(self._wake_write, False)
-        self._aborted = False
         self._late = 0.0  # s by which this computer went on later than it wanted to
         self.unanswered = ''
         """The line that waits for its acknowledgement."""
@@ -188,8 +184,7 @@ class GrblLink:
         self.clock.sleep(LAST_BYTES_TIME)
         discard_output(self._port)
         self._port.close()
-        os.close(self._wake_read)
-        os.close(self._wake_write)
+        super().close()
 
     def write(self, data: bytes) -> None:
         """Send bytes that act at once and are not acknowledged; never waits."""
@@ -208,17 +203,13 @@ class GrblLink:
 
     def wait(self, timeout: float) -> bool:
         """Return whether something was received, after ``timeout`` (s), or earlier when woken."""
-        if self._aborted:
-            raise HardwareError(f'{self._port.port} was closed while it was being opened')
         begin = self.clock()
         try:
-            ready = self.clock.wait([self._port.fileno(), self._wake_read], timeout)
-            self._late += max(0.0, self.clock() - begin - max(0.0, timeout))
-            if self._wake_read in ready:
-                os.read(self._wake_read, 4096)
-            return self._port.fileno() in ready
+            ready = self._wait_for([self._port.fileno()], timeout)
         except (OSError, ValueError) as error:
             raise self._lost(error) from None
+        self._late += max(0.0, self.clock() - begin - max(0.0, timeout))
+        return bool(ready)
 
     def receive(self, timeout: float = 0.0) -> list[Message]:
         """Return the messages received so far, or else within ``timeout`` (s)."""
@@ -231,16 +222,6 @@ class GrblLink:
         if not data:
             raise self._lost('hung up')
         return self._reader.feed(data)
-
-    def wake(self) -> None:
-        """Make ``wait`` and ``receive`` return at once; from any thread."""
-        with contextlib.suppress(BlockingIOError):  # it is going to wake up anyway
-            os.write(self._wake_write, b'w')
-
-    def abort(self) -> None:
-        """Make ``wait`` and ``receive`` raise HardwareError from now on; from any thread."""
-        self._aborted = True
-        self.wake()
 
     def answered(self) -> str:
         """Note that the line was acknowledged, or never will be; return it."""

@@ -9,6 +9,7 @@ connection is over.
 
 import contextlib
 from dataclasses import dataclass
+import threading
 
 from soft_continuum.hardware.grbl.link import (
     Acknowledgement,
@@ -23,7 +24,7 @@ from soft_continuum.hardware.grbl.link import (
     Status,
     STATUS_QUERY,
 )
-from soft_continuum.hardware.grbl.motion import add, JogStream, Motors, Steps, subtract
+from soft_continuum.hardware.grbl.motion import add, JOG_TIME, JogStream, Motors, Steps, subtract
 from soft_continuum.hardware.grbl.setup import (
     bears_mark,
     Controller,
@@ -73,12 +74,13 @@ class ProgressTimer:
 
 
 class GrblSession:
-    """What is known of a controller at rest since it was found; for one thread at a time."""
+    """What is known of a controller at rest since it was found; requests come from any thread."""
 
     def __init__(self, link: GrblLink, found: Controller, motors: Motors) -> None:
         """Take over a controller that was ``found`` on ``link``."""
         now = link.clock()
         self.link, self._motors = link, motors
+        self._lock = threading.Lock()  # of all that follows
         braking = min(found.settings[120 + i] / scale
                       for i, scale in enumerate(motors.steps_per_metre))
         self._jogs = JogStream(motors, braking)
@@ -113,6 +115,11 @@ class GrblSession:
         """Whether the tendons move or may move."""
         return self.state in BUSY
 
+    @property
+    def interval(self) -> float:
+        """From the begin of one cycle to that of the next, s."""
+        return JOG_TIME / 4 if self.busy else RESTING_QUERY_INTERVAL / 2
+
     # Requests
 
     def _check(self) -> None:
@@ -121,63 +128,79 @@ class GrblSession:
 
     def reading(self) -> TendonReading:
         """Return the state of the last status report, which is at most some 0.1 s old."""
-        self._check()
-        speeds = self._speeds
-        if not self.busy:
-            speeds = (0.0,) * len(speeds)
-        elif not any(speeds):  # not at rest, even if no step was made since the last report
-            slowest = 1.0 / max(self._motors.steps_per_metre) / MOVING_QUERY_INTERVAL
-            speeds = (slowest,) * len(speeds)
-        pulls = self._motors.to_pulls(subtract(self.position, self._zero))
-        return TendonReading(pulls, speeds, referenced=not self._unreferenced,
-                             accuracy=self._motors.accuracy)
+        with self._lock:
+            self._check()
+            speeds = self._speeds
+            if not self.busy:
+                speeds = (0.0,) * len(speeds)
+            elif not any(speeds):  # not at rest, even if no step was made since the last report
+                slowest = 1.0 / max(self._motors.steps_per_metre) / MOVING_QUERY_INTERVAL
+                speeds = (slowest,) * len(speeds)
+            pulls = self._motors.to_pulls(subtract(self.position, self._zero))
+            return TendonReading(pulls, speeds, referenced=not self._unreferenced,
+                                 accuracy=self._motors.accuracy)
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it."""
-        self._check()
-        if self._unreferenced:
-            raise HardwareError(f'the position is not known: {self._unreferenced}; {REFERENCE}')
-        now = self.link.clock()
-        self._target = add(self._zero, self._motors.from_pulls(pulls)), now + duration
-        if self.state is not State.STOPPING:
-            self._aim(now)
+        with self._lock:
+            self._check()
+            if self._unreferenced:
+                raise HardwareError(
+                    f'the position is not known: {self._unreferenced}; {REFERENCE}')
+            now = self.link.clock()
+            self._target = add(self._zero, self._motors.from_pulls(pulls)), now + duration
+            if self.state is not State.STOPPING:
+                self._aim(now)
 
     def stop(self) -> None:
         """Brake as the controller can without losing a step, then hold."""
-        self._check()
-        self._target = None
-        if self.state is State.HOMING_REQUESTED:
-            self._setup_lines = []
-        self._begin_stop()
-        if self.state is State.ABORTING_HOMING:  # nothing but a reset ends a homing cycle
-            self._hold_sent_at = self.link.clock()
-            self.link.write(SOFT_RESET)
+        with self._lock:
+            self._check()
+            self._target = None
+            if self.state is State.HOMING_REQUESTED:
+                self._setup_lines = []
+            self._begin_stop()
+            if self.state is State.ABORTING_HOMING:  # nothing but a reset ends a homing cycle
+                self._hold_sent_at = self.link.clock()
+                self.link.write(SOFT_RESET)
 
     def reference(self) -> None:
         """Take the present position as zero pull, or home."""
-        self._check()
-        if self.busy:
-            raise HardwareError('the tendons are moving; wait until they rest')
-        if self._motors.homes:
-            self._unreferenced = 'homing has not ended'
-            self._fire(Event.HOME)
-            self._setup_lines = [HOME]
-            self._idle_reports = 0
-            return
-        self._zero = self.position
-        self._unreferenced = ''
-        self._jogs.place(self.position)
-        self._mark_reference()
+        with self._lock:
+            self._check()
+            if self.busy:
+                raise HardwareError('the tendons are moving; wait until they rest')
+            if self._motors.homes:
+                self._unreferenced = 'homing has not ended'
+                self._fire(Event.HOME)
+                self._setup_lines = [HOME]
+                self._idle_reports = 0
+                return
+            self._zero = self.position
+            self._unreferenced = ''
+            self._jogs.place(self.position)
+            self._mark_reference()
 
     def fail(self, reason: str) -> None:
         """End all motion, and the connection, for good."""
-        self.failure = reason
-        self._fire(Event.FAILURE)
-        with contextlib.suppress(HardwareError):
-            # The one stop that leaves nothing pending at rest, and the one that ends homing.
-            self.link.write(SOFT_RESET if self.link.unanswered == HOME else JOG_CANCEL)
+        with self._lock:
+            self.failure = reason
+            self._fire(Event.FAILURE)
+            with contextlib.suppress(HardwareError):
+                # The one stop that leaves nothing pending at rest, and the one that ends homing.
+                self.link.write(SOFT_RESET if self.link.unanswered == HOME else JOG_CANCEL)
+
+    def release(self) -> None:
+        """Leave the controller, which holds, to itself: nothing is to be done for it."""
 
     # What is sent
+
+    def cycle(self) -> None:
+        """Take messages into account, and send what is due."""
+        with self._lock:
+            for message in self.link.receive():
+                self.handle(message, self.link.clock())
+            self.act(self.link.clock())
 
     def act(self, now: float) -> None:
         """Send what is due, and check that what was sent is answered in time."""
