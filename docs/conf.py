@@ -6,7 +6,7 @@ from docutils import nodes
 from docutils.parsers.rst import roles
 from pygments.lexers.special import TextLexer
 
-from soft_continuum.nodes.reference import main as write_parameter_tables
+from soft_continuum.cli.reference import main as write_parameter_tables
 
 write_parameter_tables()
 

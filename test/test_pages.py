@@ -10,8 +10,6 @@ from textwrap import dedent
 
 import pytest
 
-from soft_continuum.cli.registry import VERBS
-from soft_continuum.client import Arm
 from soft_continuum.parameters.files import load_description
 from support.documented_commands import blocks, Checker, is_ros2, LINES, NOT_OURS, PAGES, ROOT
 
@@ -65,16 +63,6 @@ def test_the_contents_list_every_page_once() -> None:
 def test_a_page_is_in_plain_english(page: str) -> None:
     text = re.sub('`[^`]*`', '', GENERATED.sub('', prose(PAGES[page])))
     assert not UNUSUAL.findall(text)
-
-
-def test_the_page_of_the_command_line_names_every_verb() -> None:
-    text = PAGES['docs/reference/command_line.md'].read_text(encoding='utf-8')
-    assert not VERBS.keys() - set(re.findall(r'`([\w-]+)', text))
-
-
-def test_the_page_of_the_client_names_every_call() -> None:
-    text = PAGES['docs/how_to/use_the_python_client.md'].read_text(encoding='utf-8')
-    assert not {name for name in vars(Arm) if name[0] != '_'} - set(re.findall(r'`(\w+)', text))
 
 
 @pytest.mark.parametrize('page', LINES)

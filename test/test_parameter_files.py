@@ -10,19 +10,13 @@ from hypothesis import strategies as st
 import pytest
 import yaml
 
+from soft_continuum.cli.reference import COMMAND, page_with_table, pages, table, tables
 from soft_continuum.hardware.drivers import (
     driver_parameters,
     JAMMING_DRIVERS,
     TENDON_DRIVERS,
 )
 from soft_continuum.nodes.parameter_table import ALL_PARAMETERS, NODE_PARAMETERS
-from soft_continuum.nodes.reference import (
-    COMMAND,
-    page_with_table,
-    PAGES,
-    table,
-    tables,
-)
 from soft_continuum.parameters import files
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import load_description
@@ -360,10 +354,10 @@ def test_a_default_given_in_millimetres_is_refused(parameter):
 
 
 def test_the_documented_tables_are_those_of_the_code():
-    for name, parameters in tables():
-        text = (PAGES / name).read_text(encoding='utf-8')
-        assert text == page_with_table(text, parameters), (
-            f'{name} is out of date: ./run exec {COMMAND}')
+    for page, content in pages():
+        text = page.read_text(encoding='utf-8')
+        assert text == page_with_table(text, content), (
+            f'{page.name} is out of date: ./run exec {COMMAND}')
 
 
 def test_every_parameter_is_documented_and_those_of_the_arm_once():

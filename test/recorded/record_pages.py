@@ -15,7 +15,7 @@ import tempfile
 
 from soft_continuum.cli.install_service import units
 from soft_continuum.cli.main import main as run_verb
-from soft_continuum.nodes.reference import table, tables
+from soft_continuum.cli.reference import table, tables
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.urdf import arm_urdf
 

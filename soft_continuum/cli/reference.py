@@ -1,16 +1,19 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The tables of parameters in ``msg_docs/``, written from those of nodes and arm.
+Tables in pages that are written from the code: parameters, verbs, calls of the client.
 
-Each stands between two markers; ``python -m soft_continuum.nodes.reference`` rewrites them,
+Each stands between two markers; ``python -m soft_continuum.cli.reference`` rewrites them,
 and so does ``./run docs``.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+import inspect
 from pathlib import Path
 import re
 
+from soft_continuum.cli.registry import GROUPS
+from soft_continuum.client import Arm
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.parameter import Parameter
@@ -22,15 +25,15 @@ from soft_continuum.parameters.shapes import (
 )
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 
-PAGES = Path(__file__).resolve().parents[2] / 'msg_docs'
-COMMAND = 'python -m soft_continuum.nodes.reference'
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = 'python -m soft_continuum.cli.reference'
 START = f'<!-- table written by: {COMMAND} -->'
 END = '<!-- end of table -->'
 COLUMNS = ('name', 'type', 'default', 'unit', 'range', 'read-only', 'description')
 
 
 def tables() -> Iterator[tuple[str, Sequence[Parameter]]]:
-    """Return the name of each page and the parameters in its table."""
+    """Return the name of each page in ``msg_docs/`` and the parameters in its table."""
     yield 'parameters.md', ARM_PARAMETERS
     for node, parameters in NODE_PARAMETERS.items():
         shapes = ([shape_parameter('<name>'), direction_parameter('<name>'),
@@ -39,10 +42,35 @@ def tables() -> Iterator[tuple[str, Sequence[Parameter]]]:
         yield f'{node}.md', [*(p for p in parameters if p not in ARM_PARAMETERS), *shapes]
 
 
+def pages() -> Iterator[tuple[Path, str]]:
+    """Return every page that has a table, and what is to be in it."""
+    for name, parameters in tables():
+        yield ROOT / 'msg_docs' / name, table(parameters)
+    yield ROOT / 'docs/reference/command_line.md', _table(('to', 'verb', 'function'), (
+        (group if verb is verbs[0] else '', f'`{verb.name}`', verb.help)
+        for group, verbs in GROUPS.items() for verb in verbs))
+    yield ROOT / 'docs/how_to/use_the_python_client.md', _table(
+        ('call', 'action'), map(_call, (name for name in vars(Arm) if name[0] != '_')))
+
+
 def table(parameters: Sequence[Parameter]) -> str:
     """Return the parameters as a table in Markdown."""
-    rows = [COLUMNS, ('---',) * len(COLUMNS), *map(_row, parameters)]
-    return '\n'.join(f'| {" | ".join(row)} |' for row in rows)
+    return _table(COLUMNS, map(_row, parameters))
+
+
+def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    return '\n'.join(f'| {" | ".join(row)} |' for row in (
+        columns, ('---',) * len(columns), *rows))
+
+
+def _call(name: str) -> tuple[str, str]:
+    """Return a call of ``Arm`` with its arguments, and the first sentence about it."""
+    member = inspect.getattr_static(Arm, name)
+    about = re.split(r'(?<=[^.])\.(?:\s|$)', inspect.getdoc(member) or '')[0].replace('``', '`')
+    if isinstance(member, property):
+        return f'`{name}`', about
+    _, *arguments = inspect.signature(member).parameters.values()
+    return f'`{name}({", ".join(str(a).split(":")[0] for a in arguments)})`', about
 
 
 def _row(parameter: Parameter) -> tuple[str, ...]:
@@ -56,17 +84,16 @@ def _row(parameter: Parameter) -> tuple[str, ...]:
             'yes' if parameter.read_only else 'no', description)
 
 
-def page_with_table(text: str, parameters: Sequence[Parameter]) -> str:
+def page_with_table(text: str, content: str) -> str:
     """Return a page with its table up to date; raises ValueError when it has no place for one."""
     start, end = text.index(START) + len(START), text.index(END)
-    return f'{text[:start]}\n\n{table(parameters)}\n\n{text[end:]}'
+    return f'{text[:start]}\n\n{content}\n\n{text[end:]}'
 
 
 def main() -> None:
     """Write the tables into the pages."""
-    for name, parameters in tables():
-        page = PAGES / name
-        page.write_text(page_with_table(page.read_text(encoding='utf-8'), parameters),
+    for page, content in pages():
+        page.write_text(page_with_table(page.read_text(encoding='utf-8'), content),
                         encoding='utf-8')
 
 
