@@ -263,11 +263,9 @@ class DynamixelServo:
         if length < 1 or address + length - 1 > last:
             return Error.ACCESS, b''
         self._refresh()
-        data = bytearray()
-        for real in self._real(address, length):
-            field, shift = self._bytes.get(real, (None, 0))
-            data.append(self.values[field.name] >> shift & 0xFF if field else 0)
-        return Error.NONE, bytes(data)
+        values, places = self.values, self._bytes
+        return Error.NONE, bytes(values[places[real][0].name] >> places[real][1] & 0xFF
+                                 if real in places else 0 for real in self._real(address, length))
 
     def write(self, address: int, data: bytes, only_check: bool = False) -> Error:
         """Write items of the control table, all or none of them; return why not."""

@@ -9,18 +9,18 @@ from soft_continuum.hardware.protocols import HardwareError
 TIMEOUT = 60.0  # s of emulated time for anything to happen
 
 
-def until(device, condition, what=''):
-    """Wait until something is true, on the clock of a device or driver; fail if it never is."""
+def until(device, condition, what='', step=0.002):
+    """Look every ``step`` s of a device or driver until something is true; fail if it never is."""
     clock = getattr(device, 'clock', device)
     deadline = clock() + TIMEOUT
     while not condition():
         assert clock() < deadline, f'never: {what or condition}'
-        clock.sleep(0.002)
+        clock.sleep(step)
 
 
 def at_rest(tendons):
     """Wait for the end of all motion; return the reading there."""
-    until(tendons, lambda: not tendons.read().moving, 'at rest')
+    until(tendons, lambda: not tendons.read().moving, 'at rest', 0.01)
     return tendons.read()
 
 
@@ -32,7 +32,7 @@ def failed(tendons):
         except HardwareError:
             return True
         return False
-    until(tendons, gives_up, 'a HardwareError')
+    until(tendons, gives_up, 'a HardwareError', 0.01)
     with pytest.raises(HardwareError) as error:
         tendons.read()
     with pytest.raises(HardwareError):

@@ -3,7 +3,6 @@
 """Clocks that run as fast as the computer can: in the right order, or only when told."""
 
 from contextlib import suppress
-from dataclasses import dataclass, field
 from select import select
 import threading
 from time import monotonic
@@ -24,13 +23,12 @@ class ToldClock:
         return self.now
 
 
-@dataclass
 class Waiter:
-    """A thread that waits for files or until a time (s)."""
+    """A thread that waits for files or until a time (s), on a lock that is released to wake it."""
 
-    files: list
-    until: float
-    woken: threading.Event = field(default_factory=threading.Event)
+    def __init__(self, files, until):
+        self.files, self.until, self.asleep = files, until, threading.Lock()
+        self.asleep.acquire()
 
 
 class VirtualClock(Clock):
@@ -57,21 +55,22 @@ class VirtualClock(Clock):
         if timeout <= 0.0:
             return select(files, [], [], 0.0)[0]
         me = threading.current_thread()
-        waiter = Waiter(list(files), self._now + timeout)
+        waiter = Waiter(files, self._now + timeout)
         with self._lock:
             self._threads.add(me)
             self._waiters[me] = waiter
             self._go_on()
-        while not waiter.woken.wait(CHECK_INTERVAL):
+        while not waiter.asleep.acquire(timeout=CHECK_INTERVAL):
             with self._lock:
                 self._go_on()
-        return select(files, [], [], 0.0)[0]
+        return select(files, [], [], 0.0)[0] if files else []
 
     def _go_on(self):
         """When all threads wait, wake those that have data, or else let time pass."""
-        self._threads = {thread for thread in self._threads if thread.is_alive()}
-        if self._threads - self._waiters.keys():
-            return
+        for thread in self._threads - self._waiters.keys():
+            if thread.is_alive():
+                return
+            self._threads.discard(thread)
         if self._some_begin():
             return
         ready = self._ready()
@@ -79,12 +78,14 @@ class VirtualClock(Clock):
             self._now = max(self._now, min(w.until for w in self._waiters.values()))
             ready = [t for t, w in self._waiters.items() if w.until <= self._now]
         for thread in ready:
-            self._waiters.pop(thread).woken.set()
+            self._waiters.pop(thread).asleep.release()
 
     def _some_begin(self):
         """Whether a thread may be on its way to its first wait: a busy computer starts it late."""
-        now = monotonic()
         begun = set(threading.enumerate()) - self._others - self._threads
+        if not begun:
+            return False
+        now = monotonic()
         self._born = {thread: self._born.get(thread, now) for thread in begun}
         return any(now - since < START_TIME for since in self._born.values())
 
