@@ -4,7 +4,7 @@
 
 from math import inf, nan
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
@@ -32,17 +32,10 @@ ORDER = ('release_vacuum', 'stiff_vacuum', 'pump_start_vacuum', 'pump_stop_vacuu
 class ScriptedJamming:
     """A driver whose sensors read what a test says."""
 
-    def __init__(self, *vacuum, pump=False):
+    def __init__(self, *vacuum):
         self.vacuum = list(vacuum)
         self.evacuated = [True] * len(vacuum)
-        self.pump = pump
         self.switched = []
-
-    def open(self):
-        """Nothing to connect."""
-
-    def close(self):
-        """Nothing to disconnect."""
 
     def read(self):
         return JammingReading(
@@ -56,15 +49,41 @@ class ScriptedJamming:
         self.switched.append(running)
 
 
-def scripted(*vacuum, pump=False):
-    driver = ScriptedJamming(*vacuum, pump=pump)
-    return driver, JammingController(driver, len(vacuum), SETTINGS)
+class ScriptedRegulators:
+    """Regulators whose sensors read what a test says."""
+
+    max_vacuum = 90e3
+
+    def __init__(self, *vacuum):
+        self.vacuum = list(vacuum)
+        self.told = list(vacuum)
+
+    def open(self):
+        """Nothing to connect."""
+
+    def close(self):
+        """Nothing to disconnect."""
+
+    def read(self):
+        return JammingReading.of_regulators(
+            tuple(AMBIENT - v for v in self.vacuum), tuple(self.told))
+
+    def set_vacuum(self, segment, vacuum):
+        self.told[segment] = vacuum
 
 
-def timed(*vacuum):
+def scripted(*vacuum, pump=False, kind=ScriptedJamming):
     """A scripted driver and its controller, on a clock that goes on only when told."""
-    driver, clock = ScriptedJamming(*vacuum), ToldClock()
+    driver, clock = kind(*vacuum), ToldClock()
+    driver.pump = pump
     return clock, driver, JammingController(driver, len(vacuum), SETTINGS, clock)
+
+
+def regulated(*vacuum):
+    """Regulators that have followed their set-points, and their controller."""
+    clock, driver, controller = scripted(*vacuum, kind=ScriptedRegulators)
+    controller.update()
+    return clock, driver, controller
 
 
 def after(clock, controller, seconds):
@@ -90,15 +109,11 @@ def stiff_at(controller, driver, *vacuum):
     return flags
 
 
-def test_nothing_is_stiff_before_the_pressures_were_read():
+def test_a_rig_found_evacuated_is_stiff_after_the_first_reading_and_not_before():
     _, _, controller = simulated(initially_stiff=True)
     assert controller.stiff == [False, False, False]
     with pytest.raises(HardwareError, match='not been read'):
         _ = controller.reading
-
-
-def test_a_rig_found_evacuated_is_stiff_after_the_first_reading():
-    _, _, controller = simulated(initially_stiff=True)
     controller.update()
     assert controller.stiff == [True, True, True]
 
@@ -112,55 +127,58 @@ def test_a_rig_found_soft_is_not_evacuated_unasked():
     assert not driver.read().pump and not any(driver.read().evacuated)
 
 
-def test_a_segment_is_stiff_from_the_stiff_vacuum_on_down_to_the_release_vacuum():
-    driver, controller = scripted(0.0)
-    flags = stiff_at(controller, driver, STIFF - 1.0, STIFF, RELEASE, RELEASE - 1.0, STIFF - 1.0,
-                     STIFF)
-    assert flags == [False, True, True, False, False, True]
+@pytest.mark.parametrize('kind', [ScriptedJamming, ScriptedRegulators])
+def test_a_segment_is_stiff_from_the_stiff_vacuum_on_down_to_the_release_vacuum(kind):
+    _, driver, controller = scripted(80e3, kind=kind)
+    flags = stiff_at(controller, driver, 0.0, STIFF - 1.0, STIFF, RELEASE, STIFF - 1.0,
+                     RELEASE - 1.0, STIFF - 1.0, RELEASE + 1.0, STIFF)
+    assert flags == [False, False, True, True, True, False, False, False, True]
 
 
-def test_noise_within_the_thresholds_does_not_toggle_a_segment():
-    driver, controller = scripted(0.0)
-    noisy = [STIFF - 1.0, RELEASE + 1.0] * 5
-    assert not any(stiff_at(controller, driver, *noisy))
-    assert all(stiff_at(controller, driver, STIFF, *noisy))
-
-
-def test_a_segment_is_soft_as_soon_as_it_is_asked_to_be_vented():
-    _, controller = scripted(90e3, 90e3)
+@pytest.mark.parametrize(('kind', 'soften'), [
+    (ScriptedJamming, lambda controller: controller.set_stiff(1, False)),
+    (ScriptedRegulators, lambda controller: controller.set_stiff(1, False)),
+    (ScriptedRegulators, lambda controller: controller.set_vacuum(1, 30e3))])
+def test_a_segment_is_soft_as_soon_as_it_is_asked_to_be(kind, soften):
+    _, _, controller = scripted(80e3, 80e3, kind=kind)
     controller.update()
-    controller.set_stiff(1, False)
+    soften(controller)
     assert controller.stiff == [True, False]
     controller.update()
     assert controller.stiff == [True, False]  # though its vacuum is still high
 
 
-def test_a_segment_is_not_stiff_just_because_it_was_asked_to_be():
-    driver, controller = scripted(0.0)
-    driver.evacuated[0] = False
+def test_a_segment_is_not_stiff_because_it_was_asked_to_be_or_because_its_sensor_says_so():
+    _, driver, controller = scripted(0.0, 90e3)
+    driver.evacuated = [False, False]
     controller.set_stiff(0, True)
-    assert controller.stiff == [False]
-    controller.update()
-    assert controller.stiff == [False]
-
-
-def test_a_segment_whose_valve_does_not_open_is_not_stiff_whatever_its_sensor_says():
-    driver, controller = scripted(90e3)
-    driver.evacuated[0] = False
-    controller.update()
-    assert controller.stiff == [False]
+    assert controller.stiff == [False, False]
+    controller.update()  # the valve of the second one does not open
+    assert controller.stiff == [False, False]
 
 
 @pytest.mark.parametrize('broken', [nan, inf, -inf])
-def test_a_broken_sensor_is_never_stiff_and_does_not_touch_the_other_segments(broken):
-    driver, controller = scripted(0.0, 90e3)
-    assert stiff_at(controller, driver, broken, 90e3, broken, RELEASE + 1.0) == [
-        False, True, False, False]
-    assert controller.stiff[1]
+def test_a_broken_sensor_is_a_fault_and_never_stiff_and_does_not_touch_the_other_segments(broken):
+    _, driver, controller = scripted(0.0, 90e3)
+    flags, faults = [], []
+    for vacuum in (broken, 90e3, broken, RELEASE + 1.0):
+        flags += stiff_at(controller, driver, vacuum)
+        faults.append(controller.faults)
+    assert flags == [False, True, False, False] and controller.stiff[1]
+    for (first, second), wrong in zip(faults, (True, False, True, False), strict=True):
+        assert second == '' and bool(first) is wrong
+        assert not wrong or ('segment 1' in first and 'wire' in first)
+
+
+def test_the_pump_keeps_running_for_a_segment_whose_sensor_is_broken():
+    _, driver, controller = scripted(90e3, nan)
+    controller.update()
+    controller.update()
+    assert driver.pump and driver.switched == [True]
 
 
 def test_the_pump_starts_below_one_vacuum_and_rests_above_another():
-    driver, controller = scripted(STOP, pump=True)
+    _, driver, controller = scripted(STOP, pump=True)
     for vacuum in (STOP, STOP - 1.0, START, START - 1.0, START, STOP - 1.0, STOP):
         driver.vacuum[0] = vacuum
         controller.update()
@@ -175,19 +193,11 @@ def test_the_pump_starts_below_one_vacuum_and_rests_above_another():
     ids=['weakest starts it', 'all must have enough to end it', 'vented one does not count',
          'rests when all are vented'])
 def test_the_pump_runs_for_the_weakest_evacuated_segment(vacuum, vented, before, after):
-    driver, controller = scripted(*vacuum, pump=before)
+    _, driver, controller = scripted(*vacuum, pump=before)
     for segment in vented:
         controller.set_stiff(segment, False)
     controller.update()
     assert driver.pump is after
-
-
-def test_the_pump_keeps_running_for_a_segment_whose_sensor_is_broken():
-    driver, controller = scripted(90e3, nan)
-    controller.update()
-    assert driver.pump
-    controller.update()
-    assert driver.switched == [True]
 
 
 def test_an_unattended_stiff_arm_stays_stiff_while_the_pump_mostly_rests():
@@ -221,7 +231,7 @@ def test_softening_and_stiffening_takes_as_long_as_the_air_needs():
 
 
 def test_while_the_device_is_lost_which_is_reported_nothing_counts_as_stiff():
-    driver, controller = scripted(90e3, 90e3)
+    _, driver, controller = scripted(90e3, 90e3)
     read = driver.read
 
     def lost():
@@ -238,7 +248,7 @@ def test_while_the_device_is_lost_which_is_reported_nothing_counts_as_stiff():
 
 
 def test_a_segment_is_not_stiff_after_a_venting_that_failed_half_way():
-    driver, controller = scripted(90e3, 90e3)
+    _, driver, controller = scripted(90e3, 90e3)
     controller.update()
 
     def unanswered(segment, evacuated):
@@ -254,7 +264,7 @@ def test_a_segment_is_not_stiff_after_a_venting_that_failed_half_way():
 
 
 def test_a_segment_that_keeps_its_vacuum_though_vented_is_a_fault():
-    clock, driver, controller = timed(90e3, 90e3)
+    clock, driver, controller = scripted(90e3, 90e3)
     controller.set_stiff(1, False)
     controller.update()
     assert after(clock, controller, 0.99 * RESPONSE_TIME) == ('', '')
@@ -263,25 +273,8 @@ def test_a_segment_that_keeps_its_vacuum_though_vented_is_a_fault():
     assert 'sensor' in faults[1] and 'valve' in faults[1]
 
 
-def test_a_sensor_that_missed_a_venting_is_not_believed_before_it_showed_one():
-    clock, driver, controller = timed(90e3)
-    controller.set_stiff(0, False)
-    controller.update()
-    after(clock, controller, RESPONSE_TIME)
-    controller.set_stiff(0, True)
-    for _ in range(3):
-        assert after(clock, controller, RESPONSE_TIME) != ('',)
-        assert controller.stiff == [False]
-    driver.vacuum[0] = RELEASE - 1.0
-    assert after(clock, controller, 0.1) == ('',)
-    assert controller.stiff == [False]
-    driver.vacuum[0] = 90e3
-    assert after(clock, controller, 0.1) == ('',)
-    assert controller.stiff == [True]
-
-
 def test_a_segment_that_gets_no_vacuum_from_the_running_pump_is_a_fault():
-    clock, driver, controller = timed(90e3, 20e3)
+    clock, driver, controller = scripted(90e3, 20e3)
     for _ in range(2):
         controller.update()
     assert driver.pump
@@ -295,7 +288,7 @@ def test_a_segment_that_gets_no_vacuum_from_the_running_pump_is_a_fault():
 
 
 def test_the_time_to_follow_starts_again_with_every_switching():
-    clock, _, controller = timed(0.0)
+    clock, _, controller = scripted(0.0)
     controller.set_stiff(0, True)
     controller.update()
     for _ in range(5):
@@ -306,22 +299,105 @@ def test_the_time_to_follow_starts_again_with_every_switching():
         controller.update()
 
 
-def test_a_broken_sensor_is_a_fault_at_once_and_for_its_segment_alone():
-    clock, driver, controller = timed(90e3, nan)
-    faults = after(clock, controller, 0.0)
-    assert faults[0] == '' and 'segment 2' in faults[1] and 'wire' in faults[1]
-    driver.vacuum[1] = 90e3
-    assert after(clock, controller, 0.1) == ('', '')
-
-
 def test_a_rig_that_works_has_no_faults_in_an_hour_of_switching():
-    clock, driver, _ = simulated(initially_stiff=True)
-    controller = JammingController(driver, 3, SETTINGS, clock)
+    clock, _, controller = simulated(initially_stiff=True)
     for turn in range(360):
         controller.set_stiff(turn % 3, turn % 2 == 0)
         for _ in range(20):
             assert after(clock, controller, 0.5) == ('',) * 3
 
+
+@pytest.mark.parametrize('vented', [0.4, 4.0, RESPONSE_TIME])
+def test_a_sensor_that_did_not_notice_a_venting_is_not_believed_before_it_showed_one(vented):
+    clock, driver, controller = scripted(80e3)
+    controller.update()
+    assert controller.stiff == [True]
+    controller.set_stiff(0, False)
+    controller.update()
+    after(clock, controller, vented)
+    controller.set_stiff(0, True)
+    for _ in range(3):
+        controller.update()
+        assert controller.stiff == [False] and 'stuck' in controller.faults[0]
+        clock.now += RESPONSE_TIME
+    driver.vacuum[0] = RELEASE - 1.0  # it does move
+    assert after(clock, controller, 0.1) == ('',)
+    assert controller.stiff == [False]
+    driver.vacuum[0] = 70e3
+    assert after(clock, controller, 0.1) == ('',)
+    assert controller.stiff == [True]
+
+
+def test_a_segment_that_is_evacuated_again_before_it_became_soft_is_stiff_by_its_pressure():
+    clock, driver, controller = scripted(80e3)
+    controller.update()
+    for vented, vacuum in ((0.05, 75e3), (0.4, 70e3)):
+        controller.set_stiff(0, False)
+        controller.update()
+        clock.now += vented
+        driver.vacuum[0] = vacuum
+        controller.update()
+        controller.set_stiff(0, True)
+        controller.update()
+        assert controller.stiff == [True]
+
+
+@pytest.mark.parametrize(
+    ('vented', 'read'), [(0.0, True), (0.1, True), (0.1, False), (2.0, False)])
+def test_a_venting_too_short_for_the_sensor_to_show_is_made_up_for_by_the_pump(vented, read):
+    clock, driver, controller = scripted(90e3)
+    controller.update()
+    for _ in range(2):
+        controller.set_stiff(0, False)
+        if read:
+            controller.update()
+        clock.now += vented
+        controller.set_stiff(0, True)
+        controller.update()
+        for _ in range(29):
+            assert controller.stiff == [False] and driver.pump
+            clock.now += 0.1
+            controller.update()
+        clock.now += 0.3
+        controller.update()
+        assert controller.stiff == [True] and controller.faults == ('',)
+        clock.now += 0.1
+        controller.update()
+        assert not driver.pump
+
+
+def test_a_stuck_sensor_is_found_by_quick_toggles_as_by_one_slow_one():
+    clock, driver, controller = scripted(80e3)
+    controller.update()
+    for _ in range(4):
+        controller.set_stiff(0, False)
+        controller.update()
+        clock.now += 0.1
+        controller.set_stiff(0, True)
+        controller.update()
+        assert controller.stiff == [False]
+    assert 'stuck' in controller.faults[0]
+    clock.now += 2 * REFILL_TIME
+    controller.update()
+    assert controller.stiff == [False]
+
+
+def test_a_sensor_that_was_stuck_before_the_start_is_not_believed():
+    clock, driver, controller = scripted(85e3)
+    driver.evacuated[0] = False  # it is vented, and shows nothing of it
+    for _ in range(30):
+        clock.now += 0.1
+        controller.update()
+        assert controller.stiff == [False]
+    controller.set_stiff(0, True)
+    for _ in range(3):
+        clock.now += 0.05
+        controller.update()
+        assert controller.stiff == [False]
+    assert 'stuck' in controller.faults[0]
+
+
+# Settings, and whatever is switched.
 
 thresholds = st.lists(st.floats(1e3, 101e3), min_size=4, max_size=4)
 
@@ -347,8 +423,10 @@ commands = st.lists(
     st.tuples(st.integers(0, 2), st.booleans(), st.floats(0.0, 2.0)), max_size=15)
 
 
+@settings(max_examples=60)
 @given(commands, st.booleans())
-def test_a_segment_is_never_stiff_before_its_pressure_says_so(script, initially_stiff):
+def test_a_segment_is_never_stiff_before_its_pressure_says_so_and_can_always_become_stiff(
+        script, initially_stiff):
     clock, driver, controller = simulated(initially_stiff)
     before = list(controller.stiff)
     for segment, stiff, duration in script:
@@ -362,155 +440,17 @@ def test_a_segment_is_never_stiff_before_its_pressure_says_so(script, initially_
             assert not flag or reading.evacuated[i]
             assert not flag or vacuum >= (RELEASE if before[i] else STIFF)
         before = list(controller.stiff)
-
-
-@given(commands)
-def test_an_evacuated_segment_becomes_stiff_whatever_was_switched_before(script):
-    clock, _, controller = simulated(initially_stiff=False)
-    for segment, stiff, duration in script:
-        controller.set_stiff(segment, stiff)
-        clock.now += duration
-        controller.update()
     for segment in range(3):
         controller.set_stiff(segment, True)
     for _ in range(10):
-        controller.update()
-        clock.now += 0.5
+        after(clock, controller, 0.5)
     assert all(controller.stiff)
-
-
-@pytest.mark.parametrize('vented', [0.4, 4.0])
-def test_a_sensor_that_did_not_notice_a_venting_is_not_believed_when_it_ends(vented):
-    clock, driver, controller = timed(80e3)
-    controller.update()
-    assert controller.stiff == [True]
-    controller.set_stiff(0, False)
-    controller.update()
-    clock.now += vented
-    controller.update()
-    controller.set_stiff(0, True)
-    controller.update()
-    assert controller.stiff == [False]
-    assert 'stuck' in controller.faults[0]
-    clock.now += 1.0
-    driver.vacuum[0] = 10e3  # it does move
-    controller.update()
-    driver.vacuum[0] = 70e3
-    controller.update()
-    assert controller.stiff == [True]
-    assert not controller.faults[0]
-
-
-def test_a_segment_that_is_evacuated_again_before_it_became_soft_is_stiff_by_its_pressure():
-    clock, driver, controller = timed(80e3)
-    controller.update()
-    for vented, vacuum in ((0.05, 75e3), (0.4, 70e3)):
-        controller.set_stiff(0, False)
-        controller.update()
-        clock.now += vented
-        driver.vacuum[0] = vacuum
-        controller.update()
-        controller.set_stiff(0, True)
-        controller.update()
-        assert controller.stiff == [True]
-
-
-@pytest.mark.parametrize(
-    ('vented', 'read'), [(0.0, True), (0.1, True), (0.1, False), (2.0, False)])
-def test_a_venting_too_short_for_the_sensor_to_show_is_made_up_for_by_the_pump(vented, read):
-    clock, driver, controller = timed(90e3)
-    controller.update()
-    for _ in range(2):
-        controller.set_stiff(0, False)
-        if read:
-            controller.update()
-        clock.now += vented
-        controller.set_stiff(0, True)
-        controller.update()
-        for _ in range(29):
-            assert controller.stiff == [False] and driver.pump
-            clock.now += 0.1
-            controller.update()
-        clock.now += 0.3
-        controller.update()
-        assert controller.stiff == [True] and controller.faults == ('',)
-        clock.now += 0.1
-        controller.update()
-        assert not driver.pump
-
-
-def test_a_stuck_sensor_is_found_by_quick_toggles_as_by_one_slow_one():
-    clock, driver, controller = timed(80e3)
-    controller.update()
-    for _ in range(4):
-        controller.set_stiff(0, False)
-        controller.update()
-        clock.now += 0.1
-        controller.set_stiff(0, True)
-        controller.update()
-        assert controller.stiff == [False]
-    assert 'stuck' in controller.faults[0]
-    clock.now += 2 * REFILL_TIME
-    controller.update()
-    assert controller.stiff == [False]
-
-
-def test_a_sensor_that_was_stuck_before_the_start_is_not_believed():
-    clock, driver, controller = timed(85e3)
-    driver.evacuated[0] = False  # it is vented, and shows nothing of it
-    for _ in range(30):
-        clock.now += 0.1
-        controller.update()
-        assert controller.stiff == [False]
-    controller.set_stiff(0, True)
-    for _ in range(3):
-        clock.now += 0.05
-        controller.update()
-        assert controller.stiff == [False]
-    assert 'stuck' in controller.faults[0]
 
 
 # Regulators.
 
 
-class ScriptedRegulators:
-    """Regulators whose sensors read what a test says."""
-
-    max_vacuum = 90e3
-
-    def __init__(self, *vacuum):
-        self.vacuum = list(vacuum)
-        self.told = list(vacuum)
-
-    def open(self):
-        """Nothing to connect."""
-
-    def close(self):
-        """Nothing to disconnect."""
-
-    def read(self):
-        return JammingReading.of_regulators(
-            tuple(AMBIENT - v for v in self.vacuum), tuple(self.told))
-
-    def set_vacuum(self, segment, vacuum):
-        self.told[segment] = vacuum
-
-
-def regulated(*vacuum):
-    """Regulators that have followed their set-points, and their controller."""
-    driver, clock = ScriptedRegulators(*vacuum), ToldClock()
-    controller = JammingController(driver, len(vacuum), SETTINGS, clock)
-    controller.update()
-    return clock, driver, controller
-
-
-def test_a_regulated_segment_is_stiff_by_the_same_thresholds_as_one_with_a_valve():
-    _, driver, controller = regulated(0.0, 0.0)
-    controller.set_vacuum(0, 80e3)
-    flags = stiff_at(controller, driver, STIFF - 1.0, STIFF, RELEASE, RELEASE - 1.0, STIFF - 1.0)
-    assert flags == [False, True, True, False, False]
-
-
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.integers(0, 1), st.floats(0.0, 90e3), st.floats(0.0, 2.0)),
                 min_size=1, max_size=12))
 def test_whatever_is_set_a_segment_is_stiff_only_with_a_vacuum_that_makes_it_so(script):
@@ -530,15 +470,6 @@ def test_whatever_is_set_a_segment_is_stiff_only_with_a_vacuum_that_makes_it_so(
     assert controller.faults == ('', '')
 
 
-def test_a_segment_told_to_have_little_vacuum_is_not_stiff_from_then_on():
-    _, driver, controller = regulated(80e3)
-    assert controller.stiff == [True]
-    controller.set_vacuum(0, 30e3)
-    assert controller.stiff == [False]
-    controller.update()
-    assert controller.stiff == [False]  # though its vacuum is still there
-
-
 def test_stiff_and_soft_are_the_full_vacuum_and_none():
     _, driver, controller = regulated(20e3, 20e3)
     controller.set_stiff(0, True)
@@ -555,7 +486,7 @@ def test_a_vacuum_that_no_regulator_holds_is_refused_and_changes_nothing(vacuum)
 
 
 def test_valves_hold_no_vacuum_between():
-    _, controller = scripted(80e3)
+    _, _, controller = scripted(80e3)
     with pytest.raises(ValueError, match='valves'):
         controller.set_vacuum(0, 30e3)
 
