@@ -3,6 +3,7 @@
 """A tendon beyond its limits can come back in one motion, by whatever motor, and go no further."""
 
 from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,23 +20,22 @@ NAMES = ('right_tendon', 'left_tendon')
 
 
 @contextmanager
+def beyond(rig, driver):
+    """A driver beyond limits that it has had since it was last closed."""
+    with rig as (device, tendons):
+        tendons.move(BEYOND, 1.0)
+        at_rest(tendons)
+        tendons.close()
+        yield driver(device)
+
+
 def steppers(folder):
-    """A driver of steppers beyond limits that it has had since it was last closed."""
-    with grbl_rig.rig(pull_limits=WIDE) as (board, tendons):
-        tendons.move(BEYOND, 1.0)
-        at_rest(tendons)
-        tendons.close()
-        yield grbl_rig.driver(board, pull_limits=NARROW)
+    return beyond(grbl_rig.rig(pull_limits=WIDE), partial(grbl_rig.driver, pull_limits=NARROW))
 
 
-@contextmanager
 def servos(folder):
-    """The same of servos."""
-    with dynamixel_rig.rig(folder, pull_limits=WIDE) as (bus, tendons):
-        tendons.move(BEYOND, 1.0)
-        at_rest(tendons)
-        tendons.close()
-        yield dynamixel_rig.driver(bus, folder, pull_limits=NARROW)
+    return beyond(dynamixel_rig.rig(folder, pull_limits=WIDE),
+                  partial(dynamixel_rig.driver, folder=folder, pull_limits=NARROW))
 
 
 @pytest.mark.parametrize('motors', [steppers, servos])

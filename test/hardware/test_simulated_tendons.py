@@ -18,7 +18,7 @@ BRAKING = SPEED**2 / (2 * ACCELERATION)  # m, from full speed
 # The speed may be up to two integration steps off the ideal ramp.
 RAMP = 2 * ACCELERATION * TIME_STEP
 
-property_test = settings(deadline=None, derandomize=True, max_examples=60)
+property_test = settings(deadline=None, derandomize=True, max_examples=40)
 pulls = st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05))
 intervals = st.one_of(
     st.sampled_from([0.0, 1e-9, 1e-4, TIME_STEP, 0.02]), st.floats(1e-6, 0.05),
@@ -62,22 +62,13 @@ def arrival(readings, side):
     return max((i + 1 for i, r in enumerate(readings) if r.pulls[side] != end), default=0)
 
 
-def test_tendons_start_at_zero_pull_referenced_and_at_rest():
-    _, tendons = rig()
-    reading = tendons.read()
-    assert reading.pulls == (0.0, 0.0)
-    assert reading.referenced and not reading.moving
-
-
-def test_nothing_measures_the_tension():
-    assert rig()[1].read().tensions is None
-
-
-def test_opening_and_waiting_move_nothing():
+@pytest.mark.parametrize('command', ['open', 'stop', 'close'])
+def test_tendons_start_at_rest_at_zero_pull_and_nothing_but_a_motion_moves_them(command):
     clock, tendons = rig()
-    tendons.open()
+    getattr(tendons, command)()
     reading = after(clock, tendons, 100.0)
-    assert reading.pulls == (0.0, 0.0) and not reading.moving
+    assert reading.pulls == (0.0, 0.0) and reading.referenced and not reading.moving
+    assert reading.tensions is None  # nothing measures them
 
 
 @property_test
@@ -97,26 +88,18 @@ def test_tendons_go_to_the_nearest_whole_step_in_whole_steps_without_turning_bac
 
 
 @pytest.mark.parametrize('target', [(0.03, -0.03), (0.03, 0.01), (-0.002, 0.02), (0.01, 0.0001)])
-@pytest.mark.parametrize('duration', [1.2, 2.0, 5.0])
-def test_a_motion_with_time_enough_takes_the_time_it_was_given(target, duration):
-    clock, tendons = rig()
-    tendons.move(target, duration)
-    way = watched(clock, tendons, duration + 1.0)
-    late = SPEED / ACCELERATION  # s: what braking may add
-    for side in (0, 1):
-        steps = abs(in_steps(target[side]))
-        early = duration / steps  # s: the last step is read when the motor is half-way there
-        assert duration - early - 0.01 <= TIME_STEP * arrival(way, side) <= duration + late
-
-
-@pytest.mark.parametrize('duration', [0.0, 0.1, 0.5, 2.0])
-@pytest.mark.parametrize('target', [(0.03, -0.03), (0.03, 0.01), (-0.002, 0.02)])
-def test_both_tendons_arrive_together(target, duration):
+@pytest.mark.parametrize('duration', [0.0, 0.5, 1.2, 5.0])
+def test_tendons_arrive_together_and_when_they_were_told_if_there_is_time(target, duration):
     clock, tendons = rig()
     tendons.move(target, duration)
     way = watched(clock, tendons, duration + 2.0)
-    apart = TIME_STEP * abs(arrival(way, 0) - arrival(way, 1))
-    assert apart <= SPEED / ACCELERATION
+    arrivals = [TIME_STEP * arrival(way, side) for side in (0, 1)]
+    late = SPEED / ACCELERATION  # s: what braking may add
+    if abs(target[1]) > 0.001:  # or half of one of its few steps takes longer
+        assert abs(arrivals[0] - arrivals[1]) <= late
+    for side, at in enumerate(arrivals if duration > 1.0 else ()):
+        early = duration / abs(in_steps(target[side]))  # s: half-way to the last step
+        assert duration - early - 0.01 <= at <= duration + late
 
 
 @pytest.mark.parametrize('share', [0.25, 0.5, 0.75])
@@ -130,28 +113,20 @@ def test_a_motion_too_fast_for_the_limits_keeps_the_ratio_of_the_pulls(share):
 
 @property_test
 @given(pulls, st.floats(0.0, 2.0), st.floats(0.0, 1.5))
-def test_a_stop_ends_within_the_braking_distance(target, duration, moment):
+def test_a_stop_ends_within_the_braking_distance_without_turning_back(target, duration, moment):
     clock, tendons = rig()
     tendons.move(target, duration)
     moving = after(clock, tendons, moment)
     tendons.stop()
     for later in watched(clock, tendons, SPEED / ACCELERATION + 0.1, 0.005):
+        assert all(a * b >= 0.0 for a, b in zip(moving.speeds, later.speeds, strict=True))
         for way, speed in zip(distance(moving, later), moving.speeds, strict=True):
             overrun = abs(speed) * TIME_STEP  # one integration step
             assert way <= speed**2 / (2 * ACCELERATION) + overrun + STEP + ROUNDING
     assert not later.moving
     assert tendons.read().pulls == after(clock, tendons, 100.0).pulls
-
-
-@property_test
-@given(pulls, st.floats(0.0, 1.5))
-def test_a_stopping_tendon_does_not_turn_back(target, moment):
-    clock, tendons = rig()
-    tendons.move(target, 0.5)
-    speeds = after(clock, tendons, moment).speeds
-    tendons.stop()
-    for reading in watched(clock, tendons, 0.3, 0.001):
-        assert all(a * b >= 0.0 for a, b in zip(speeds, reading.speeds, strict=True))
+    tendons.move((0.01, -0.01), 1.0)  # and it may move again
+    assert after(clock, tendons, 5.0).pulls == pytest.approx((0.01, -0.01), abs=ROUNDING)
 
 
 def test_closing_stops_and_holds():
@@ -164,30 +139,16 @@ def test_closing_stops_and_holds():
     assert max(distance(moving, rest)) <= BRAKING + STEP
 
 
-def test_a_stop_at_rest_moves_nothing():
-    clock, tendons = rig()
-    tendons.stop()
-    assert after(clock, tendons, 1.0).pulls == (0.0, 0.0)
-
-
-def test_a_motion_can_be_given_after_a_stop():
-    clock, tendons = rig()
-    tendons.move((0.05, -0.05), 2.0)
-    after(clock, tendons, 0.5)
-    tendons.stop()
-    after(clock, tendons, 1.0)
-    tendons.move((0.01, -0.01), 1.0)
-    assert after(clock, tendons, 3.0).pulls == pytest.approx((0.01, -0.01), abs=ROUNDING)
-
-
 def test_referencing_takes_the_present_position_as_zero_and_moves_nothing():
     clock, tendons = rig()
     tendons.move((0.01, -0.02), 1.0)
     after(clock, tendons, 3.0)
     tendons.reference()
-    assert tendons.read().pulls == (0.0, 0.0)
-    reading = after(clock, tendons, 10.0)
-    assert reading.pulls == (0.0, 0.0) and reading.referenced and not reading.moving
+    for waiting in (0.0, 10.0):
+        reading = after(clock, tendons, waiting)
+        assert reading.pulls == (0.0, 0.0) and reading.referenced and not reading.moving
+    tendons.move((0.005, 0.001), 1.0)
+    assert after(clock, tendons, 3.0).pulls == pytest.approx((0.005, 0.001), abs=ROUNDING)
 
 
 def test_a_reference_on_the_way_counts_from_there():
@@ -196,15 +157,6 @@ def test_a_reference_on_the_way_counts_from_there():
     after(clock, tendons, 1.0)
     tendons.reference()
     assert tendons.read().pulls == (0.0, 0.0)
-
-
-def test_pulls_count_from_the_last_reference():
-    clock, tendons = rig()
-    tendons.move((0.01, -0.02), 1.0)
-    after(clock, tendons, 3.0)
-    tendons.reference()
-    tendons.move((0.005, 0.001), 1.0)
-    assert after(clock, tendons, 3.0).pulls == pytest.approx((0.005, 0.001), abs=ROUNDING)
 
 
 def test_a_target_beyond_one_motor_step_is_not_lost_to_rounding():
@@ -228,7 +180,7 @@ moves = st.tuples(st.just('move'), pulls, st.floats(0.0, 3.0))
 commands = st.one_of(moves, moves, st.tuples(st.just('stop')), st.tuples(st.just('wait')))
 
 
-@settings(deadline=None, derandomize=True, max_examples=150)
+@settings(deadline=None, derandomize=True, max_examples=80)
 @given(st.lists(st.tuples(commands, intervals), max_size=12))
 def test_limits_hold_and_positions_are_continuous_whatever_is_commanded_and_when(script):
     clock, tendons = rig()
