@@ -94,6 +94,20 @@ def test_other_units_and_damaged_requests_are_met_with_silence(emulator, data):
     assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
 
 
+@pytest.mark.parametrize(('request_', 'reply'), [
+    ('03 03 0000 0003', '03 03 06 0f a0 0f a0 0f a0'),  # 4 mA three times
+    ('03 06 0001 2EE0', '03 06 00 01 2e e0'),  # 12 mA
+    ('03 06 0001 0F9F', '03 86 03'),  # less than 4 mA
+    ('03 06 0003 2EE0', '03 86 02'),
+    ('03 05 0000 FF00', '03 85 01'),
+    ('01 01 0000 0001', ''),  # there is no relay board
+])
+def test_the_emulated_output_board_answers_as_the_standard_has_it(request_, reply):
+    with emulated(regulators=True) as emulator:
+        size = len(bytes.fromhex(reply)) + 2
+        assert ask(emulator, request_, size if reply else 5, NO_ANSWER_TIME) == reply
+
+
 def test_requests_that_wait_are_answered_in_their_order(emulator):
     both = sealed('01 05 0001 FF00') + sealed('01 01 0000 0004')
     with open_serial(emulator.port, 9600) as line:
