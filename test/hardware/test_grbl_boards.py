@@ -21,19 +21,23 @@ PULLS = (0.002, -0.001, 0.003, 0.004, -0.003)
 
 
 @contextmanager
-def boards(**changes):
-    """Two emulated boards of three tendons and of two, and the driver of both, not opened."""
+def boards(names, changes, options=({}, {})):
+    """Two emulated boards and the driver of both, not opened; of each what is not as usual."""
     clock = VirtualClock()
     with ExitStack() as stack:
-        emulators = [stack.enter_context(GrblEmulator(clock=clock)) for _ in range(2)]
-        tendons = GrblBoards([driver(emulators[0], ('a', 'b', 'c'), **changes),
-                              driver(emulators[1], ('d', 'e'), **changes)], clock)
+        emulators = [stack.enter_context(GrblEmulator(clock=clock, **each)) for each in options]
+        tendons = GrblBoards([driver(*each, **change) for *each, change in zip(
+            emulators, map(tuple, names), changes, strict=True)], clock)
         stack.callback(tendons.close)
         yield emulators, tendons
 
 
+def two_boards(**changes):
+    return boards(('abc', 'de'), (changes, changes))
+
+
 def test_five_tendons_move_on_two_boards():
-    with boards() as (emulators, tendons):
+    with two_boards() as (emulators, tendons):
         tendons.open()
         assert not tendons.read().referenced
         with pytest.raises(HardwareError, match='position is not known.* of a, b, c'):
@@ -50,7 +54,7 @@ def test_five_tendons_move_on_two_boards():
 
 
 def test_when_one_board_fails_the_others_stop():
-    with boards() as (emulators, tendons):
+    with two_boards() as (emulators, tendons):
         tendons.open()
         tendons.reference()
         tendons.move((0.04,) * 5, 2.0)
@@ -71,7 +75,7 @@ def test_when_one_board_fails_the_others_stop():
 
 
 def test_boards_are_opened_all_or_none():
-    with boards() as (emulators, tendons):
+    with two_boards() as (emulators, tendons):
         emulators[1].hang = True
         with pytest.raises(HardwareError, match='no GRBL controller answered.*of d, e'):
             tendons.open()
@@ -83,7 +87,7 @@ def test_boards_are_opened_all_or_none():
 
 
 def test_a_board_that_cannot_be_opened_for_any_reason_is_not_taken_to_be_open(monkeypatch):
-    with boards() as (emulators, tendons):
+    with two_boards() as (emulators, tendons):
         monkeypatch.setattr(tendons._boards[1], 'open', lambda: [][0])
         with pytest.raises(HardwareError, match='IndexError.*of d, e'):
             tendons.open()
@@ -114,7 +118,7 @@ def test_ports_with_spaces_between_share_the_tendons_evenly():
 
 
 def test_boards_that_accelerate_differently_are_refused_at_the_start():
-    with boards(acceleration_limit=0.1) as (emulators, tendons):
+    with two_boards(acceleration_limit=0.1) as (emulators, tendons):
         emulators[1].firmware.settings |= {120: 20000.0, 121: 20000.0}  # 0.1 m/s^2, in steps/s^2
         with pytest.raises(HardwareError, match=r'11.2 mm/s for d, e; set \$120'):
             tendons.open()
@@ -122,26 +126,18 @@ def test_boards_that_accelerate_differently_are_refused_at_the_start():
             tendons.read()
 
 
-@contextmanager
 def homing_boards():
-    """Two boards with limit switches, locked until they are homed, and their open driver."""
-    clock = VirtualClock()
-    parts = (('a', 'b'), (-0.011, -0.009), (-2400.0, -2000.0)), (
-        ('c', 'd'), (-0.019, -0.014), (-4000.0, -3000.0))
-    with ExitStack() as stack:
-        emulators = [stack.enter_context(GrblEmulator(
-            clock=clock, switches=switches,
-            settings={22: 1, 23: 3, 130: 20000, 131: 20000})) for _, _, switches in parts]
-        tendons = GrblBoards([driver(emulator, names, homed_pulls=pulls)
-                              for emulator, (names, pulls, _) in zip(
-                                  emulators, parts, strict=True)], clock)
-        stack.callback(tendons.close)
-        tendons.open()
-        yield emulators, tendons
+    """Two boards with limit switches, locked until they are homed."""
+    settings = {22: 1, 23: 3, 130: 20000, 131: 20000}
+    return boards(
+        ('ab', 'cd'), ({'homed_pulls': (-0.011, -0.009)}, {'homed_pulls': (-0.019, -0.014)}),
+        ({'settings': settings, 'switches': (-2400.0, -2000.0)},
+         {'settings': settings, 'switches': (-4000.0, -3000.0)}))
 
 
 def test_boards_home_together_and_the_arm_is_referenced_when_the_last_one_is():
     with homing_boards() as (emulators, tendons):
+        tendons.open()
         assert tendons.reference_moves
         tendons.reference()
         until(tendons, lambda: tendons._boards[0].read().referenced, 'the first one is homed')
@@ -159,6 +155,7 @@ def test_boards_home_together_and_the_arm_is_referenced_when_the_last_one_is():
 
 def test_when_one_board_does_not_find_its_switch_no_tendon_of_another_moves_on():
     with homing_boards() as (emulators, tendons):
+        tendons.open()
         emulators[1].alarm(9)
         with pytest.raises(HardwareError):
             tendons.reference()

@@ -30,33 +30,27 @@ def home(tendons):
     return at_rest(tendons)
 
 
-def test_homing_ends_at_zero_pull_where_the_arm_is_straight():
-    with rig() as (emulator, tendons):
+@pytest.mark.parametrize(('switches', 'settings', 'signs'), [
+    (SWITCHES, HOMES, (1.0, 1.0)), ((2400.0, -2000.0), {**HOMES, 23: 2}, (-1.0, 1.0))],
+    ids=['motors turn alike', 'one turns the other way'])
+def test_homing_ends_at_zero_pull_from_anywhere_and_a_new_process_need_not_home_again(
+        switches, settings, signs):
+    goal, zero = (0.004, -0.002), (0, 0, 0)
+    with rig(switches, settings, signs=signs) as (emulator, tendons):
         assert emulator.firmware.state == 'Alarm'
         assert not tendons.read().referenced
-        assert home(tendons).pulls == (0.0, 0.0)
-        assert emulator.motors == (0, 0, 0)
-        tendons.move((0.004, -0.002), 0.3)
-        assert at_rest(tendons).pulls == pytest.approx((0.004, -0.002), abs=1e-9)
-        assert emulator.motors[:2] == (800, -400)
-
-
-def test_homing_finds_the_same_zero_from_anywhere():
-    with rig() as (emulator, tendons):
-        home(tendons)
-        tendons.move((0.004, -0.002), 0.3)
-        at_rest(tendons)
+        assert home(tendons).pulls == (0.0, 0.0) and emulator.motors == zero
+        tendons.move(goal, 0.3)
+        assert at_rest(tendons).pulls == pytest.approx(goal, abs=1e-9)
+        tendons.close()
+        tendons.open()
+        assert tendons.read().referenced and emulator.firmware.received.count('$H') == 1
+        assert tendons.read().pulls == pytest.approx(goal, abs=1e-9)
+        assert emulator.motors[:2] == (800 * signs[0], -400)
         emulator.reset()
         until(emulator, lambda: not tendons.read().referenced, 'the reset is seen')
         at_rest(tendons)
-        assert home(tendons).pulls == (0.0, 0.0)
-        assert emulator.motors == (0, 0, 0)
-
-
-def test_a_motor_that_turns_the_other_way_is_let_out_the_other_way():
-    with rig((2400.0, -2000.0), {**HOMES, 23: 2}, signs=(-1.0, 1.0)) as (emulator, tendons):
-        assert home(tendons).pulls == (0.0, 0.0)
-        assert emulator.motors == (0, 0, 0)
+        assert home(tendons).pulls == (0.0, 0.0) and emulator.motors == zero
 
 
 def test_nothing_homes_or_moves_by_itself():
@@ -109,21 +103,6 @@ def test_a_stop_on_the_way_from_the_switches_holds_where_it_is_and_knows_where()
         assert reading.referenced and max(reading.pulls) < 0.0
         where = standing(emulator)
         assert [round(p * 200e3) for p in reading.pulls] == list(where[:2])
-
-
-def test_a_new_process_finds_the_zero_without_homing_again():
-    with board(switches=SWITCHES, settings=HOMES) as emulator:
-        for known in (False, True):
-            tendons = driver(emulator, homed_pulls=HOMED)
-            tendons.open()
-            assert tendons.read().referenced == known
-            if not known:
-                home(tendons)
-                tendons.move((0.003, 0.0), 0.2)
-                at_rest(tendons)
-            tendons.close()
-        assert emulator.motors[:2] == (600, 0)
-        assert emulator.firmware.received.count('$H') == 1
 
 
 def test_a_stop_at_any_moment_of_homing_wins():
@@ -195,15 +174,14 @@ def test_homing_that_takes_too_long_is_ended(monkeypatch):
 def test_a_status_that_was_on_its_way_does_not_end_homing_before_it_began():
     with rig() as (emulator, tendons):
         home(tendons)
-        for count in (2, 3):
-            tendons.reference()
-            until(emulator, lambda: tendons._session.state is State.SEEKING, 'it seeks')
-            with emulator.lock:
-                for _ in range(3):
-                    emulator.say('<Idle|MPos:0.000,0.000,0.000|FS:0,0>')
-            until(emulator, lambda: tendons.read().referenced, 'homed')
-            at_rest(tendons)
-            assert emulator.firmware.received.count('$H') == count
+        tendons.reference()
+        until(emulator, lambda: tendons._session.state is State.SEEKING, 'it seeks')
+        with emulator.lock:
+            for _ in range(3):
+                emulator.say('<Idle|MPos:0.000,0.000,0.000|FS:0,0>')
+        until(emulator, lambda: tendons.read().referenced, 'homed')
+        at_rest(tendons)
+        assert emulator.firmware.received.count('$H') == 2
         assert emulator.motors == (0, 0, 0)
 
 
