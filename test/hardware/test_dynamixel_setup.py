@@ -2,13 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Servos that are missing, doubled or set up wrongly are refused with words; nothing moves."""
 
-from pathlib import Path
+from dataclasses import replace
+from itertools import count
 import random
 
 import pytest
 
 from soft_continuum.cli.calibrate import main as calibrate
 from soft_continuum.cli.calibrate_servos import main as calibrate_servos
+from soft_continuum.emulators.dynamixel_packets import crc, Instruction, packet, STATUS
 from soft_continuum.hardware.checks import check_servos, FAIL, OK, WARN
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
@@ -23,54 +25,61 @@ from soft_continuum.hardware.dynamixel.state import ServoState, Written
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
 from support.driver_waits import at_rest
-from support.dynamixel_rig import driver, RADIUS, refusal, rig, servos, spools
-from support.dynamixel_slave import Bus, packet, Slave
-
-EXAMPLE = Path(__file__).parents[2] / 'config/dynamixel_rig.yaml'
-TORQUE = 64
+from support.servo_rig import driver_of, PULSE_PULL, refusal, rig, servos, spools
 
 
-@pytest.mark.parametrize(('slaves', 'options', 'words'), [
-    ((Slave(1),), {}, 'servo 2 (left_tendon) does not answer at 1000000 baud, but servo 1 '
-     'does'),
-    ((Slave(3), Slave(4)), {}, 'servo 1 (right_tendon) does not answer at 1000000 baud, but '
-     'servos 3, 4 do'),
-    ((), {'baud': 57600}, 'at 57600 baud: set dynamixel.baud to 57600'),
-    ((Slave(1, protocol=1), Slave(2, protocol=1)), {}, 'answers in Protocol 1.0'),
-    ((Slave(1), Slave(1), Slave(2)), {}, 'two servos may have the ID 1'),
-    ((Slave(1), Slave(2, model=1060)), {}, 'servo 2 (left_tendon) is an XL430-W250, which can '
-     'neither measure nor limit its current'),
-    ((Slave(1, model=9), Slave(2)), {}, 'has the model number 9, which this driver does not know'),
-    ((Slave(1, _11=3), Slave(2)), {}, 'Operating Mode (11) is 3, needed: 5'),
-    ((Slave(1, _10=1), Slave(2)), {}, 'Drive Mode (10) is 1, needed: 0, not reversed'),
-    ((Slave(1, _10=4), Slave(2)), {}, 'profile by velocity'),
-    ((Slave(1, _12=7), Slave(2)), {}, 'Secondary ID (12) is 7'),
-    ((Slave(1, _38=30), Slave(2)), {}, 'Current Limit (38) is 30, needed: 42, at least'),
-    ((Slave(1, _44=20), Slave(2)), {}, 'Velocity Limit (44) is 20'),
-    ((Slave(1, _36=100), Slave(2)), {}, 'PWM Limit (36) is 100'),
-    ((Slave(1, _60=2), Slave(2)), {}, 'Startup Configuration (60) is 2, needed: 0'),
-    ((Slave(1, _63=32), Slave(2)), {}, 'Shutdown (63) is 32'),
+def each(**changes):
+    """Change items of the control table of the first servo, or of both: ID=3, Baud_Rate=(1, 1)."""
+    def change(servos):
+        for name, given in changes.items():
+            for servo, value in zip(servos, given if isinstance(given, tuple) else (given,),
+                                    strict=False):
+                servo.values[name.replace('_', ' ')] = value
+    return change
+
+
+def renumber(servos):
+    servos[0].model = replace(servos[0].model, number=9)
+
+
+@pytest.mark.parametrize(('change', 'words'), [
+    (lambda servos: servos[1].power_off(), 'servo 2 (second) does not answer at 1000000 baud, but '
+     'servo 1 does'),
+    (each(ID=(3, 4)), 'servo 1 (first) does not answer at 1000000 baud, but servos 3, 4 do'),
+    (each(Baud_Rate=(1, 1)), 'at 57600 baud: set dynamixel.baud to 57600'),
+    (each(Protocol_Type=(1, 1)), 'answers in Protocol 1.0'),
+    (renumber, 'has the model number 9, which this driver does not know'),
+    (each(Operating_Mode=3), 'Operating Mode (11) is 3, needed: 5'),
+    (each(Drive_Mode=1), 'Drive Mode (10) is 1, needed: 0, not reversed'),
+    (each(Drive_Mode=4), 'profile by velocity'),
+    (each(Secondary_ID=7), 'Secondary ID (12) is 7'),
+    (each(Current_Limit=30), 'Current Limit (38) is 30, needed: 125, at least'),
+    (each(Velocity_Limit=20), 'Velocity Limit (44) is 20'),
+    (each(PWM_Limit=100), 'PWM Limit (36) is 100'),
+    (each(Startup_Configuration=2), 'Startup Configuration (60) is 2, needed: 0'),
+    (each(Shutdown=32), 'Shutdown (63) is 32'),
 ])
-def test_what_makes_the_driver_wrong_is_refused(tmp_path, slaves, options, words):
-    with servos(*slaves, **options) as bus:
-        message = refusal(driver(bus, tmp_path))
-        assert words in message
-        assert all(not slave.get(TORQUE) for slave in bus.slaves)
-        assert {slave.turned for slave in bus.slaves} == {1000.0}
+def test_what_makes_the_driver_wrong_is_refused(tmp_path, change, words):
+    with servos(2) as emulator:
+        change(emulator.servos)
+        assert words in refusal(driver_of(emulator, tmp_path))
+        assert not any(servo.torque for servo in emulator.servos) and not emulator.moving
 
 
 def test_servos_without_fast_sync_read_do(tmp_path):
-    with servos() as bus:
-        bus.fast = False
-        line = DynamixelBus(bus.port, 1000000, bus.clock)
+    with servos(2) as emulator:
+        read_many = emulator._read_many
+        emulator._read_many = lambda packet, *rest: (
+            packet.instruction == Instruction.FAST_SYNC_READ or read_many(packet, *rest))
+        line = DynamixelBus(emulator.port, 1000000, emulator.clock)
         line.fast = True
         with pytest.raises(NoReplyError, match='no reply of the servos on'):  # not of servo 254
             line.sync_read((1, 2), 132, 136)
         line.close()
-        tendons = driver(bus, tmp_path)
+        tendons = driver_of(emulator, tmp_path)
         tendons.open()
         tendons.reference()
-        bus.clock.sleep(0.2)
+        emulator.clock.sleep(0.2)
         tendons.move((0.002, -0.002), 0.2)
         assert at_rest(tendons).pulls == pytest.approx((0.002, -0.002), abs=1e-4)
         tendons.close()
@@ -80,21 +89,22 @@ def test_servos_without_fast_sync_read_do(tmp_path):
     ({'radii': (10.0, 10.0)}, 'spool_radii has 10 m; allowed: 0.001 to 0.1 m; 10 mm are 0.01 m'),
     ({'radii': (1e-5, 0.01)}, 'spool_radii has 1e-05 m'),
     ({'ids': (1, 1)}, 'every servo needs an ID of its own'),
-    ({'ids': (1, 2, 3)}, 'one value for each of right_tendon, left_tendon'),
+    ({'ids': (1, 2, 3)}, 'one value for each of first, second'),
     ({'signs': (1.0, 0.5)}, 'allowed: 1 or -1'),
-    ({'take_up_tension': 20.0}, 'must be less than each of dynamixel.tension_limits'),
+    ({'take_up_tension': 60.0}, 'must be less than each of dynamixel.tension_limits'),
 ])
 def test_parameters_that_cannot_be_right(change, words):
     with pytest.raises(ParameterError) as error:
-        spools(**change)
+        spools(2, **change)
     assert words in str(error.value)
 
 
 def test_a_tension_or_speed_that_a_servo_has_not(tmp_path):
-    with servos() as bus:
+    with servos(2) as emulator:
         # an XM430-W350 stalls at 4.1 N m and turns at 46 rev/min
-        assert 'stalls at 410 N' in refusal(driver(bus, tmp_path, tension_limits=(500.0, 20.0)))
-        assert '46 rev/min at most, 0.0482 m/s' in refusal(driver(bus, tmp_path, speed_limit=0.1))
+        for change, words in (({'tension_limits': (500.0, 20.0)}, 'stalls at 410 N'),
+                              ({'speed_limit': 0.1}, '46 rev/min at most, 0.0482 m/s')):
+            assert words in refusal(driver_of(emulator, tmp_path, **change))
 
 
 # The zero
@@ -115,7 +125,7 @@ def test_a_mark_is_read_back_and_nothing_else_is_a_mark():
     (2000, (-0.02, 0.02), False),  # 30 mm
     (300, (-0.06, 0.06), False)])  # -58 mm is possible too
 def test_a_turn_is_known_where_only_one_is_possible(position, limits, known):
-    scale = 2 * 3.141592653589793 * RADIUS / 4096
+    scale = PULSE_PULL
     zero = zero_within_turn('servo', position, 5, scale, limits)
     assert bool(zero.unknown) is not known
     if known:
@@ -153,32 +163,26 @@ def test_no_damaged_packet_is_taken_for_a_reply(tmp_path):
         elif kind == 1:
             del data[rng.randrange(len(data))]
         elif kind == 2:
-            return packet(data[4], 0x55, rng.randbytes(len(data) - 10), stuffed=False)
+            data[8:-2] = rng.randbytes(len(data) - 10)
+            data[-2:] = crc(bytes(data[:-2])).to_bytes(2, 'little')
         elif kind == 3:
-            return packet(data[4], 0x55, rng.randbytes(rng.randrange(1, 200)))
+            return packet(data[4], STATUS, rng.randbytes(rng.randrange(1, 200)))
         elif kind == 4:
             return rng.randbytes(len(data))
         else:
-            return packet(rng.randrange(254), 0x55, data[8:-2])
+            return packet(rng.randrange(254), STATUS, bytes(data[8:-2]))
         return bytes(data) if bytes(data) != reply else b''
 
-    with rig(tmp_path) as (bus, tendons):
-        tendons.move((0.005, -0.005), 0.5)
-        count = 0
-
-        def sometimes(reply):
-            nonlocal count
-            count += 1
-            return damaged(reply) if count % 2 else reply
-
-        bus.now(lambda: setattr(bus, 'transform', sometimes))
+    with rig(tmp_path, tendons=2) as made:
+        made.driver.move((0.005, -0.005), 0.5)
+        replies = count()
+        made.emulator.transform = lambda reply: damaged(reply) if next(replies) % 2 else reply
         for _ in range(150):
-            bus.clock.sleep(0.02)
-            true = bus.now(lambda: [slave.turned - 1000 for slave in bus.slaves])
-            pulls = tendons.read().pulls
-            assert pulls == pytest.approx([t * 1.5339808e-5 for t in true], abs=2e-3)
-        assert count > 100
-        assert at_rest(tendons).pulls == pytest.approx((0.005, -0.005), abs=1e-4)
+            made.wait(0.02)
+            assert made.check()
+        assert next(replies) > 100
+        made.emulator.transform = None
+        assert at_rest(made.driver).pulls == pytest.approx((0.005, -0.005), abs=1e-4)
 
 
 # Commands
@@ -188,18 +192,20 @@ def test_no_damaged_packet_is_taken_for_a_reply(tmp_path):
 def real(tmp_path, monkeypatch):
     """Servos in real time, the file of a rig for them, and its parameters."""
     monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path))
-    with Bus((Slave(1), Slave(2, _11=3, _9=250)), STEADY) as bus:
+    with servos(2, clock=STEADY) as emulator:
+        each(Operating_Mode=(5, 3), Return_Delay_Time=(0, 250))(emulator.servos)
         file = tmp_path / 'rig.yaml'
         file.write_text(f"""/**:
   ros__parameters:
     tendon_driver: dynamixel
-    dynamixel: {{port: {bus.port}, spool_radii: [0.01, 0.01]}}
+    dynamixel: {{port: {emulator.port}, spool_radii: [0.01, 0.01]}}
 """, encoding='utf-8')
-        yield bus, file
+        yield emulator, file
 
 
 def test_doctor_names_what_is_wrong_and_calibrate_servos_sets_it(real, capsys):
-    bus, file = real
+    emulator, file = real
+    second = emulator.servos[1]
     values = load_rig([file])
     found = {check.step: check for check in check_servos(values)}
     assert found['tendon port'].status == OK
@@ -207,16 +213,17 @@ def test_doctor_names_what_is_wrong_and_calibrate_servos_sets_it(real, capsys):
     assert 'XM430-W350, firmware 48, 12.0 V, 30 °C' in found['servo 1 (right_tendon)'].message
     assert found['servo 2 (left_tendon)'].status == FAIL
     assert 'calibrate servos sets this' in found['servo 2 (left_tendon)'].message
-    assert all(instruction != 3 and instruction != 0x83 for _, instruction, _ in bus.instructions)
-    bus.slaves[1].shut_down(0x20)
+    assert not {Instruction.WRITE, Instruction.SYNC_WRITE} & {
+        packet.instruction for packet in emulator.packets}
+    second.fail(0x20)
     assert calibrate_servos(['--params-file', str(file), '--yes']) == 0
     shown = capsys.readouterr().out
     assert 'Operating Mode (11) is 3, needed: 5' in shown
     assert 'overload' in shown
     assert 'the tendon must be slack' in shown
     assert 'nothing to change' in shown  # of servo 1
-    assert bus.slaves[1].get(11) == 5
-    assert not bus.slaves[1].get(70)
+    assert second.values['Operating Mode'] == 5
+    assert not second.values['Hardware Error Status']
     found = {check.step: check for check in check_servos(values)}
     assert found['servo 2 (left_tendon)'].status == WARN
     assert 'Return Delay Time (9) is 250' in found['servo 2 (left_tendon)'].message
@@ -224,11 +231,11 @@ def test_doctor_names_what_is_wrong_and_calibrate_servos_sets_it(real, capsys):
 
 
 def test_calibrate_servos_asks_first(real, monkeypatch, capsys):
-    bus, file = real
+    emulator, file = real
     monkeypatch.setattr('builtins.input', lambda _: 'no')
     assert calibrate_servos(['--params-file', str(file)]) == 1
     assert 'nothing more was done' in capsys.readouterr().err
-    assert bus.slaves[1].get(11) == 3
+    assert emulator.servos[1].values['Operating Mode'] == 3
 
 
 def test_calibrate_finds_signs_and_radii(real, tmp_path):
@@ -244,8 +251,8 @@ def test_calibrate_finds_signs_and_radii(real, tmp_path):
 
 
 def test_a_provisional_zero_is_forgotten(real, tmp_path):
-    bus, file = real
-    bus.slaves[1].set(11, 5)
+    emulator, file = real
+    each(Operating_Mode=(5, 5))(emulator.servos)
     values = load_rig([file])
     tendons = make_driver(TENDON_DRIVERS, 'dynamixel', values, STEADY)
     tendons.open()

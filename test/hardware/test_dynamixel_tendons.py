@@ -2,401 +2,350 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tendons on Dynamixel servos go where they are sent, stop, hold, and know where they are."""
 
+import re
+
 import pytest
 
+from soft_continuum.emulators import dynamixel_motor, dynamixel_servo
+from soft_continuum.emulators.dynamixel_packets import Error, Instruction
 from soft_continuum.hardware.dynamixel.state import Track
 from soft_continuum.hardware.protocols import HardwareError
-from support.driver_waits import at_rest, failed, until
-from support.dynamixel_rig import driver, in_motion, KEPT, PULSE, refusal, rig, servos, standing
-from support.dynamixel_slave import Slave
+from support.driver_waits import at_rest, failed
+from support.servo_rig import BEYOND_TURN, driver_of, in_motion, PULSE_PULL, refusal, rig, servos
 
-TORQUE, WATCHDOG, GOAL_CURRENT, GOAL = 64, 98, 102, 116
-REBOOT, WRITE, SYNC_WRITE = 8, 3, 0x83
+CLOSE = 1e-4  # m
 
 
-def writes(bus, address):
-    """How often a register was written, alone or together."""
-    return sum(instruction in (WRITE, SYNC_WRITE) and data[:2] == address.to_bytes(2, 'little')
-               for _, instruction, data in bus.instructions)
+@pytest.fixture(autouse=True)
+def _smooth(monkeypatch):
+    """Gears that do not rub, and currents without noise: test_dynamixel_faults has both."""
+    monkeypatch.setattr(dynamixel_motor, 'LOAD_FRICTION', 0.0)
+    monkeypatch.setattr(dynamixel_motor, 'OWN_FRICTION', 0.0)
+    monkeypatch.setattr(dynamixel_servo, 'CURRENT_NOISE', 0.0)
 
 
-def loaded(slave, counts=20.0):
-    """Hang a load on a tendon that needs so many counts of current (about 9.6 N)."""
-    slave.load = lambda turned: counts
+def two(folder, limits=BEYOND_TURN, **changes):
+    """Two servos, and their driver at zero pull."""
+    return rig(folder, limits, 2, **changes)
+
+
+def hang_weight(made, newton=9.6):
+    """Hang a weight on every tendon, and let it sink into its place."""
+    for servo in made.emulator.servos:
+        servo.motor.tendon.weight, servo.motor.tendon.stiffness = newton, 0.0
+    made.wait(0.5)
+
+
+def values(emulator, name):
+    return [servo.values[name] for servo in emulator.servos]
+
+
+def writes(emulator):
+    """Address and data of everything that was written to one servo or to many."""
+    for packet in emulator.packets:
+        if packet.instruction in (Instruction.WRITE, Instruction.SYNC_WRITE):
+            skip = 2 if packet.instruction == Instruction.WRITE else 5
+            yield int.from_bytes(packet.parameters[:2], 'little'), packet.parameters[skip:]
 
 
 def test_opening_moves_nothing_and_lets_the_servos_hold(tmp_path):
-    with servos() as bus:
-        before = [slave.turned for slave in bus.slaves]
-        tendons = driver(bus, tmp_path)
+    with servos(2) as emulator:
+        tendons = driver_of(emulator, tmp_path, tension_limits=(20.0, 20.0))
+        before = emulator.pulls
         tendons.open()
         assert not tendons.read().referenced
-        bus.clock.sleep(0.5)
-        assert [slave.turned for slave in bus.slaves] == pytest.approx(before, abs=1)
-        assert all(slave.get(TORQUE) == 1 for slave in bus.slaves)
+        emulator.clock.sleep(0.5)
+        assert emulator.pulls == pytest.approx(before, abs=CLOSE)
+        assert values(emulator, 'Torque Enable') == [1, 1]
         # 20 N on 10 mm are 0.2 N m, 112 mA of an XM430-W350 (4.1 N m at 2.3 A), 41.7 x 2.69 mA
-        assert [slave.get(GOAL_CURRENT) for slave in bus.slaves] == [42, 42]
-        assert all(0 < slave.get(WATCHDOG) <= 10 for slave in bus.slaves)  # 0.2 s
+        assert values(emulator, 'Goal Current') == [42, 42]
+        assert all(0 < watchdog <= 10 for watchdog in values(emulator, 'Bus Watchdog'))  # 0.2 s
         with pytest.raises(HardwareError, match='the position is not known.*no zero of it'):
             tendons.move((0.0, 0.0), 0.1)
         tendons.close()
 
 
-def test_tendons_arrive_together_within_two_pulses(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        start = [slave.turned for slave in bus.slaves]
+def test_tendons_arrive_together_by_spools_of_their_radii_and_signs_under_load(tmp_path):
+    with servos(2) as emulator:
+        for servo, radius in zip(emulator.servos, (0.01, 0.02), strict=True):
+            servo.motor.tendon.radius, servo.motor.tendon.stiffness = radius, 0.0
+            servo.motor.tendon.weight = 9.6
+        tendons = driver_of(emulator, tmp_path, radii=(0.01, 0.02))
+        tendons.open()
+        emulator.clock.sleep(1.0)
+        tendons.reference()
+        emulator.clock.sleep(0.2)
+        start = emulator.pulls
         tendons.move((0.012, -0.006), 0.6)
-        bus.clock.sleep(0.3)
+        emulator.clock.sleep(0.3)
         first, second = tendons.read().pulls
         assert 0.003 < first < 0.009
         assert second == pytest.approx(-first / 2, abs=5e-4)
-        assert at_rest(tendons).pulls == pytest.approx((0.012, -0.006), abs=1e-4)
-        turned = [slave.turned - a for slave, a in zip(bus.slaves, start, strict=True)]
-        assert turned == pytest.approx([0.012 / PULSE, -0.006 / PULSE], abs=8)
-
-
-def test_signs_radii_and_a_loaded_tendon(tmp_path):
-    with rig(tmp_path, radii=(0.01, 0.02), signs=(-1.0, 1.0)) as (bus, tendons):
-        start = [slave.turned for slave in bus.slaves]
-        loaded(bus.slaves[0], -20.0)  # pulls the spool that pulls in by turning backwards
-        bus.clock.sleep(1.0)
         reading = at_rest(tendons)
-        # 20 counts of 2.69 mA and 1.783 N m/A are 95.9 mN m
-        assert reading.tensions == pytest.approx((9.59, 0.0), abs=0.3)
-        assert reading.pulls == pytest.approx((0.0, 0.0), abs=1e-4)  # held where it was
-        tendons.move((0.01, 0.01), 0.6)
-        assert at_rest(tendons).pulls == pytest.approx((0.01, 0.01), abs=1e-4)
-        turned = [slave.turned - a for slave, a in zip(bus.slaves, start, strict=True)]
-        assert turned == pytest.approx([-0.01 / PULSE, 0.005 / PULSE], abs=8)
-
-
-def test_a_stop_in_motion_ends_it_within_150_ms_and_holds(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        loaded(bus.slaves[0])
-        bus.clock.sleep(0.5)
-        in_motion(bus, tendons)
-        at = tendons.read().pulls[0]
-        begin = bus.clock()
-        tendons.stop()
-        until(bus, lambda: standing(bus), 'standing')
-        assert bus.clock() - begin < 0.15
-        rest = at_rest(tendons)
-        assert rest.pulls[0] == pytest.approx(at, abs=1.5e-3)
-        assert rest.tensions[0] == pytest.approx(9.6, abs=0.5)
-        bus.clock.sleep(1.0)
-        assert tendons.read().pulls == pytest.approx(rest.pulls, abs=1e-4)
+        assert reading.pulls == pytest.approx((0.012, -0.006), abs=CLOSE)
+        moved = [b - a for a, b in zip(start, emulator.pulls, strict=True)]
+        assert moved == pytest.approx((0.012, -0.006), abs=CLOSE)
+        emulator.clock.sleep(0.5)
+        assert tendons.read().tensions == pytest.approx((9.6, 9.6), abs=0.5)
+        tendons.close()
 
 
 def test_a_speed_that_cannot_be_makes_no_stop_longer(monkeypatch, tmp_path):
     seen = Track.velocities
-    with rig(tmp_path) as (bus, tendons):
-        in_motion(bus, tendons)  # the reply before last was dated late
+    with two(tmp_path) as made:
+        in_motion(made)  # the reply before last was dated late
         monkeypatch.setattr(Track, 'velocities', lambda track: [10.0 * v for v in seen(track)])
-        at = tendons.read().pulls[0]
-        tendons.stop()
-        assert at_rest(tendons).pulls[0] == pytest.approx(at, abs=2.5e-3)
+        at = made.driver.read().pulls[0]
+        made.driver.stop()
+        assert at_rest(made.driver).pulls[0] == pytest.approx(at, abs=2.5e-3)
 
 
-def test_stops_at_rest_do_not_let_a_loaded_tendon_go(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        loaded(bus.slaves[0])
-        bus.clock.sleep(1.0)
-        at = bus.slaves[0].turned
+def test_stops_in_motion_and_at_rest_do_not_let_a_loaded_tendon_go(tmp_path):
+    with two(tmp_path) as made:
+        hang_weight(made)
+        in_motion(made)
+        made.driver.stop()
+        rest, at = at_rest(made.driver).pulls, made.pulls
+        assert rest == pytest.approx(at, abs=CLOSE)
+        made.wait(1.0)
+        assert made.driver.read().tensions == pytest.approx((9.6, 9.6), abs=0.5)
         for _ in range(20):
-            tendons.stop()
-            bus.clock.sleep(0.06)
-        assert bus.slaves[0].turned == pytest.approx(at, abs=2)
+            made.driver.stop()
+            made.wait(0.06)
+        assert made.pulls == pytest.approx(at, abs=CLOSE)
 
 
 def test_a_motion_goes_on_where_the_last_one_was_stopped(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        in_motion(bus, tendons)
-        tendons.stop()
-        tendons.move((0.001, -0.001), 1.0)  # asked for during the stop
-        assert at_rest(tendons).pulls == pytest.approx((0.001, -0.001), abs=1e-4)
+    with two(tmp_path) as made:
+        in_motion(made)
+        made.driver.stop()
+        made.driver.move((0.001, -0.001), 1.0)  # asked for during the stop
+        assert at_rest(made.driver).pulls == pytest.approx((0.001, -0.001), abs=CLOSE)
 
 
 def test_no_calls_no_motion(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        tendons.move((0.0006, 0.0), 0.02)  # as a control loop does, which then hangs
-        bus.clock.sleep(1.0)
-        assert tendons.read().pulls[0] == pytest.approx(0.0006, abs=1e-4)
-        assert standing(bus)
+    with two(tmp_path) as made:
+        made.driver.move((0.0006, 0.0), 0.02)  # as a control loop does, which then hangs
+        made.wait(1.0)
+        assert made.driver.read().pulls[0] == pytest.approx(0.0006, abs=CLOSE)
+        made.rest()
 
 
 def test_the_requests_of_the_control_loop_never_wait(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        bus.dead = True
-        begin = bus.clock()
-        tendons.move((0.001, 0.0), 0.1)
-        tendons.read()
-        tendons.stop()
-        assert bus.clock() == begin
-        assert 'no answer any more' in failed(tendons)
+    with two(tmp_path) as made:
+        for servo in made.emulator.servos:
+            servo.hang = True
+        clock = made.emulator.clock
+        begin = clock()
+        made.driver.move((0.001, 0.0), 0.1)
+        made.driver.read()
+        made.driver.stop()
+        assert clock() == begin
+        assert 'no answer any more' in failed(made.driver)
 
 
 # What is known of the position
 
 
-def test_closing_holds_and_a_restarted_node_knows_the_position(tmp_path):
-    with servos() as bus:
-        tendons = driver(bus, tmp_path, pull_limits=(-0.2, 0.2))
-        tendons.open()
-        tendons.reference()
-        bus.clock.sleep(0.2)
-        tendons.move((0.07, -0.02), 1.0)  # more than a turn
-        before = at_rest(tendons).pulls
-        loaded(bus.slaves[0])
-        bus.clock.sleep(1.0)
+@pytest.mark.parametrize('killed', [False, True])
+def test_servos_without_their_driver_hold_and_a_new_one_knows_the_position(tmp_path, killed):
+    limits = {'pull_limits': (-0.2, 0.2)}
+    with two(tmp_path, **limits) as made:
+        emulator, tendons = made.emulator, made.driver
+        hang_weight(made)
+        if killed:
+            in_motion(made)
+            tendons._session.fail('as if the process had been killed')
+            tendons._session.bus.abort()
+            made.wait(0.5)
+            assert values(emulator, 'Bus Watchdog') == [255, 255]
+        else:
+            tendons.move((0.07, -0.02), 1.0)  # more than a turn
+            assert at_rest(tendons).pulls == pytest.approx((0.07, -0.02), abs=CLOSE)
+            made.wait(1.0)
+            tendons.close()
+            (tmp_path / 'zeros.json').unlink()  # it may be another computer
+            made.wait(2.0)
+            assert values(emulator, 'Bus Watchdog') == [0, 0]
+        made.rest()
+        at = made.pulls
+        assert values(emulator, 'Torque Enable') == [1, 1]
         tendons.close()
-        (tmp_path / KEPT).unlink()  # it may be another computer
-        at = [slave.turned for slave in bus.slaves]
-        bus.clock.sleep(2.0)
-        assert all(slave.get(TORQUE) and not slave.get(WATCHDOG) for slave in bus.slaves)
-        tendons = driver(bus, tmp_path, pull_limits=(-0.2, 0.2))
-        tendons.open()
-        assert tendons.read().referenced
-        assert tendons.read().pulls == pytest.approx(before, abs=1e-4)
-        bus.clock.sleep(0.5)
-        assert [slave.turned for slave in bus.slaves] == pytest.approx(at, abs=2)
-        tendons.close()
-
-
-def test_a_node_killed_in_motion_leaves_servos_that_stop_and_know_where_they_are(tmp_path):
-    with servos() as bus:
-        tendons = driver(bus, tmp_path)
-        tendons.open()
-        tendons.reference()
-        bus.clock.sleep(0.2)
-        in_motion(bus, tendons)
-        tendons._session.fail('as if the process had been killed')
-        tendons._session.bus.abort()
-        bus.clock.sleep(0.5)
-        assert standing(bus)
-        assert all(slave.get(WATCHDOG) == 255 for slave in bus.slaves)
-        at = [slave.turned for slave in bus.slaves]
-        tendons.close()
-        again = driver(bus, tmp_path)
-        again.open()
-        bus.clock.sleep(0.5)
-        assert [slave.turned for slave in bus.slaves] == pytest.approx(at, abs=2)
-        assert again.read().referenced
-        assert again.read().pulls[0] == pytest.approx((at[0] - 1000) * PULSE, abs=1e-4)
-        again.close()
-
-
-@pytest.mark.parametrize('offset', [0, 1500])
-def test_after_a_power_cycle_the_position_is_known_within_one_turn(tmp_path, offset):
-    limits = (-0.02, 0.02)  # 40 mm of the 62.8 mm of a turn
-    slaves = Slave(1, _20=offset), Slave(2, _20=offset)
-    with rig(tmp_path, *slaves, pull_limits=limits) as (bus, tendons):
-        tendons.move((0.018, -0.018), 1.0)
-        before = at_rest(tendons).pulls
-        tendons.close()
-        for slave in bus.slaves:
-            bus.now(slave.powered)
-        again = driver(bus, tmp_path, pull_limits=limits)
+        again = driver_of(emulator, tmp_path, **limits)
         again.open()
         assert again.read().referenced
-        assert again.read().pulls == pytest.approx(before, abs=1e-4)
-        again.move((0.0, 0.0), 1.0)
-        at_rest(again)
-        assert [slave.turned for slave in bus.slaves] == pytest.approx([1000, 1000], abs=8)
+        assert again.read().pulls == pytest.approx(at, abs=CLOSE)
+        made.wait(0.5)
+        assert made.pulls == pytest.approx(at, abs=2 * PULSE_PULL)
         again.close()
 
 
 def test_after_a_power_cycle_a_turn_that_cannot_be_told_is_not_guessed(tmp_path):
-    with rig(tmp_path) as (bus, tendons):  # 120 mm within pull_limits, two turns
-        tendons.move((0.03, 0.0), 1.0)
-        at_rest(tendons)
-        tendons.close()
-        bus.now(bus.slaves[0].powered)  # only one of them
-        again = driver(bus, tmp_path)
-        again.open()
-        reading = again.read()
-        assert not reading.referenced
-        assert 'servo 1 (right_tendon) was without power' in reading.unreferenced
-        assert 'may be at' in reading.unreferenced
-        assert '30.0 mm' in reading.unreferenced
-        assert '-32.8 mm' in reading.unreferenced
-        assert 'servo 2' not in reading.unreferenced
-        again.reference()
-        bus.clock.sleep(0.2)
-        assert again.read().referenced
-        again.close()
+    with two(tmp_path) as made:  # 120 mm within pull_limits, two turns
+        hang_weight(made, 0.0)
+        made.driver.move((0.03, 0.0), 1.0)
+        at = at_rest(made.driver).pulls[0]
+        made.driver.close()
+        made.emulator.power_cycle(0)  # only one of them
+        made.wait(0.5)
+        made.driver.open()
+        why = made.driver.read().unreferenced
+        assert not made.driver.read().referenced
+        assert 'servo 1 (first) was without power' in why
+        may_be = [1e-3 * float(found) for found in re.findall(r'(-?[0-9.]+) mm', why)]
+        assert may_be == pytest.approx([at, at - 4096 * PULSE_PULL], abs=2e-4)
+        assert 'servo 2' not in why
+        made.driver.reference()
+        made.wait(0.2)
+        assert made.driver.read().referenced
 
 
-def test_without_a_kept_zero_a_power_cycle_loses_it(tmp_path):
-    with rig(tmp_path, pull_limits=(-0.02, 0.02)) as (bus, tendons):
-        tendons.close()
-        (tmp_path / KEPT).write_text('{"no": 1, "json')
-        for slave in bus.slaves:
-            bus.now(slave.powered)
-        again = driver(bus, tmp_path, pull_limits=(-0.02, 0.02))
-        again.open()
-        assert 'no zero of it is kept' in again.read().unreferenced
-        again.close()
-
-
-def test_a_change_of_the_operating_mode_loses_the_turns(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        tendons.close()
-        bus.now(lambda: bus.slaves[0].set(112, 0))  # as the firmware does then
-        again = driver(bus, tmp_path)
-        again.open()
-        assert not again.read().referenced
-        again.close()
+@pytest.mark.parametrize('lost', ['zero', 'mode'])
+def test_without_a_kept_zero_or_its_mode_a_servo_does_not_know_its_position(tmp_path, lost):
+    with two(tmp_path, (-0.02, 0.02)) as made:
+        made.driver.close()
+        if lost == 'zero':
+            (tmp_path / 'zeros.json').write_text('{"no": 1, "json')
+            made.emulator.power_cycle()
+        else:
+            for mode in (4, 5):
+                made.emulator.servos[0].set_up('Operating Mode', mode)
+            (tmp_path / 'zeros.json').unlink()
+        made.wait(0.5)
+        made.driver.open()
+        assert 'no zero of it is kept' in made.driver.read().unreferenced
 
 
 def test_a_zero_that_cannot_be_kept_is_an_error(tmp_path):
-    with rig(tmp_path / 'file', referenced=False) as (_, tendons):
+    with servos(2) as emulator:
         (tmp_path / 'file').write_text('a file where the folder should be')
+        tendons = driver_of(emulator, tmp_path / 'file')
+        tendons.open()
         tendons.reference()
         assert 'the zero cannot be kept' in failed(tendons)
+        tendons.close()
 
 
 # Slack
 
 
-def taut_at(pulses, by_pulse=0.5):
-    """A tendon that is slack up to a place and then needs current in proportion."""
-    return lambda turned: max(0.0, by_pulse * (turned - 1000 - pulses))
-
-
-def test_reference_takes_up_the_slack_of_every_tendon(tmp_path):
-    with rig(tmp_path, referenced=False, take_up_tension=5.0) as (bus, tendons):
+@pytest.mark.parametrize('case', ['slack', 'not hooked in', 'stopped'])
+def test_reference_takes_up_the_slack_of_every_tendon_that_has_an_end(tmp_path, case):
+    with servos(2) as emulator:
+        for servo, slack in zip(emulator.servos, (0.0046, 0.0012), strict=True):
+            servo.motor.tendon.weight, servo.motor.tendon.stiffness = 0.0, 16e3
+            servo.motor.tendon.slack = slack if case == 'slack' else 1.0
+        tendons = driver_of(emulator, tmp_path, take_up_tension=5.0)
+        tendons.open()
         assert tendons.reference_moves
-        bus.slaves[0].load, bus.slaves[1].load = taut_at(300), taut_at(80)
         tendons.reference()
         assert tendons.read().moving
+        if case == 'stopped':
+            emulator.clock.sleep(1.0)
+            tendons.stop()
         reading = at_rest(tendons)
-        assert reading.referenced
-        assert reading.pulls == pytest.approx((0.0, 0.0), abs=1e-4)
-        # 5 N are 10.4 counts: about 21 pulses beyond the end of the slack
-        assert [s.turned - 1000 for s in bus.slaves] == pytest.approx([320, 100], abs=12)
-        bus.clock.sleep(0.5)
-        assert [slave.get(GOAL_CURRENT) for slave in bus.slaves] == [42, 42]
-        assert tendons.read().tensions == pytest.approx((5.0, 5.0), abs=1.5)
-
-
-def test_a_tendon_that_is_not_hooked_in_is_not_found_taut(tmp_path):
-    with rig(tmp_path, referenced=False, take_up_tension=5.0) as (bus, tendons):
-        tendons.reference()
-        reading = at_rest(tendons)
-        assert not reading.referenced
-        assert 'servo 1 (right_tendon) pulled its tendon in by 20' in reading.unreferenced
-        assert 'dynamixel.take_up_tension' in reading.unreferenced
-        assert bus.slaves[1].turned == pytest.approx(1000, abs=2)
-
-
-def test_taking_up_slack_can_be_stopped(tmp_path):
-    with rig(tmp_path, referenced=False, take_up_tension=5.0) as (bus, tendons):
-        tendons.reference()
-        bus.clock.sleep(1.0)
-        tendons.stop()
-        reading = at_rest(tendons)
-        assert not reading.referenced
-        assert 'the slack was not taken up' in reading.unreferenced
-        assert 50 < bus.slaves[0].turned - 1000 < 200
+        assert reading.referenced == (case == 'slack')
+        if case == 'slack':
+            assert reading.pulls == pytest.approx((0.0, 0.0), abs=CLOSE)
+            # 5 N are 0.3 mm beyond the end of the slack
+            assert emulator.pulls == pytest.approx((0.0049, 0.0015), abs=2e-4)
+            emulator.clock.sleep(0.5)
+            assert values(emulator, 'Goal Current') == [125, 125]  # that of 60 N again
+            assert tendons.read().tensions == pytest.approx((5.0, 5.0), abs=1.5)
+        elif case == 'stopped':
+            assert 'the slack was not taken up' in reading.unreferenced
+            assert 7e-4 < emulator.pulls[0] < 3e-3
+        else:
+            assert 'servo 1 (first) pulled its tendon in by 20' in reading.unreferenced
+            assert 'dynamixel.take_up_tension' in reading.unreferenced
+            assert emulator.pulls[1] == pytest.approx(0.0, abs=2 * PULSE_PULL)
+        tendons.close()
 
 
 # Faults
 
 
-def test_a_lost_write_is_noticed_and_repeated(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        tendons.move((0.01, -0.01), 0.5)
-        for _ in range(10):
-            bus.clock.sleep(0.03)
-            bus.now(lambda: setattr(bus, 'deaf_to_writes', 2))
-        assert at_rest(tendons).pulls == pytest.approx((0.01, -0.01), abs=1e-4)
+@pytest.mark.parametrize('fault', ['deaf', 'drop', 'garble', 'garble_in'])
+def test_what_is_lost_or_damaged_now_and_then_is_repeated_and_the_motion_goes_on(tmp_path, fault):
+    with two(tmp_path) as made:
+        made.driver.move((0.01, -0.01), 0.5)
+        for _ in range(8):
+            made.wait(0.05)
+            setattr(made.emulator, fault, 1)
+            made.wait(0.004)
+            setattr(made.emulator, fault, 0)
+        assert at_rest(made.driver).pulls == pytest.approx((0.01, -0.01), abs=CLOSE)
+        assert made.check()
 
 
-def test_lost_and_damaged_replies_do_not_end_a_motion_but_silence_does(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        tendons.move((0.01, -0.01), 0.5)
-        for fault in ('lose', 'garble') * 3:
-            bus.clock.sleep(0.05)
-            bus.now(lambda fault=fault: setattr(bus, fault, 1))
-        assert at_rest(tendons).pulls == pytest.approx((0.01, -0.01), abs=1e-4)
-        in_motion(bus, tendons)
-        bus.now(lambda: setattr(bus, 'slaves', bus.slaves[:1]))
-        assert 'servo 2 (left_tendon): no answer any more' in failed(tendons)
-        bus.clock.sleep(0.1)
-        assert standing(bus)
+def ignore_writes(servo):
+    servo.write = lambda *_: Error.NONE
 
 
-def test_a_servo_that_ignores_writes_is_an_error(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        bus.slaves[1].ignores_writes = True
-        tendons.move((0.01, -0.01), 0.5)
-        assert 'servo 2 (left_tendon) does not keep what was written to it' in failed(tendons)
-
-
-def test_a_servo_that_loses_power_in_motion_is_noticed(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        in_motion(bus, tendons)
-        bus.now(bus.slaves[0].powered)
-        assert 'was reset or without power' in failed(tendons)
+@pytest.mark.parametrize(('fault', 'words'), [
+    (ignore_writes, 'servo 2 (second) does not keep what was written to it'),
+    (lambda servo: setattr(servo, 'hang', True), 'servo 2 (second): no answer any more'),
+    (lambda servo: (servo.power_off(), servo.power_on()), 'was reset or without power'),
+    (lambda servo: setattr(servo.motor, 'caught', True), 'see what holds the tendon')])
+def test_what_ends_a_motion_is_named(monkeypatch, tmp_path, fault, words):
+    monkeypatch.setattr(dynamixel_servo, 'BOOT_TIME', 0.0)
+    with two(tmp_path) as made:
+        in_motion(made)
+        made.emulator.read(lambda: fault(made.emulator.servos[1]))
+        made.driver.move((-0.04, 0.04), 2.0)
+        assert words in failed(made.driver)
+        made.rest()
 
 
 @pytest.mark.parametrize('moving', [False, True])
 def test_a_torque_that_another_program_switched_off_is_noticed_within_a_second(tmp_path, moving):
-    with rig(tmp_path) as (bus, tendons):
+    with two(tmp_path) as made:
         if moving:
-            in_motion(bus, tendons)
-        bus.now(lambda: bus.slaves[1].set(TORQUE, 0))
-        begin = bus.clock()
-        assert 'switched off the torque of servo 2 (left_tendon)' in failed(tendons)
-        assert bus.clock() - begin < 1.0
-        tendons.close()
-        assert bus.slaves[1].get(TORQUE) == 0  # and nobody but open switches it on
-        tendons.open()
-        assert bus.slaves[1].get(TORQUE) == 1
-        assert tendons.read().referenced
+            in_motion(made)
+        servo, clock = made.emulator.servos[1], made.emulator.clock
+        made.emulator.read(lambda: servo.write(64, b'\0'))
+        begin = clock()
+        assert 'switched off the torque of servo 2 (second)' in failed(made.driver)
+        assert clock() - begin < 1.0
+        made.driver.close()
+        assert not servo.torque  # and nobody but open switches it on
+        made.driver.open()
+        assert servo.torque and made.driver.read().referenced
 
 
 @pytest.mark.parametrize(('status', 'words'), [
     (0x20, 'overload (see what caught the tendon'), (0x04, 'overheating'), (0x01, 'input voltage'),
     (0x10, 'electrical shock'), (0x08, 'motor encoder')])
 def test_a_hardware_error_is_explained_and_nothing_is_rebooted(tmp_path, status, words):
-    with rig(tmp_path) as (bus, tendons):
-        in_motion(bus, tendons)
-        bus.now(lambda: bus.slaves[1].shut_down(status))
-        message = failed(tendons)
+    with two(tmp_path) as made:
+        in_motion(made)
+        servo = made.emulator.servos[1]
+        servo.broken = status
+        message = failed(made.driver)
         assert words in message
-        assert 'servo 2 (left_tendon)' in message
-        tendons.close()
-        assert 'has no tension' in refusal(driver(bus, tmp_path))
-        assert all(instruction != REBOOT for _, instruction, _ in bus.instructions)
+        assert 'servo 2 (second)' in message
+        made.driver.close()
+        made.emulator.read(lambda: servo.set_up('Torque Enable', 0))
+        assert 'has no tension' in refusal(made.driver)
+        assert all(p.instruction != Instruction.REBOOT for p in made.emulator.packets)
 
 
-def test_a_caught_tendon_is_not_pulled_for_long(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        bus.slaves[0].caught = True
-        tendons.move((0.03, 0.0), 1.5)
-        message = failed(tendons)
-        assert 'servo 1 (right_tendon) is at 0.0' in message
-        assert 'see what holds the tendon' in message
-
-
-def test_a_stop_without_replies_is_not_confirmed(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        in_motion(bus, tendons)
-        tendons.stop()
-        bus.now(lambda: setattr(bus.slaves[0], 'step', lambda now: setattr(
-            bus.slaves[0], 'turned', bus.slaves[0].turned + 2.0)))  # it runs away
-        assert 'not confirmed a stop' in failed(tendons)
+def test_a_stop_of_a_spool_that_runs_away_is_not_confirmed(tmp_path):
+    with two(tmp_path) as made:
+        in_motion(made)
+        made.driver.stop()
+        for servo in made.emulator.servos:
+            servo.motor.tendon.weight = -70.0
+        assert 'not confirmed a stop' in failed(made.driver)
+        made.emulator.repair()
 
 
 def test_torque_is_never_switched_off_and_no_eeprom_is_written(tmp_path):
-    with rig(tmp_path) as (bus, tendons):
-        in_motion(bus, tendons)
-        tendons.close()
-        assert all(slave.get(TORQUE) == 1 for slave in bus.slaves)
-        for _, instruction, data in bus.instructions:
-            if instruction in (WRITE, SYNC_WRITE):
-                address = int.from_bytes(data[:2], 'little')
-                assert address >= 64
-                assert address != TORQUE or data[2] == 1
-        assert writes(bus, GOAL) > 10
+    with two(tmp_path) as made:
+        in_motion(made)
+        made.driver.close()
+        assert values(made.emulator, 'Torque Enable') == [1, 1]
+        written = list(writes(made.emulator))
+        assert all(address >= 64 for address, _ in written)
+        assert all(data[0] == 1 for address, data in written if address == 64)
+        assert sum(address == 116 for address, _ in written) > 10  # goals

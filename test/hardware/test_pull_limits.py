@@ -10,7 +10,7 @@ import pytest
 
 from soft_continuum.hardware.protocols import check_limits, HardwareError, MAX_AHEAD
 from soft_continuum.hardware.tendon_controller import TendonController, TendonLimits
-from support import dynamixel_rig, grbl_rig
+from support import grbl_rig, servo_rig
 from support.driver_waits import at_rest
 
 WIDE, NARROW = (-0.06, 0.06), (-0.01, 0.01)  # m
@@ -20,27 +20,26 @@ NAMES = ('right_tendon', 'left_tendon')
 
 
 @contextmanager
-def beyond(rig, driver):
-    """A driver beyond limits that it has had since it was last closed."""
-    with rig as (device, tendons):
-        tendons.move(BEYOND, 1.0)
-        at_rest(tendons)
-        tendons.close()
-        yield driver(device)
-
-
 def steppers(folder):
-    return beyond(grbl_rig.rig(pull_limits=WIDE), partial(grbl_rig.driver, pull_limits=NARROW))
+    """A driver of steppers with wide limits, and what makes another one."""
+    with grbl_rig.rig(pull_limits=WIDE) as (board, tendons):
+        yield tendons, partial(grbl_rig.driver, board)
 
 
+@contextmanager
 def servos(folder):
-    return beyond(dynamixel_rig.rig(folder, pull_limits=WIDE),
-                  partial(dynamixel_rig.driver, folder=folder, pull_limits=NARROW))
+    """The same of servos."""
+    with servo_rig.rig(folder, WIDE, 2) as made:
+        yield made.driver, partial(servo_rig.driver_of, made.emulator, folder)
 
 
 @pytest.mark.parametrize('motors', [steppers, servos])
 def test_a_tendon_beyond_its_limits_comes_back_in_one_motion(motors, tmp_path):
-    with motors(tmp_path) as tendons:
+    with motors(tmp_path) as (before, another):
+        before.move(BEYOND, 1.0)
+        at_rest(before)
+        before.close()
+        tendons = another(pull_limits=NARROW)
         tendons.open()
         controller = TendonController(tendons, TendonLimits(NAMES, NARROW, SPEED))
         assert controller.reading.referenced

@@ -150,14 +150,28 @@ def servos(tendons: int = len(TENDONS), model: str = SERVO_MODEL, link: Path | N
     return DynamixelEmulator(made, link, clock or VirtualClock())
 
 
+def driver_of(emulator: DynamixelEmulator, folder: Path, **changes: object) -> DynamixelTendons:
+    """Return a driver, not opened, of emulated servos; it keeps its zeros in a folder."""
+    return DynamixelTendons(emulator.port, 1000000, spools(len(emulator.servos), **changes),
+                            folder / 'zeros.json', emulator.clock)
+
+
+def refusal(driver: DynamixelTendons) -> str:
+    """Return why a driver does not open."""
+    try:
+        driver.open()
+    except HardwareError as error:
+        return str(error)
+    raise AssertionError('it opens')
+
+
 @contextmanager
 def rig(folder: Path, limits: tuple[float, float] = WITHIN_TURN, tendons: int = len(TENDONS),
         model: str = SERVO_MODEL, **changes: object) -> Iterator[ServoRig]:
     """Servos and an open driver at zero pull."""
     with servos(tendons, model, folder / 'port') as emulator:
-        driver = DynamixelTendons(emulator.port, 1000000, spools(
-            tendons, pull_limits=limits, tension_limits=(tension_limit(model),) * tendons,
-            **changes), folder / 'zeros.json', emulator.clock)
+        driver = driver_of(emulator, folder, **{
+            'pull_limits': limits, 'tension_limits': (tension_limit(model),) * tendons, **changes})
         driver.open()
         made = ServoRig(emulator, driver, emulator.pulls, deque())
         made.rest()
@@ -168,6 +182,13 @@ def rig(folder: Path, limits: tuple[float, float] = WITHIN_TURN, tendons: int = 
             yield made
         finally:
             driver.close()
+
+
+def in_motion(made: ServoRig, pull: float = 0.04) -> None:
+    """Start a long motion of two tendons and let it get well under way."""
+    made.driver.move((pull, -pull), 2.0)
+    made.wait(0.3)
+    assert made.emulator.moving
 
 
 # Faults
