@@ -6,17 +6,19 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from math import nan
+import os
 import sys
 import threading
 from typing import Any, TypeVar
 
-from soft_continuum.arguments import Parser
+from soft_continuum.arguments import number_in, Parser
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 
 Emulator = TypeVar('Emulator')
 Ranges = Mapping[str, tuple[float, float]]
-RANGES: Ranges = {'SECONDS': (0.0, 3600.0), 'SHARE': (0.0, 1.0)}
-"""The numbers that commands of every emulator take; whole numbers have bounds of type int."""
+RANGES: Ranges = {
+    'SECONDS': (0.0, 3600.0), 'SHARE': (0.0, 1.0), 'COUNT': (0, 1000000), 'BYTES': (1, 4096)}
+"""The numbers that commands of several emulators take; whole numbers have bounds of type int."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,17 @@ class Command:
 def set_to(name: str, value: object = None) -> Callable[..., None]:
     """Return the function of a command that sets an attribute, to its number without a value."""
     return lambda emulator, number=value: setattr(emulator, name, number)
+
+
+def device_parser(device: str, description: str, *, timed: bool = True) -> Parser:
+    """Return a parser of the options that emulators share; timed: whether their time may run."""
+    parser = Parser(f'emulate {device}', description)
+    parser.add_argument('--link', type=os.path.expanduser, metavar='PATH', default='',
+                        help='a symbolic link to make, as a port name that stays the same')
+    if timed:
+        parser.add_argument('--time-factor', type=number_in(1e-6, 1000.0, ''), default=1.0,
+                            metavar='FACTOR', help='emulated seconds per second (default: 1)')
+    return parser
 
 
 def execute(commands: Mapping[str, Command], ranges: Ranges, emulator: Any, line: str) -> str:

@@ -2,17 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """A device behind a serial port: a pseudo-terminal that can be unplugged, and a thread."""
 
+from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 import os
 from pathlib import Path
+import termios
 import threading
 import tty
-from typing import Self
+from typing import Self, TypeVar
 
 from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.real_time import ask_for_real_time
 
 POLL_INTERVAL = 0.005  # s
+T = TypeVar('T')
 
 
 class EmulatedDevice:
@@ -30,6 +34,7 @@ class EmulatedDevice:
         self.name = ''
         self.lock = threading.RLock()
         self._master = self._slave = -1  # negative while unplugged
+        self._outgoing: list[tuple[float, Callable[[], object]]] = []  # when, what sends it
         self._closing = False
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
@@ -90,10 +95,43 @@ class EmulatedDevice:
         if self.link is not None and self.link.is_symlink():
             self.link.unlink()
 
+    def read(self, value: Callable[[], T]) -> T:
+        """Return a value of this moment, or change something between two moments."""
+        with self.lock:
+            self._advance()
+            return value()
+
+    def _later(self, due: float, send: Callable[[], object]) -> None:
+        """Call ``send`` when it is due (s)."""
+        self._outgoing.append((due, send))
+        self._outgoing.sort(key=lambda each: each[0])
+
     def _serve(self) -> None:
         ask_for_real_time()  # a board waits for no other program
-        self._run()
+        while not self._closing:
+            with suppress(OSError, ValueError, termios.error):  # unplugged meanwhile
+                self._turn()
 
-    def _run(self) -> None:
-        """Serve until ``_closing``."""
+    def _turn(self) -> None:
+        """Wait until something comes, is due, or time has to pass; do what follows."""
+        with self.lock:
+            master, due = self._master, self._outgoing[0][0] if self._outgoing else inf
+            pause = min(self._pause(), due - self.clock())
+        ready = self.clock.wait([master] if master >= 0 else [], pause)
+        with self.lock:
+            self._advance()
+            while self._outgoing and self._outgoing[0][0] <= self.clock():
+                self._outgoing.pop(0)[1]()
+            same = self._master == master
+            self._take(os.read(master, 4096) if ready and same else b'')
+
+    def _pause(self) -> float:
+        """Return how long the device can wait for bytes before time has to pass, s."""
+        raise NotImplementedError
+
+    def _advance(self) -> None:
+        """Let the time of the device catch up with the clock."""
+
+    def _take(self, data: bytes) -> None:
+        """Receive bytes, or see that none have come."""
         raise NotImplementedError

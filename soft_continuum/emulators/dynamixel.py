@@ -3,12 +3,9 @@
 """The command line of emulated Dynamixel servos: faults are typed while they run."""
 
 from collections.abc import Callable, Sequence
-import os
 import random
 
-from soft_continuum.arguments import Parser
-from soft_continuum.emulators import console
-from soft_continuum.emulators.console import Command, set_to
+from soft_continuum.emulators.console import Command, device_parser, execute, RANGES, serve, set_to
 from soft_continuum.emulators.driving import (
     BAUD_RATE,
     dynamixel_parameters,
@@ -125,15 +122,14 @@ COMMANDS = {
 def execute_command(emulator: DynamixelEmulator, line: str) -> str:
     """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
     servos = len(emulator.servos)
-    return console.execute(COMMANDS, {
-        **console.RANGES, 'COUNT': (0, 1000000), 'BYTES': (1, 4096), 'N': (1, servos),
-        'OTHER': (1, servos), 'DEGREES': (-20.0, 150.0), 'VOLTS': (0.0, 30.0),
-        'NEWTON': (0.0, 1000.0), 'MODE': (0, 16)}, emulator, line)
+    return execute(COMMANDS, {
+        **RANGES, 'N': (1, servos), 'OTHER': (1, servos), 'DEGREES': (-20.0, 150.0),
+        'VOLTS': (0.0, 30.0), 'NEWTON': (0.0, 1000.0), 'MODE': (0, 16)}, emulator, line)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve emulated servos until ``quit`` or Ctrl-C; faults are typed on standard input."""
-    parser = Parser('emulate dynamixel', 'Dynamixel servos of the X series on one bus.')
+    parser = device_parser('dynamixel', 'Dynamixel servos of the X series on one bus.')
     parser.add_argument('--tendons', type=int, default=2, choices=range(1, 33), metavar='N',
                         help='number of servos, 1 to 32; their IDs are 1, 2, ... (default: 2)')
     parser.add_argument('--model', default=SERVO_MODEL, choices=MODELS,
@@ -147,19 +143,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                         'current-based position control)')
     parser.add_argument('--protocol-1', action='store_true',
                         help='servos that speak the old Protocol 1.0 (XM and XL430 can)')
-    parser.add_argument('--link', type=os.path.expanduser, metavar='PATH',
-                        help='a symbolic link to make, as a port name that stays the same')
-    parser.add_argument('--time-factor', type=float, default=1.0, metavar='FACTOR',
-                        help='emulated seconds per second (default: 1)')
     arguments = parser.parse_args(argv)
-    if not 0.0 < arguments.time_factor <= 1000.0:
-        parser.error('--time-factor must be above 0 and at most 1000')
     if arguments.protocol_1 and not MODELS[arguments.model].old_protocol:
         parser.error(f'{arguments.model} cannot speak Protocol 1.0')
     servos = make_servos(arguments.tendons, arguments.model, arguments.baud_rate, arguments.mode)
     for servo in servos:
         servo.values['Protocol Type'] = 1 if arguments.protocol_1 else 2
-    return console.serve(
+    return serve(
         parser, lambda: DynamixelEmulator(
             servos, arguments.link, Clock(arguments.time_factor)),
         lambda emulator: CONFIGURATION.format(parameters=parameter_lines(dynamixel_parameters(

@@ -8,13 +8,10 @@ only what comes at theirs.  Bytes take their time on the wire, at 10 bits each.
 """
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from math import inf
-import os
+from functools import partial
 from pathlib import Path
 import random
 import termios
-from typing import TypeVar
 
 from soft_continuum.emulators.device import EmulatedDevice
 from soft_continuum.emulators.dynamixel_models import BAUD_RATES, RETURN_DELAY_UNIT
@@ -45,8 +42,6 @@ SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios)
 SINGLE = (Instruction.PING, Instruction.READ, Instruction.WRITE, Instruction.REG_WRITE,
           Instruction.ACTION, Instruction.FACTORY_RESET, Instruction.REBOOT, Instruction.CLEAR)
 
-T = TypeVar('T')
-
 
 class DynamixelEmulator(EmulatedDevice):
     """
@@ -69,7 +64,6 @@ class DynamixelEmulator(EmulatedDevice):
         """Every intact instruction packet that servos could hear."""
         self.random = random.Random(seed)
         self._readers = {2: PacketReader(), 1: OldPacketReader()}
-        self._outgoing: list[tuple[float, bytes]] = []  # when the last byte has come, what
         self._free = 0.0  # when the last byte of request or answer has passed
         self._heard_at = 0.0
         self._time = clock()
@@ -88,22 +82,15 @@ class DynamixelEmulator(EmulatedDevice):
         """Whether a spool turns."""
         return self.read(lambda: any(servo.motor.speed for servo in self.servos))
 
-    def read(self, value: Callable[[], T]) -> T:
-        """Return a value of this moment."""
-        with self.lock:
-            self._advance()
-            return value()
-
     # Faults
 
     def power_cycle(self, number: int | None = None) -> None:
         """Take the power from one servo (0 is the first), or from all, for a moment."""
-        chosen = self.servos if number is None else [self.servos[number]]
-        with self.lock:
-            self._advance()
-            for servo in chosen:
+        def cycle() -> None:
+            for servo in self.servos if number is None else [self.servos[number]]:
                 servo.power_off()
                 servo.power_on()
+        self.read(cycle)
 
     def collide(self, number: int, other: int) -> None:
         """Give a servo (0 is the first) the ID of another one."""
@@ -121,37 +108,22 @@ class DynamixelEmulator(EmulatedDevice):
 
     # Time and bytes
 
-    def _run(self) -> None:
-        while not self._closing:
-            with suppress(OSError, ValueError, termios.error):  # unplugged meanwhile, or nothing
-                self._turn()
-
-    def _turn(self) -> None:
-        with self.lock:
-            master = self._master
-            resting = all(servo.resting for servo in self.servos)
-            due = self._outgoing[0][0] if self._outgoing else inf
-        pause = min(RESTING_STEP if resting else TIME_STEP, due - self.clock())
-        ready = self.clock.wait([master] if master >= 0 else [], pause)
-        with self.lock:
-            self._advance()
-            while self._outgoing and self._outgoing[0][0] <= self.clock():
-                self.send(self._outgoing.pop(0)[1])
-            if ready and self._master == master:
-                self._take(os.read(master, 4096))
+    def _pause(self) -> float:
+        return RESTING_STEP if all(servo.resting for servo in self.servos) else TIME_STEP
 
     def _advance(self) -> None:
         now = self.clock()
         # A computer that is too slow lets the servos stand still, rather than their watchdogs end.
         elapsed, self._time = min(now - self._time, MAX_LATENESS), now
         while elapsed > 0.0:
-            resting = all(servo.resting for servo in self.servos)
-            step = min(elapsed, RESTING_STEP if resting else TIME_STEP)
+            step = min(elapsed, self._pause())
             for servo in self.servos:
                 servo.advance(step)
             elapsed -= step
 
     def _take(self, data: bytes) -> None:
+        if not data:
+            return
         now = self.clock()
         if self.garble_in and self.random.random() < self.garble_in:
             data = self._damaged(data)
@@ -310,8 +282,7 @@ class DynamixelEmulator(EmulatedDevice):
             return
         if self.garble and self.random.random() < self.garble:
             data = self._damaged(data)
-        self._outgoing.append((self._free + self.late, data))
-        self._outgoing.sort(key=lambda each: each[0])
+        self._later(self._free + self.late, partial(self.send, data))
 
     def _damaged(self, data: bytes) -> bytes:
         """Return data with a bit flipped, a byte lost, or a byte too many."""

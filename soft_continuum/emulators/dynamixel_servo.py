@@ -10,7 +10,6 @@ open is marked 'assumed', and is what asks most of a driver.
 from math import floor
 import random
 
-from soft_continuum.emulators.dynamixel_control import Control
 from soft_continuum.emulators.dynamixel_models import (
     control_table,
     CURRENT_POSITION,
@@ -25,7 +24,7 @@ from soft_continuum.emulators.dynamixel_models import (
     VELOCITY_UNIT,
     WATCHDOG_UNIT,
 )
-from soft_continuum.emulators.dynamixel_motor import Motor, Tendon
+from soft_continuum.emulators.dynamixel_motor import Control, Motor, Tendon
 from soft_continuum.emulators.dynamixel_packets import ALERT, Error, Instruction
 
 GOALS = frozenset(('Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position'))

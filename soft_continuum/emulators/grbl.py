@@ -3,11 +3,8 @@
 """The command line of the emulated GRBL board: faults are typed while it runs."""
 
 from collections.abc import Sequence
-import os
 
-from soft_continuum.arguments import Parser
-from soft_continuum.emulators import console
-from soft_continuum.emulators.console import Command, set_to
+from soft_continuum.emulators.console import Command, device_parser, execute, RANGES, serve, set_to
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import Clock
 
@@ -39,7 +36,6 @@ def describe(emulator: GrblEmulator) -> str:
             f'{emulator.remaining_time():.3f} s of motion left')
 
 
-RANGES = {**console.RANGES, 'COUNT': (0, 1000000), 'ALARM': (1, 9)}
 COMMANDS = {
     'reset': Command('', 'reset the board, as opening the port of an Arduino does',
                      GrblEmulator.reset),
@@ -63,22 +59,16 @@ COMMANDS = {
 
 def execute_command(emulator: GrblEmulator, line: str) -> str:
     """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
-    return console.execute(COMMANDS, RANGES, emulator, line)
+    return execute(COMMANDS, {**RANGES, 'ALARM': (1, 9)}, emulator, line)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve an emulated board until ``quit`` or Ctrl-C; faults are typed on standard input."""
-    parser = Parser('emulate grbl', 'A GRBL 1.1 stepper controller on a pseudo-terminal.')
-    parser.add_argument('--link', type=os.path.expanduser, metavar='PATH', default='',
-                        help='a symbolic link to make, as a port name that stays the same')
-    parser.add_argument('--time-factor', type=float, default=1.0, metavar='FACTOR',
-                        help='emulated seconds per second (default: 1)')
+    parser = device_parser('grbl', 'A GRBL 1.1 stepper controller on a pseudo-terminal.')
     parser.add_argument('--switches', type=float, nargs=2, metavar=('RIGHT', 'LEFT'), default=[],
                         help='limit switches that close when the motors of the tendons are at '
                         'these mm, negative: paid out; the board is then locked until it is homed')
     arguments = parser.parse_args(argv)
-    if not 0.0 < arguments.time_factor <= 1000.0:
-        parser.error('--time-factor must be above 0 and at most 1000')
     if any(not -1000.0 <= switch < 0.0 for switch in arguments.switches):
         parser.error('--switches must be negative, and not below -1000 mm')
     settings, homing = {}, ''
@@ -86,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         settings = {22: 1.0, 23: 3.0, **dict.fromkeys((130, 131), 100.0 * STEPS_PER_MM)}
         right, left = ((switch + 1.0) * 1e-3 for switch in arguments.switches)  # 1 mm off: $27
         homing = f'\n      homed_pulls: [{right:.4f}, {left:.4f}]'
-    return console.serve(
+    return serve(
         parser, lambda: GrblEmulator(
             arguments.link, Clock(arguments.time_factor), settings,
             [switch * STEPS_PER_MM for switch in arguments.switches]),

@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """An emulated GRBL 1.1 board on a pseudo-terminal, with its motors and its faults."""
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-import os
+from collections.abc import Mapping, Sequence
+from functools import partial
 import random
-from typing import TypeVar
 
 from soft_continuum.emulators.device import EmulatedDevice
 from soft_continuum.emulators.grbl_firmware import GrblFirmware
@@ -15,8 +13,6 @@ from soft_continuum.hardware.clock import Clock, STEADY
 
 TIME_STEP = 0.002  # s, while something happens
 RESTING_STEP = 0.02  # s
-
-T = TypeVar('T')
 
 
 class GrblEmulator(EmulatedDevice):
@@ -46,7 +42,6 @@ class GrblEmulator(EmulatedDevice):
         self.late_ok = 0.0
         self.garble = 0.0
         self.random = random.Random(1)
-        self._late: list[tuple[float, str]] = []
         self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge, switches)
         self._time = clock()
         self.plug()
@@ -56,31 +51,26 @@ class GrblEmulator(EmulatedDevice):
     @property
     def motors(self) -> Steps:
         """Steps that the motors have made since the beginning."""
-        return self._read(lambda firmware: firmware.made)
+        return self.read(lambda: self.firmware.made)
 
     @property
     def moving(self) -> bool:
         """Whether the motors move."""
-        return self._read(lambda firmware: not firmware.planner.standing)
+        return self.read(lambda: not self.firmware.planner.standing)
 
     @property
     def energised(self) -> bool:
         """Whether the motors hold their load."""
-        return self._read(lambda firmware: firmware.energised)
+        return self.read(lambda: self.firmware.energised)
 
     @property
     def time(self) -> float:
         """Emulated time, s."""
-        return self._read(lambda firmware: firmware.time)
+        return self.read(lambda: self.firmware.time)
 
     def remaining_time(self) -> float:
         """Return for how long (s) the motors would move if no more came."""
-        return self._read(lambda firmware: firmware.planner.remaining_time())
-
-    def _read(self, value: Callable[[GrblFirmware], T]) -> T:
-        with self.lock:
-            self._advance()
-            return value(self.firmware)
+        return self.read(lambda: self.firmware.planner.remaining_time())
 
     # Faults
 
@@ -88,14 +78,12 @@ class GrblEmulator(EmulatedDevice):
         """Reset at the board: power, button, or DTR when a computer opens the port."""
         with self.lock:
             self._advance()
-            self._late.clear()
+            self._outgoing.clear()
             self.firmware.reset(banner)
 
     def alarm(self, number: int) -> None:
         """Stop at once and lock; 1 and 2 answer nothing before a soft reset."""
-        with self.lock:
-            self._advance()
-            self.firmware.alarm(number)
+        self.read(lambda: self.firmware.alarm(number))
 
     def hold(self) -> None:
         """Press the feed hold button at the board for a moment."""
@@ -109,37 +97,26 @@ class GrblEmulator(EmulatedDevice):
 
     # Time and bytes
 
-    def _run(self) -> None:
-        while not self._closing:
-            with self.lock:
-                master = self._master
-                resting = self.firmware.resting and not self._late
-            with suppress(OSError, ValueError):  # nothing was sent, or it was unplugged meanwhile
-                self.clock.wait([master] if master >= 0 else [],
-                                RESTING_STEP if resting else TIME_STEP)
-                with self.lock:
-                    self._advance()
-                    if self._master == master >= 0:
-                        data = os.read(master, 4096)
-                        if not self.hang:
-                            self.firmware.take(data)
+    def _pause(self) -> float:
+        return RESTING_STEP if self.firmware.resting else TIME_STEP
 
     def _advance(self) -> None:
-        """Let the emulated time catch up."""
         now = self.clock()
         elapsed, self._time = now - self._time, now
         while elapsed > 0.0:
             step = elapsed if self.firmware.resting else min(elapsed, TIME_STEP)
             self.firmware.advance(step)
             elapsed -= step
-        while self._late and self._late[0][0] <= now:
-            self.say(self._late.pop(0)[1])
+
+    def _take(self, data: bytes) -> None:
+        if not self.hang:
+            self.firmware.take(data)
 
     def _acknowledge(self, text: str) -> None:
         if self.drop_ok > 0:
             self.drop_ok -= 1
         elif self.late_ok > 0.0:
-            self._late.append((self.clock() + self.late_ok, text))
+            self._later(self.clock() + self.late_ok, partial(self.say, text))
         else:
             self.say(text)
 

@@ -9,11 +9,7 @@ As much of it as moves three axes: jogs, G0 and G1, holds, resets, alarms, homin
 from collections.abc import Callable, Iterable, Mapping, Sequence
 import re
 
-from soft_continuum.emulators.grbl_planner import (
-    MachineSettings,
-    Planner,
-    Steps,
-)
+from soft_continuum.emulators.grbl_planner import MachineSettings, Planner, Steps
 
 RECEIVE_BUFFER = 127  # characters; more is dropped without a message
 MAX_LINE_LENGTH = 79

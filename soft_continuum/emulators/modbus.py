@@ -3,11 +3,9 @@
 """The command line of the emulated Modbus rig: faults are typed while it runs."""
 
 from collections.abc import Sequence
-import os
 import random
 
-from soft_continuum.arguments import Parser
-from soft_continuum.emulators.console import Command, execute, RANGES, serve, set_to
+from soft_continuum.emulators.console import Command, device_parser, execute, RANGES, serve, set_to
 from soft_continuum.emulators.modbus_rig import (
     ANALOG_UNIT,
     FULL_SCALE,
@@ -32,8 +30,6 @@ Put this into the parameter file of jamming_valves (or leave out what is the def
       vacuum_at_20_ma: {full_scale}
 Type a fault, or help.
 """
-
-
 VALVES = """\
 relay_unit: {relay_unit}
       pump_coil: 0
@@ -81,7 +77,8 @@ COMMANDS = {
     'stuck-regulator': Command('SEGMENT', 'a regulator no longer follows its output',
                                lambda e, segment: e.hang_regulator(segment - 1)),
     'broken-wire': Command('SEGMENT', 'a transmitter gives no current; 1 is at the base',
-                           lambda e, segment: e.break_wire(segment - 1)),
+                           lambda e, segment: setattr(
+                               e.segments[segment - 1], 'broken_wire', True)),
     'stuck-sensor': Command('SEGMENT', 'freeze a transmitter at its present current',
                             lambda e, segment: e.stick_sensor(segment - 1)),
     'leak': Command('SEGMENT RATE', 'a segment loses RATE Pa/s',
@@ -94,18 +91,15 @@ COMMANDS = {
 def execute_command(emulator: ModbusEmulator, line: str) -> str:
     """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
     segments = len(emulator.segments)
-    return execute(COMMANDS, {
-        **RANGES, 'RATE': (0.0, 1e6), 'CODE': (0, 255), 'BYTES': (1, 4096), 'COIL': (0, segments),
-        'SEGMENT': (1, segments)}, emulator, line)
+    return execute(COMMANDS, {**RANGES, 'RATE': (0.0, 1e6), 'CODE': (0, 255),
+                              'COIL': (0, segments), 'SEGMENT': (1, segments)}, emulator, line)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve an emulated rig until ``quit`` or Ctrl-C; faults are typed on the standard input."""
-    parser = Parser('emulate modbus', 'A jamming rig on an emulated Modbus RTU line.')
+    parser = device_parser('modbus', 'A jamming rig on an emulated Modbus RTU line.', timed=False)
     parser.add_argument('--segments', type=int, default=3, choices=range(1, 65), metavar='N',
                         help='number of segments, 1 to 64 (default: 3)')
-    parser.add_argument('--link', type=os.path.expanduser, metavar='PATH',
-                        help='a symbolic link to make, as a port name that stays the same')
     parser.add_argument('--stiff', action='store_true',
                         help='start with the pump on and every segment evacuated')
     parser.add_argument('--regulators', action='store_true',
@@ -119,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             arguments.segments, initially_stiff=arguments.stiff, link=arguments.link,
             baud_rate=arguments.baud_rate, regulators=arguments.regulators),
         lambda emulator: CONFIGURATION.format(
-            port=arguments.link or emulator.port, analog_unit=ANALOG_UNIT, full_scale=FULL_SCALE,
+            port=emulator.port, analog_unit=ANALOG_UNIT, full_scale=FULL_SCALE,
             registers=[float(n) for n in numbers],
             outputs=(REGULATORS if arguments.regulators else VALVES).format(
                 relay_unit=RELAY_UNIT, valves=[float(n + 1) for n in numbers],

@@ -13,8 +13,7 @@ so that each checks the other.  Every fault that a rig can have is a switch.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import inf
-import os
+from functools import partial
 from pathlib import Path
 import random
 import struct
@@ -153,7 +152,7 @@ class ModbusEmulator(EmulatedDevice):
             {OUTPUT_UNIT: self._output_board} if regulators else {RELAY_UNIT: self._relay_board})}
         self._baud_rate = baud_rate
         self._random = random.Random(seed)
-        self._outgoing: list[tuple[float, bytes]] = []  # when, what
+        self._received, self._received_at = b'', 0.0
         self._last_due = dict.fromkeys(self._boards, 0.0)
         self.repair()  # sets all faults to none
 
@@ -190,10 +189,6 @@ class ModbusEmulator(EmulatedDevice):
                 raise ValueError('this rig has valves; start it with --regulators')
             found.hangs = True
 
-    def break_wire(self, segment: int) -> None:
-        """Take the current from a transmitter."""
-        self.segments[segment].broken_wire = True
-
     def stick_sensor(self, segment: int) -> None:
         """Freeze a transmitter at its present current."""
         with self.lock:
@@ -214,31 +209,16 @@ class ModbusEmulator(EmulatedDevice):
 
     # The line.
 
-    def _run(self) -> None:
-        received, received_at = b'', 0.0
-        while not self._closing:
-            while self._outgoing and self._outgoing[0][0] <= self.clock():
-                self.send(self._outgoing.pop(0)[1])
-            master = self._master
-            if master < 0:
-                received = b''
-                self.clock.sleep(FRAME_GAP)
-                continue
-            try:
-                # Until there is something to send, or a frame has ended.
-                due = self._outgoing[0][0] if self._outgoing else inf
-                pause = min(FRAME_GAP if received else IDLE_STEP, due - self.clock())
-                if self.clock.wait([master], pause):
-                    with self.lock:  # the plug may have been pulled since
-                        data = os.read(self._master, 4096)
-                    if self.echo:
-                        self.send(data)
-                    received += data
-                    received_at = self.clock()
-            except (OSError, ValueError):
-                received = b''
-                continue
-            received = self._answer_all(received, self.clock() - received_at > FRAME_GAP)
+    def _pause(self) -> float:
+        return FRAME_GAP if self._received else IDLE_STEP
+
+    def _take(self, data: bytes) -> None:
+        if data:
+            if self.echo:
+                self.send(data)
+            self._received, self._received_at = self._received + data, self.clock()
+        gap = self.clock() - self._received_at > FRAME_GAP or self._master < 0
+        self._received = self._answer_all(self._received, gap)
 
     def _answer_all(self, received: bytes, gap: bool) -> bytes:
         """Answer the whole frames in ``received``; return the rest, which a gap discards."""
@@ -259,29 +239,27 @@ class ModbusEmulator(EmulatedDevice):
     def _answer(self, request: bytes) -> None:
         if request[0] not in self._boards:
             return
-        with self.lock:
-            self.requests.append(request)
-            if self.hang:
-                return
-            reply = self._reply(request)
-            if self.transform is not None:
-                reply = self.transform(reply)
-            if self._random.random() < self.drop:
-                return
-            if reply and self._random.random() < self.garble:
-                damaged = self._random.randrange(len(reply))
-                flipped = reply[damaged] ^ 1 << self._random.randrange(8)
-                reply = reply[:damaged] + bytes([flipped]) + reply[damaged + 1:]
-            reply += bytes(self.zeros)
-            late = self.late
+        self.requests.append(request)
+        if self.hang:
+            return
+        reply = self._reply(request)
+        if self.transform is not None:
+            reply = self.transform(reply)
+        if self._random.random() < self.drop:
+            return
+        if reply and self._random.random() < self.garble:
+            damaged = self._random.randrange(len(reply))
+            flipped = reply[damaged] ^ 1 << self._random.randrange(8)
+            reply = reply[:damaged] + bytes([flipped]) + reply[damaged + 1:]
+        reply += bytes(self.zeros)
+        late = self.late
         if self._baud_rate:
             # Request, reply and the silence of 3.5 characters between them.
             characters = len(request) + len(reply) + 3.5
             late += characters * BITS_PER_CHARACTER / self._baud_rate
         # A board replies in the order of its requests, but may overtake the other board.
         due = self._last_due[request[0]] = max(self._last_due[request[0]], self.clock() + late)
-        self._outgoing.append((due, reply))
-        self._outgoing.sort(key=lambda each: each[0])
+        self._later(due, partial(self.send, reply))
 
     # The boards.
 
