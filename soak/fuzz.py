@@ -10,9 +10,8 @@ from typing import Any
 
 from hypothesis import given, settings
 import pytest
-import test_dynamixel_fuzz
+import test_fuzz
 import test_grbl_link
-import test_modbus_fuzz
 
 from benchmarks.tables import table
 from soak.report import Report
@@ -74,26 +73,25 @@ def _grbl(cases: int, inputs: Inputs) -> None:
 
 
 def _modbus(cases: int, inputs: Inputs) -> None:
-    exchanges = test_modbus_fuzz.EXCHANGES.values()
-    with pytest.MonkeyPatch.context() as patch:
-        # Each case is one to three inputs, two and a little more on average.
-        patch.setattr(test_modbus_fuzz, 'CASES', -(-cases // (2 * len(exchanges))))
-        for ask, reply in exchanges:
-            test_modbus_fuzz.test_only_a_reply_is_taken_for_a_reply(
-                patch, lambda bus, ask=ask: inputs.feed(ask, bus), reply)
+    _exchanges('modbus', cases, inputs)
 
 
 def _dynamixel(cases: int, inputs: Inputs) -> None:
-    exchanges = test_dynamixel_fuzz.EXCHANGES
+    _exchanges('dynamixel', cases, inputs)
+
+
+def _exchanges(protocol: str, cases: int, inputs: Inputs) -> None:
+    chosen = [each for name, each in test_fuzz.EXCHANGES.items() if name.startswith(protocol)]
     with pytest.MonkeyPatch.context() as patch:
-        for name in exchanges:
-            _exchange(name, -(-cases // len(exchanges)), inputs, patch)
+        for check, name, data in chosen:
+            _exchange(check, name, data, -(-cases // len(chosen)), inputs, patch)
 
 
-def _exchange(name: str, cases: int, inputs: Inputs, patch: pytest.MonkeyPatch) -> None:
+def _exchange(check: Callable[..., Any], name: str, data: Any, cases: int, inputs: Inputs,
+              patch: pytest.MonkeyPatch) -> None:
     @settings(max_examples=cases, deadline=None, derandomize=True)
-    @given(test_dynamixel_fuzz.streams(test_dynamixel_fuzz.EXCHANGES[name][1]))
-    def fuzz(data: bytes) -> None:
-        inputs.feed(test_dynamixel_fuzz.check, patch, name, data)
+    @given(data)
+    def fuzz(received: Any) -> None:
+        inputs.feed(check, patch, name, received)
 
     fuzz()

@@ -465,8 +465,6 @@ def test_faults_are_typed_and_the_state_is_printed():
         assert [servo.values['ID'] for servo in emulator.servos] == [1, 1]
         execute_command(emulator, 'repair')
         assert [servo.values['ID'] for servo in emulator.servos] == [1, 2]
-        with pytest.raises(ValueError, match='N is 3; allowed: 1 to 2'):
-            execute_command(emulator, 'hang 3')
 
 
 def test_a_model_that_cannot_speak_protocol_1_is_refused(capsys):

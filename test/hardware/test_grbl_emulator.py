@@ -3,19 +3,15 @@
 """The emulated GRBL board answers and moves as GRBL 1.1 does."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 import serial
 
-from soft_continuum.emulators.grbl import COMMANDS, execute_command, main
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.emulators.grbl_firmware import RECEIVE_BUFFER
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.protocols import HardwareError
 from support.driver_waits import until
-from support.grbl_rig import board, driver
+from support.grbl_rig import board
 
 MILLIMETRES = {
     11: 0.01, 24: 25, 25: 500, 27: 1,
@@ -243,19 +239,6 @@ def test_a_junction_is_passed_without_stopping_and_a_corner_is_not():
     assert times[1] - times[0] == pytest.approx(0.06, abs=0.03)
 
 
-def test_the_port_is_found_again_under_its_link(tmp_path):
-    link = tmp_path / 'port'
-    with board(link=str(link)) as emulator:
-        assert emulator.port == str(link) and link.exists()
-        emulator.unplug()
-        assert not os.path.lexists(link)
-        emulator.plug()
-        terminal = Terminal(emulator)
-        assert terminal.status().startswith('<Idle')
-        terminal.port.close()
-    assert not os.path.lexists(link)
-
-
 def test_time_can_pass_faster():
     with GrblEmulator(clock=Clock(20.0), settings=MILLIMETRES) as emulator:
         terminal = Terminal(emulator)
@@ -264,52 +247,3 @@ def test_time_can_pass_faster():
         until(emulator, lambda: emulator.motors[0] == 6000)
         assert emulator.time - begin == pytest.approx(20.0 * (STEADY() - real), abs=0.5)
         terminal.port.close()
-
-
-def test_every_command_does_something():
-    with board() as emulator:
-        for name, command in COMMANDS.items():
-            number = ' 1' if command.arguments else ''
-            assert execute_command(emulator, name + number)
-            assert name in execute_command(emulator, 'help')
-
-
-@pytest.mark.parametrize('line', ['dance', 'alarm', 'alarm 0', 'alarm 1.5', 'late-ok nan',
-                                  'garble 2', 'reset 1', 'drop-ok -1', 'drop-ok 1 2'])
-def test_a_command_that_is_wrong_says_what_is_right(line):
-    with board() as emulator, pytest.raises(ValueError, match='type help|takes|allowed'):
-        execute_command(emulator, line)
-
-
-def test_the_emulator_runs_as_a_program(tmp_path):
-    link = tmp_path / 'port'
-    process = subprocess.Popen(
-        [sys.executable, '-m', 'soft_continuum', 'grbl_emulator', '--link', str(link)],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    try:
-        until(STEADY, link.exists)
-        tendons = driver(link)
-        tendons.open()
-        process.stdin.write('unplug\n')
-        process.stdin.flush()
-
-        def lost():
-            try:
-                tendons.read()
-            except HardwareError:
-                return True
-            return False
-        until(STEADY, lost)
-        tendons.close()
-        output, _ = process.communicate('nonsense\nstate\nquit\n', timeout=60)
-        assert process.returncode == 0
-        assert f'port: {link}' in output
-        assert 'nonsense is no command' in output and 'holding' in output
-    finally:
-        process.kill()
-        process.wait()
-
-
-def test_a_link_that_cannot_be_made_is_an_error_not_a_traceback(tmp_path, capsys):
-    assert main(['--link', str(tmp_path / 'missing' / 'port')]) == 1
-    assert 'emulate grbl:' in capsys.readouterr().err

@@ -1,16 +1,26 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a GRBL controller says is understood, and noise is neither believed nor fatal."""
+"""
+What is said to a GRBL controller and what it says: noise is neither believed nor fatal.
+
+Jogs are written such that one damaged character makes none of them long.  States of a connection
+lead from one to another as they should, and never otherwise.
+"""
+
+from itertools import product
+import random
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
+from soft_continuum.emulators.grbl_firmware import GrblFirmware
 from soft_continuum.hardware.grbl.link import (
     Acknowledgement,
     Alarm,
     Banner,
     Feedback,
+    G_WORDS,
     jog_line,
     MAX_LINE_LENGTH,
     MessageReader,
@@ -18,6 +28,10 @@ from soft_continuum.hardware.grbl.link import (
     Setting,
     Status,
 )
+from soft_continuum.hardware.grbl.motion import JogStream, Motors, subtract
+from soft_continuum.hardware.grbl.setup import MODES
+from soft_continuum.hardware.grbl.states import BUSY, Event, next_state, State
+from support.grbl_rig import ACCELERATION, SPEED, STEPS_PER_MM, TENDONS
 
 
 @pytest.mark.parametrize(('line', 'message'), [
@@ -94,3 +108,103 @@ def test_a_jog_fits_into_a_line_of_the_firmware(way, feed):
     line = jog_line(way, feed)
     assert len(line) <= MAX_LINE_LENGTH
     assert 'E' not in line.upper() and 'F0.0' not in line
+
+
+# Jogs
+
+LONGEST = 5e-3 * 1e3 * STEPS_PER_MM  # steps
+CHARACTERS = b'0159.+-XYZFGNMS$=(); \n\r?!~/\xff\x85'  # a reset, \x18, is another fault
+
+
+def jogs(count, seed=0):
+    """Jogs of motions of all speeds between random places."""
+    chance = random.Random(seed)
+    stream = JogStream(Motors(TENDONS, (STEPS_PER_MM,) * 2, (1.0, 1.0), SPEED, ACCELERATION,
+                              (-0.06, 0.06)), ACCELERATION)
+    now, made = 0.0, []
+    while len(made) < count:
+        target = tuple(chance.randint(-12000, 12000) for _ in TENDONS)
+        stream.set_target(target, now + chance.choice((0.0, 2.0, 20.0)), now)
+        for _ in range(chance.randint(5, 100)):
+            now += chance.choice((0.005, 0.05))
+            if jog := stream.next_jog(now):
+                made.append(jog)
+                stream.observe(jog.end, jog.speed)
+                stream.clear_queue()
+    return made[:count]
+
+
+def damaged(line):
+    """The line with each of its bytes lost, doubled and changed."""
+    for i, byte in enumerate(line):
+        for instead in (b'', bytes([byte, byte]), *(bytes([c]) for c in CHARACTERS)):
+            yield line[:i] + instead + line[i + 1:]
+
+
+def executed(firmware, start, line, state):
+    """How far (steps) any motor would go when a line is received at a place and in a state."""
+    firmware._restart()
+    firmware.state = 'Idle'
+    firmware.take(MODES.encode() + b'\n')
+    ends = [start]
+    firmware.planner.end = (*start, 0)
+    firmware.planner.add = lambda target, feed: ends.append(tuple(target)[:2])
+    firmware.state = state
+    firmware.take(line)
+    firmware.take(b'=\n')  # what the next connection sends
+    return max(abs(way) for end in ends for way in subtract(end, start))
+
+
+def test_no_damaged_character_makes_a_jog_longer_than_5_mm():
+    firmware = GrblFirmware({}, lambda _: None, lambda _: None)
+    for n, jog in enumerate(jogs(400)[::20]):
+        line = jog_line(subtract(jog.end, jog.start), 60.0 * jog.feed).encode() + b'\n'
+        state = ('Idle', 'Jog')[n % 2]
+        assert executed(firmware, jog.start, line, 'Idle') == max(
+            abs(way) for way in subtract(jog.end, jog.start))
+        for wrong in damaged(line):
+            assert executed(firmware, jog.start, wrong, state) <= LONGEST, wrong
+
+
+def test_no_jog_has_a_number_that_a_damaged_letter_makes_a_mode():
+    for jog in jogs(500, seed=1):
+        assert not G_WORDS.intersection(subtract(jog.end, jog.start)), jog
+
+
+def test_a_way_that_no_jog_may_make_is_made_by_two():
+    stream = JogStream(Motors(TENDONS, (STEPS_PER_MM,) * 2, (1.0, 1.0), SPEED, ACCELERATION,
+                              (-0.06, 0.06)), ACCELERATION)
+    for way in G_WORDS:
+        stream.place((0, 0))
+        stream.set_target((way, -way), 0.0, 0.0)
+        made = [jog for n in range(40) if (jog := stream.next_jog(0.02 * n))]
+        assert made[-1].end == (way, -way)
+
+
+# States
+
+
+@pytest.mark.parametrize('state', State)
+def test_a_stop_never_starts_motion(state):
+    after = next_state(state, Event.STOP)
+    assert after not in (State.JOGGING, State.SEEKING, State.HOMING_REQUESTED, State.HOMED)
+    assert after in BUSY or state not in (State.JOGGING, State.SEEKING)  # not over before it is
+
+
+@pytest.mark.parametrize('state', State)
+def test_a_failure_can_happen_in_every_state_and_lasts(state):
+    assert next_state(state, Event.FAILURE) is State.FAILED
+    for event in Event:
+        assert next_state(State.FAILED, event) is State.FAILED
+
+
+def test_only_a_target_at_rest_begins_to_jog_and_only_a_request_at_rest_begins_to_home():
+    ways = {(state, event): next_state(state, event) for state, event in product(State, Event)}
+    for target, event in ((State.JOGGING, Event.TARGET), (State.HOMING_REQUESTED, Event.HOME)):
+        assert {way for way, to in ways.items() if to is target and way[0] is not target} == {
+            (State.RESTING, event)}
+
+
+@pytest.mark.parametrize('state', [state for state in State if state in BUSY])
+def test_a_reference_that_is_lost_ends_whatever_moves(state):
+    assert next_state(state, Event.REFERENCE_LOST) is State.STOPPING

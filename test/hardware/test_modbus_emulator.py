@@ -3,14 +3,12 @@
 """The emulated Modbus boards speak the protocol as it is written, and fail as they are told."""
 
 import os
-import subprocess
-import sys
 import tty
 
 import pytest
 
-from soft_continuum.emulators.modbus import COMMANDS, execute_command, main
-from soft_continuum.emulators.modbus_rig import crc, ModbusEmulator
+from soft_continuum.emulators.modbus import execute_command
+from soft_continuum.emulators.modbus_rig import crc
 from soft_continuum.hardware.serial_ports import open_serial
 from support.modbus_line import emulated, eventually, receive
 
@@ -132,27 +130,6 @@ def test_a_leak_keeps_a_segment_from_its_vacuum():
         eventually(emulator, lambda: emulator.vacuum(1), lambda vacuum: vacuum > 93e3)
 
 
-def test_the_link_is_there_while_the_adapter_is_plugged_in(tmp_path):
-    link = tmp_path / 'rig'
-    with emulated(link=link) as emulator:
-        assert os.path.realpath(link) == emulator.name
-        execute_command(emulator, 'unplug')
-        assert not link.is_symlink()
-        execute_command(emulator, 'plug')
-        assert os.path.realpath(link) == emulator.name
-        assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
-    assert not link.is_symlink()
-
-
-def test_a_link_never_replaces_a_file(tmp_path):
-    path = tmp_path / 'rig'
-    path.write_text('precious')
-    with pytest.raises(FileExistsError):
-        ModbusEmulator(link=path).plug()
-    assert main(['--link', str(path)]) == 1
-    assert path.read_text() == 'precious'
-
-
 FAULTS = {
     'hang': lambda e: e.hang, 'late 0.5': lambda e: e.late == 0.5,
     'drop 0.1': lambda e: e.drop == 0.1, 'garble 1': lambda e: e.garble == 1.0,
@@ -193,43 +170,6 @@ def test_the_state_says_all_there_is_to_see():
     with emulated(2, initially_stiff=True) as emulator:
         state = execute_command(emulator, 'state')
     assert 'pump on' in state and 'segment 2: valve on, vacuum 94.0 kPa, 19040 uA' in state
-
-
-def test_help_lists_every_command(emulator):
-    words = execute_command(emulator, 'help')
-    assert all(name in words for name in COMMANDS)
-
-
-@pytest.mark.parametrize('line, words', [
-    ('explode', 'no command; type help'), ('late', 'takes: SECONDS'),
-    ('hang now', 'takes: nothing more'), ('drop 2', 'allowed: 0 to 1'),
-    ('drop nan', 'allowed: 0 to 1'), ('late x', 'SECONDS is x'),
-    ('stuck-coil 4', 'allowed: 0 to 3'), ('broken-wire 0', 'allowed: 1 to 3'),
-    ('leak 1.5 10', 'whole numbers'), ('refuse 1e999', 'CODE is 1e999')])
-def test_a_line_that_is_wrong_is_explained_and_changes_nothing(emulator, line, words):
-    with pytest.raises(ValueError, match=words):
-        execute_command(emulator, line)
-    assert ask(emulator, '01 01 0000 0004', 6) == '01 01 01 00'
-
-
-def test_the_command_line_serves_the_port_that_it_says(tmp_path):
-    link = tmp_path / 'rig'
-    with subprocess.Popen(
-            [sys.executable, '-m', 'soft_continuum', 'modbus_emulator', '--link', str(link),
-             '--stiff', '--segments', '2', '--baud-rate', '0'],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        printed = ''
-        while 'Type a fault' not in printed:
-            printed += process.stdout.readline()
-        assert f'port: {link}' in printed and 'valve_coils: [1.0, 2.0]' in printed
-        with open_serial(str(link), 9600) as line:
-            line.timeout = 20.0  # s
-            line.write(sealed('01 01 0000 0003'))
-            assert line.read(6) == sealed('01 01 01 07')
-        rest, _ = process.communicate('explode\nstate\nquit\n', timeout=30)
-        assert 'explode is no command' in rest and 'segment 2' in rest
-        assert process.returncode == 0
-    assert not link.is_symlink()
 
 
 def test_nobody_reading_the_line_does_not_block_the_boards(emulator):
