@@ -148,11 +148,6 @@ def refused(emulator, folder):
     return why
 
 
-def test_an_emulated_model_that_cannot_measure_its_current_is_refused(tmp_path):
-    with servos(2, 'XL430-W250') as emulator:
-        assert 'neither measure nor limit' in refused(emulator, tmp_path)
-
-
 def test_two_servos_with_one_id_are_named_even_if_they_answer_at_the_same_time(tmp_path):
     with servos(2) as emulator:
         emulator.collide(1, 0)

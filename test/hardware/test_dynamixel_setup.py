@@ -38,8 +38,9 @@ def each(**changes):
     return change
 
 
-def renumber(servos):
-    servos[0].model = replace(servos[0].model, number=9)
+def model(number):
+    """Let the first servo say that it is another model."""
+    return lambda servos: setattr(servos[0], 'model', replace(servos[0].model, number=number))
 
 
 @pytest.mark.parametrize(('change', 'words'), [
@@ -48,7 +49,9 @@ def renumber(servos):
     (each(ID=(3, 4)), 'servo 1 (first) does not answer at 1000000 baud, but servos 3, 4 do'),
     (each(Baud_Rate=(1, 1)), 'at 57600 baud: set dynamixel.baud to 57600'),
     (each(Protocol_Type=(1, 1)), 'answers in Protocol 1.0'),
-    (renumber, 'has the model number 9, which this driver does not know'),
+    (model(9), 'has the model number 9, which this driver does not know'),
+    (model(1060), 'servo 1 (first) is an XL430-W250, which can neither measure nor limit its '
+     'current'),
     (each(Operating_Mode=3), 'Operating Mode (11) is 3, needed: 5'),
     (each(Drive_Mode=1), 'Drive Mode (10) is 1, needed: 0, not reversed'),
     (each(Drive_Mode=4), 'profile by velocity'),
