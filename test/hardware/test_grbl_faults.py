@@ -175,24 +175,24 @@ def test_an_acknowledgement_that_is_lost_or_too_late_ends_the_motion(fault, valu
         assert reading.referenced and steps(reading.pulls) == after[:2]
 
 
-def test_acknowledgements_that_are_a_little_late_make_motion_slower_not_wrong():
-    with rig() as (emulator, tendons):
-        emulator.late_ok = 0.1
-        tendons.move((0.004, -0.002), 0.2)
-        at_rest(tendons)
-        assert emulator.motors[:2] == steps((0.004, -0.002))
+NO_FAULTS = {
+    'acknowledgements a little late': lambda emulator: setattr(emulator, 'late_ok', 0.1),
+    'acknowledgements that nothing waits for': lambda emulator: (
+        emulator.say('ok'), emulator.say('error:9')),
+    'a jog that runs as a program': lambda emulator: setattr(emulator.firmware, 'race', True)}
 
 
-def test_an_acknowledgement_that_nothing_waits_for_is_ignored():
+@pytest.mark.parametrize('what', NO_FAULTS)
+def test_what_is_no_fault_changes_no_motion(what):
     with rig() as (emulator, tendons):
         settled(tendons)
         with emulator.lock:
-            emulator.say('ok')
-            emulator.say('error:9')
-        emulator.clock.sleep(0.2)  # until they have arrived
-        tendons.move((0.001, 0.001), 0.1)
-        at_rest(tendons)
-        assert emulator.motors[:2] == steps((0.001, 0.001))
+            NO_FAULTS[what](emulator)
+        emulator.clock.sleep(0.2)  # until what was said has arrived
+        tendons.move((0.006, -0.003), 0.3)
+        reading = at_rest(tendons)
+        assert emulator.motors[:2] == steps((0.006, -0.003)) == steps(reading.pulls)
+        assert emulator.energised and reading.referenced
 
 
 @pytest.mark.parametrize('seed', range(2))
@@ -240,15 +240,6 @@ def test_a_button_at_the_board_ends_the_motion_for_good(press, moving):
         where = standing(emulator)
         emulator.clock.sleep(0.2)
         assert emulator.motors == where
-
-
-def test_a_jog_that_runs_as_a_program_does_not_stop_the_motion_short():
-    with rig() as (emulator, tendons):
-        emulator.firmware.race = True
-        tendons.move((0.006, -0.003), 0.3)
-        at_rest(tendons)
-        assert emulator.motors[:2] == steps((0.006, -0.003))
-        assert emulator.energised and tendons.read().referenced
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.05, 0.1])
@@ -336,23 +327,18 @@ def test_a_board_that_is_reset_by_opening_its_port_is_waited_for():
         booting.join()
 
 
-def test_a_board_that_reports_motion_but_makes_no_step_is_an_error():
+@pytest.mark.parametrize(('stop', 'words', 'least', 'most'), [
+    (False, 'no step for 0.5 s at right_tendon', 0.4, 1.0),
+    (True, 'not confirmed a stop within 1 s', 0.9, 1.3)])
+def test_a_board_that_reports_motion_but_makes_no_step_is_an_error(stop, words, least, most):
     with rig() as (emulator, tendons):
         in_motion(emulator, tendons)
         emulator.firmware.stalled = True
+        if stop:
+            tendons.stop()
         begin = emulator.time
-        assert 'no step for 0.5 s at right_tendon' in failed(tendons)
-        assert emulator.time - begin < 1.0
-
-
-def test_a_stop_that_is_not_confirmed_within_a_second_is_an_error():
-    with rig() as (emulator, tendons):
-        in_motion(emulator, tendons)
-        emulator.firmware.stalled = True
-        tendons.stop()
-        begin = emulator.time
-        assert 'not confirmed a stop within 1 s' in failed(tendons)
-        assert 0.9 < emulator.time - begin < 1.3
+        assert words in failed(tendons)
+        assert least < emulator.time - begin < most
 
 
 def test_a_motion_that_ends_short_is_reported_with_both_positions_and_the_state():
