@@ -80,8 +80,12 @@ class Line(Clock):
 
 
 @st.composite
-def streams(draw, replies, seal):
-    """Bytes that may come after a request: nonsense, and replies with something wrong."""
+def streams(draw, replies, seal, places):
+    """
+    Bytes that may come after a request: nonsense, and replies with something wrong.
+
+    seal: adds the checksum.  places: of bytes that say whose reply it is, and how long.
+    """
     if draw(st.integers(0, 3)) == 0:
         return draw(st.binary(max_size=300)) + draw(st.sampled_from([b'', replies[0][:9]]))
     parts = [bytearray(reply) for reply in replies]
@@ -95,8 +99,8 @@ def streams(draw, replies, seal):
             del part[at:at + draw(st.integers(1, 5))]
         elif kind == 2:
             part[at:at] = draw(st.binary(min_size=1, max_size=5))
-        elif len(part) > 4:  # something else, with a right checksum
-            part[draw(st.integers(0, min(len(part) - 3, 8)))] = draw(st.integers(0, 255))
+        elif len(part) > max(places) + 2:  # something else, with a right checksum
+            part[draw(st.sampled_from(places))] = draw(st.integers(0, 255))
             part[-2:] = seal(bytes(part[:-2]))[-2:]
     return b''.join(draw(st.permutations([bytes(part) for part in parts])))
 
@@ -122,7 +126,7 @@ ANSWERS = [*(reply for _, reply in MODBUS.values()), bytes([1, 0x81, 2]), bytes(
 def modbus_streams(*replies):
     """Bytes that begin as replies, or as the answer to any request."""
     return st.sampled_from([*replies * len(ANSWERS), *ANSWERS]).flatmap(
-        lambda data: streams([sealed(data)], sealed))
+        lambda data: streams([sealed(data)], sealed, range(min(len(data), 6))))
 
 
 def modbus_on(line, monkeypatch):
@@ -218,7 +222,7 @@ def check_dynamixel(monkeypatch, name, data):
 EXCHANGES = {
     **{f'modbus {name}': (check_modbus, name, st.lists(
         modbus_streams(reply), min_size=1, max_size=3)) for name, (_, reply) in MODBUS.items()},
-    **{f'dynamixel {name}': (check_dynamixel, name, streams(replies, with_crc))
+    **{f'dynamixel {name}': (check_dynamixel, name, streams(replies, with_crc, (4, 5, 7, 8)))
        for name, (_, replies) in DYNAMIXEL.items()}}
 """What checks an input, of which request, and the inputs."""
 
