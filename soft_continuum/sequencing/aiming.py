@@ -76,21 +76,28 @@ class Aim:
         return np.concatenate([(state.backbone[-1] - self.tip) / TIP_SCALE, away / ANGLE_SCALE])
 
 
-def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array) -> Any:
+def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array,
+              known: dict[bytes, Any] | None = None) -> Any:
     """
     Return the state after segments (0-based), or WHOLE_ARM, were set one after the other.
 
-    bending: of each of them, (k, 2) rad; of WHOLE_ARM that of all.  Raises StaticsError where no
-    tendon holds one there.
+    bending: of each of them, (k, 2) rad; of WHOLE_ARM that of all.  known: states after the first
+    ones, by their bendings, that were predicted before from the same state; it grows.  Raises
+    StaticsError where no tendon holds one there.
     """
+    known = {} if known is None else known
     goal = np.array(state.bending)
     goal[_rows(segments, len(goal))] = bending
-    for segment in segments:
-        soft = soft_flags(segment, len(goal))
-        state = statics.hold(state, goal, soft, pretensions=PRETENSIONS[::-1]).state
-        # It is locked by the full vacuum, not by what is left in it while it is soft.
-        state = replace(state, vacuum=tuple(
-            1.0 if was_soft else part for was_soft, part in zip(soft, state.vacuum, strict=False)))
+    for count, segment in enumerate(segments, start=1):
+        so_far = (bending if segment == WHOLE_ARM else bending[:count]).tobytes()
+        if so_far not in known:
+            soft = soft_flags(segment, len(goal))
+            found = statics.hold(state, goal, soft, pretensions=PRETENSIONS[::-1]).state
+            # It is locked by the full vacuum, not by what is left in it while it is soft.
+            known[so_far] = replace(found, vacuum=tuple(
+                1.0 if was_soft else part
+                for was_soft, part in zip(soft, found.vacuum, strict=False)))
+        state = known[so_far]
     return state
 
 
@@ -111,6 +118,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     first = np.clip(np.asarray(aim.bending)[rows], -limits, limits)
     away = np.inf if aim.on_tip else FARTHEST
     bounds = (np.maximum(-limits, first - away)[free], np.minimum(limits, first + away)[free])
+    known: dict[bytes, Any] = {}
 
     def locked(values: Array) -> Array:
         """Return bendings within the limits, where those that are free have given values."""
@@ -120,7 +128,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
 
     def residuals(values: Array) -> Array:
         check_wanted()
-        return aim.residuals(predicted(statics, state, segments, locked(values)))
+        return aim.residuals(predicted(statics, state, segments, locked(values), known))
 
     def jacobian(values: Array) -> Array:
         """Return derivatives by steps that do not vanish where a segment is straight."""
@@ -140,7 +148,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     except StaticsError:  # on the way: the wanted angles themselves can be set
         pass
     bending = locked(best)
-    return bending, predicted(statics, state, segments, bending)
+    return bending, predicted(statics, state, segments, bending, known)
 
 
 def _rows(segments: Sequence[int], count: int) -> list[int]:
