@@ -3,14 +3,16 @@
 """A plan sets one segment after the other and ends at the bending asked for, by the model."""
 
 from dataclasses import replace
-from itertools import permutations
+from itertools import permutations, product
 from math import nan, pi, radians
 from pathlib import Path
+import re
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 from soft_continuum.mechanics import Jam, LEFT, RIGHT, Statics
 from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
@@ -26,7 +28,7 @@ from soft_continuum.sequencing.planner import (
     Shape,
     WHOLE_ARM,
 )
-from soft_continuum.sequencing.timing import timed
+from soft_continuum.sequencing.timing import monotone_cubic, timed
 from support.flat_arm import made_of, of_segments
 from support.spatial_arms import in_space
 
@@ -42,11 +44,6 @@ ANGLE_ERROR = radians(0.05)
 CO_CONTRACTION = 0.5  # N: what opposing tendons may carry at once while they change over
 OPPOSING = {'manipulator': [[0, 1]], 'spatial_jamming': [[0, 1, 2]],
             'tendon_arm': [[0, 1, 2], [3, 4, 5], [6, 7, 8]]}
-
-
-def arm_of(segments, **mounting):
-    """An arm with the paper's segments over and over, from the base."""
-    return of_segments(ARM, [i % 3 for i in range(segments)], gravity=mounted(**mounting))
 
 
 def coarse(turn=0.0, **changes):
@@ -289,66 +286,51 @@ def test_every_shape_can_be_set_from_every_other(first, then):
     check_arrives(planner, plans)
 
 
-@pytest.mark.parametrize('gravity', [0.0, 9.80665])
-@pytest.mark.parametrize('mounting_angle', [0.0, pi / 2, pi], ids=['upright', 'lying', 'hanging'])
-@pytest.mark.parametrize('segments', [1, 2])
-def test_arms_with_fewer_segments_are_planned_alike(segments, mounting_angle, gravity):
-    arm = arm_of(segments, angle=mounting_angle, gravity=gravity)
-    shape = Shape('bow', (radians(36.0),) * segments)
-    plans, planner = planned(shape, arm=arm)
-    assert [m.segment for m in plans[0].moves] == list(range(segments))
-    check_arrives(planner, plans)
-
-
-def test_an_arm_with_five_segments_is_planned_alike():
-    shape = Shape('snake', tuple(radians(a) for a in (30, -30, 30, -30, 30)))
-    plans, planner = planned(shape, arm=arm_of(5, angle=0.0, gravity=1.0))
-    assert [m.segment for m in plans[0].moves] == [0, 1, 2, 3, 4]
+@pytest.mark.parametrize(('degrees', 'mounting_angle', 'gravity'), [
+    *product([(36.0,), (36.0, 36.0)], [0.0, pi / 2, pi], [0.0, 9.80665]),
+    ((30.0, -30.0, 30.0, -30.0, 30.0), 0.0, 1.0)])
+def test_arms_with_fewer_or_more_segments_are_planned_alike(degrees, mounting_angle, gravity):
+    segments = range(len(degrees))  # those of the paper over and over
+    arm = of_segments(ARM, [i % 3 for i in segments], gravity=mounted(mounting_angle, gravity))
+    plans, planner = planned(Shape('bow', tuple(np.radians(degrees))), arm=arm)
+    assert [m.segment for m in plans[0].moves] == list(segments)
     check_arrives(planner, plans)
 
 
 # Refusals.
 
+BOW = Shape('bow', (0.6, 0.0, 0.0), 0.0, (1.0, 0.0, 0.0))
+IN_SPACE = r'^bow: segment 1 to 34\.4 degrees in the direction 57\.3'
 
-def test_pulls_beyond_the_limits_are_refused_naming_shape_and_segment():
+
+@pytest.mark.parametrize(('shapes', 'changes', 'words'), [
+    ([C_FORM], {'pull_limits': (-0.02, 0.02)}, [  # and what it would need
+        r'^c_form: segment 2 to 36\.0 degrees: ', r'pull_limits: -0\.02 to 0\.02 m', r'0\.0301']),
+    ([C_FORM], {'pull_limits': (-0.01, 0.06)}, [
+        r'c_form: segment 1 .*pull_limits: -0\.01 to 0\.06']),
+    ([S_FORM], {'tension_limit': 2.0}, [r'^s_form: segment 1 .* N; tension_limit: 2 N']),
+    ([C_FORM, UPRIGHT], {'tension_limit': 5.0}, [
+        r'^upright_c_form: segment 1 .*tension_limit: 5 N']),
+    # A segment that is too weak for its load is not folded.
+    ([C_FORM], {'arm': replace(ARM, gravity=mounted(0.0, 5.0 * STANDARD_GRAVITY))}, [
+        r'^c_form: segment \d to 36\.0 degrees: ']),
+    *(([Shape('wrong', (0.5,) * n)], {}, ['wrong: .*3 segments']) for n in (1, 2, 4)),
+    *(([Shape('wrong', (0.0, angle, 0.0))], {}, ['wrong: .*segment 2'])
+      for angle in (nan, 1.2, -1.2)),
+    ([BOW], {'arm': coarse(), 'tension_limit': 1.0}, [IN_SPACE, 'tension_limit: 1 N']),
+    ([BOW], {'arm': coarse(), 'pull_limits': (-0.005, 0.06)}, [
+        IN_SPACE, r'pull_limits: -0\.005 to 0\.06 m']),
+    ([Shape('bow', (0.2, 0.2, 0.2))], {'arm': coarse(), 'jamming': False}, [
+        '6 bendings cannot be chosen with 3 tendons']),
+    # Nothing holds what is softened.
+    ([Shape('bow', (0.2, 0.0, 0.0))], {'arm': coarse(payload=1.0), 'pulls': (-0.02,) * 3}, [
+        'goes over to another shape: its tendons do not hold it']),
+])
+def test_what_cannot_be_planned_is_refused_with_its_shape_and_what_stands_in_the_way(
+        shapes, changes, words):
     with pytest.raises(PlanError) as refused:
-        planned(C_FORM, pull_limits=(-0.02, 0.02))
-    assert str(refused.value).startswith('c_form: segment 2 to 36.0 degrees: ')
-    assert 'pull_limits: -0.02 to 0.02 m' in str(refused.value)
-    assert '0.0301' in str(refused.value)  # what it would need
-
-
-def test_paying_out_beyond_the_limits_is_refused():
-    with pytest.raises(PlanError, match=r'c_form: segment 1 .*pull_limits: -0\.01 to 0\.06'):
-        planned(C_FORM, pull_limits=(-0.01, 0.06))
-
-
-def test_a_tension_beyond_the_limit_is_refused_naming_shape_and_segment():
-    with pytest.raises(PlanError, match=r'^s_form: segment 1 .* N; tension_limit: 2 N'):
-        planned(S_FORM, tension_limit=2.0)
-
-
-def test_a_shape_later_in_the_sequence_is_refused_before_anything_is_planned_to_move():
-    with pytest.raises(PlanError, match=r'^upright_c_form: segment 1 .*tension_limit: 5 N'):
-        planned(C_FORM, UPRIGHT, tension_limit=5.0)
-
-
-def test_a_segment_too_weak_for_its_load_is_refused_and_not_folded():
-    heavy = replace(ARM, gravity=mounted(0.0, 5.0 * STANDARD_GRAVITY))
-    with pytest.raises(PlanError, match=r'^c_form: segment \d to 36\.0 degrees: '):
-        planned(C_FORM, arm=heavy)
-
-
-@pytest.mark.parametrize('bending_angles', [(0.5,), (0.5, 0.5), (0.1, 0.1, 0.1, 0.1)], ids=len)
-def test_the_wrong_number_of_angles_is_refused(bending_angles):
-    with pytest.raises(PlanError, match='wrong: .*3 segments'):
-        planned(Shape('wrong', bending_angles))
-
-
-@pytest.mark.parametrize('angle', [nan, 1.2, -1.2])
-def test_an_angle_that_the_arm_does_not_allow_is_refused(angle):
-    with pytest.raises(PlanError, match='wrong: .*segment 2'):
-        planned(Shape('wrong', (0.0, angle, 0.0)))
+        planned(*shapes, **changes)
+    assert all(re.search(word, str(refused.value)) for word in words), refused.value
 
 
 bends = st.tuples(*[st.floats(radians(-60.0), radians(60.0))] * 3)
@@ -423,20 +405,6 @@ def test_a_direction_turned_by_half_a_turn_is_a_negative_angle():
     assert one.moves[0].pulls == pytest.approx(other.moves[0].pulls, abs=1e-9)
 
 
-@pytest.mark.parametrize('changes, words', [
-    ({'tension_limit': 1.0}, 'tension_limit: 1 N'),
-    ({'pull_limits': (-0.005, 0.06)}, 'pull_limits: -0.005 to 0.06 m')])
-def test_what_is_beyond_a_limit_is_refused(changes, words):
-    with pytest.raises(PlanError, match=words) as refused:
-        planned(Shape('bow', (0.6, 0.0, 0.0), 0.0, (1.0, 0.0, 0.0)), arm=coarse(), **changes)
-    assert str(refused.value).startswith('bow: segment 1 to 34.4 degrees in the direction 57.3')
-
-
-def test_more_bendings_than_tendons_are_refused():
-    with pytest.raises(PlanError, match='6 bendings cannot be chosen with 3 tendons'):
-        planned(Shape('bow', (0.2, 0.2, 0.2)), arm=coarse(), jamming=False)
-
-
 def test_an_upright_arm_may_lean_within_the_slack_of_its_tendons():
     planner = Planner(coarse(), SETTINGS)
     chain = planner.statics.chain
@@ -467,11 +435,6 @@ def test_the_jams_of_a_plan_have_the_vacuum_that_they_have():
     assert state.bending_angles[1] == pytest.approx(0.5, abs=ANGLE_ERROR)
 
 
-def test_softening_what_nothing_holds_is_refused():
-    with pytest.raises(PlanError, match='goes over to another shape: its tendons do not hold it'):
-        planned(Shape('bow', (0.2, 0.0, 0.0)), arm=coarse(payload=1.0), pulls=(-0.02,) * 3)
-
-
 def test_a_plan_that_is_not_wanted_any_more_ends():
     arm = coarse()
     planner = Planner(arm, SETTINGS, lambda: True)
@@ -494,14 +457,9 @@ CORNERS = {
 
 
 @pytest.mark.parametrize('points', CORNERS.values(), ids=CORNERS.keys())
-def test_a_motion_keeps_speed_and_acceleration_also_around_corners(points):
+def test_a_motion_around_corners_is_within_its_limits_and_begins_and_ends_exactly(points):
     times, pulls = timed(np.array(points), SETTINGS.speed, SETTINGS.acceleration)
     check_limits(times, pulls)
-
-
-@pytest.mark.parametrize('points', CORNERS.values(), ids=CORNERS.keys())
-def test_a_motion_starts_and_ends_exactly_where_it_should(points):
-    times, pulls = timed(np.array(points), SETTINGS.speed, SETTINGS.acceleration)
     assert times[0] == 0.0 and np.all(np.diff(times) > 0.0)
     assert pulls[0] == pytest.approx(points[0], abs=1e-15)
     assert pulls[-1] == pytest.approx(points[-1], abs=1e-15)
@@ -515,14 +473,13 @@ def test_a_motion_of_no_length_is_one_point_in_no_time(count):
     assert pulls.tolist() == [[0.01, -0.02]]
 
 
-def test_a_long_motion_is_as_fast_as_its_speed_allows():
-    times, pulls = timed(np.array([(0.0, 0.0), (0.05, -0.05)]), 0.015, 10.0)
-    assert largest_speed_and_acceleration(times, pulls)[0] == pytest.approx(0.015, rel=0.01)
-
-
-def test_a_short_motion_is_as_hard_as_its_acceleration_allows():
-    times, pulls = timed(np.array([(0.0, 0.0), (0.005, -0.005)]), 10.0, 0.1, interval=0.005)
-    assert largest_speed_and_acceleration(times, pulls)[1] == pytest.approx(0.1, rel=0.02)
+def test_a_long_motion_is_as_fast_and_a_short_one_as_hard_as_its_limits_allow():
+    for end, speed, acceleration, reached, most in (
+            (0.05, 0.015, 10.0, 0, 0.015), (0.005, 10.0, 0.1, 1, 0.1)):
+        times, pulls = timed(np.array([(0.0, 0.0), (end, -end)]), speed, acceleration,
+                             interval=0.005)
+        assert largest_speed_and_acceleration(times, pulls)[reached] == pytest.approx(
+            most, rel=0.02)
 
 
 coordinates = st.floats(-0.05, 0.05)
@@ -531,21 +488,32 @@ coordinates = st.floats(-0.05, 0.05)
 @settings(deadline=None, derandomize=True, max_examples=50)
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=5),
        st.floats(0.001, 0.1), st.floats(0.01, 1.0))
-def test_any_motion_keeps_speed_and_acceleration(points, speed, acceleration):
-    check_limits(*timed(np.array(points), speed, acceleration), speed, acceleration)
-
-
-@settings(deadline=None, derandomize=True, max_examples=50)
-@given(st.lists(st.tuples(coordinates, coordinates), min_size=2, max_size=5))
-def test_a_motion_stays_between_its_points_and_goes_through_them_in_order(points):
-    _, pulls = timed(np.array(points), SETTINGS.speed, SETTINGS.acceleration)
-    leg = 0
+def test_any_motion_is_within_its_limits_and_goes_through_its_points_in_order(
+        points, speed, acceleration):
+    times, pulls = timed(np.array(points), speed, acceleration)
+    check_limits(times, pulls, speed, acceleration)
+    legs = list(zip(points, points[1:] or points, strict=False))
     for pull in pulls:
-        while not between(pull, points[leg], points[leg + 1]):
-            leg += 1
-            assert leg < len(points) - 1, f'{pull} lies between no two points'
+        while not between(pull, *legs[0]):
+            del legs[0]
+            assert legs, f'{pull} lies between no two points'
 
 
 def between(pull, start, end):
     low, high = np.minimum(start, end), np.maximum(start, end)
     return np.all(pull >= low - 1e-12) and np.all(pull <= high + 1e-12)
+
+
+@pytest.mark.parametrize('points', [2, 3, 9])
+@pytest.mark.parametrize('kind', ['any', 'rising', 'level in places'])
+def test_the_monotone_cubic_is_that_of_scipy(points, kind):
+    random = np.random.default_rng(points)
+    for _ in range(20):
+        x = np.cumsum(random.uniform(1e-3, 2.0, points))
+        y = random.normal(size=(points, 2))
+        if kind != 'any':
+            y = np.cumsum(np.abs(y), axis=0)
+        if kind == 'level in places':
+            y[1] = y[0]
+        at = np.linspace(x[0], x[-1], 40)
+        assert monotone_cubic(x, y)(at) == pytest.approx(PchipInterpolator(x, y)(at), abs=1e-12)
