@@ -4,7 +4,8 @@
 
 from concurrent.futures import Future
 from dataclasses import replace
-from math import degrees, inf
+from itertools import product
+from math import inf
 import re
 
 from hypothesis import given, settings
@@ -96,15 +97,13 @@ def undisturbed():
     return rig
 
 
-def test_a_run_sets_all_its_shapes(undisturbed):
+def test_a_run_sets_every_segment_to_its_angle_and_leaves_the_arm_at_rest_and_stiff(undisturbed):
     outcome = undisturbed.runner.outcome
     assert (outcome.code, outcome.message, outcome.shapes_completed) == (Code.SUCCESSFUL, '', 3)
-
-
-@pytest.mark.parametrize('shape', SHAPES, ids=lambda s: s.name)
-def test_every_segment_is_at_its_angle_while_the_shape_is_held(undisturbed, shape):
-    reached = [degrees(a) for a in undisturbed.angles_at[shape.name]]
-    assert reached == pytest.approx([degrees(a) for a in shape.bending_angles], abs=0.1)
+    for shape in SHAPES:
+        assert np.degrees(undisturbed.angles_at[shape.name]) == pytest.approx(
+            np.degrees(shape.bending_angles), abs=0.1)
+    at_rest_and_stiff(undisturbed)
 
 
 def test_phases_come_in_their_order_and_progress_only_grows(undisturbed):
@@ -127,10 +126,6 @@ def test_a_run_asks_for_one_segment_after_the_other(undisturbed):
     for segment in (0, 1, 2, 0, 0, 1):
         expected += [(segment, False), (segment, True)]
     assert asked == expected
-
-
-def test_a_finished_run_leaves_the_arm_at_rest_and_stiff(undisturbed):
-    at_rest_and_stiff(undisturbed)
 
 
 def test_motions_are_sent_no_further_ahead_than_the_horizon(undisturbed):
@@ -204,20 +199,14 @@ def test_arms_with_fewer_segments_run_alike(segments):
 # Latency, pauses, and arms that are not ready.
 
 
-@pytest.mark.parametrize('speed', [0.03, 0.035, 0.04, 0.045, 0.05])
-@pytest.mark.parametrize('latency', [0.01, 0.03, 0.06])
-def test_latency_does_not_end_a_run(latency, speed):
-    rig = VirtualRig((C_FORM,), latency=latency,
-                     plan_settings=replace(PLAN_SETTINGS, speed=speed, acceleration=0.4))
+@pytest.mark.parametrize(('latency', 'plans'), [(0.01, PlanSettings()), *product(
+    [0.01, 0.03, 0.06], [replace(PLAN_SETTINGS, speed=speed, acceleration=0.4)
+                         for speed in (0.03, 0.035, 0.04, 0.045, 0.05)])])
+def test_latency_does_not_end_a_run(latency, plans):
+    rig = VirtualRig((C_FORM,), latency=latency, plan_settings=plans)
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
     assert (outcome.code, outcome.message) == (Code.SUCCESSFUL, '')
     assert rig.angles == pytest.approx(C_FORM.bending_angles, abs=np.radians(0.1))
-
-
-def test_a_run_at_the_speed_of_the_default_settings_succeeds():
-    rig = VirtualRig((C_FORM,), latency=0.01, plan_settings=PlanSettings())
-    outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
-    assert (outcome.code, outcome.message) == (Code.SUCCESSFUL, '')
 
 
 def test_the_tendons_rest_soon_after_the_sequencer_ended():
@@ -237,29 +226,30 @@ def test_a_run_goes_on_after_a_pause_from_where_the_tendons_are(pause):
     assert rig.angles == pytest.approx(C_FORM.bending_angles, abs=np.radians(0.1))
 
 
-@pytest.mark.parametrize('soft', [[0], [2], [0, 1], [0, 1, 2]], ids=str)
-def test_a_run_on_a_soft_arm_stiffens_it_first(soft):
-    rig = VirtualRig()
-    for segment in soft:
-        rig.jamming.set_stiff(segment, False)
-    rig.go_on(3.0)
-    stiff = []
+def planned_with(rig, state):
+    """Let a rig set a shape; return what a state of it was when each plan was made."""
+    seen = []
 
     def plan(shapes):
-        stiff.append(list(rig.jamming.stiff))
+        seen.append(state(rig))
         return rig.plan(shapes)
 
     rig.runner = rig.run_of((BOW,), plan)
+    return seen
+
+
+@pytest.mark.parametrize('soft', [[0], [2], [0, 1], [0, 1, 2], 'from the start'], ids=str)
+def test_a_run_on_a_soft_arm_stiffens_it_first(soft):
+    rig = VirtualRig(stiff_at_start=soft != 'from the start')
+    if rig.stiff_at_start:
+        for segment in soft:
+            rig.jamming.set_stiff(segment, False)
+        rig.go_on(3.0)
+    stiff = planned_with(rig, lambda rig: list(rig.jamming.stiff))
     outcome = rig.run()
     assert (outcome.code, outcome.message) == (Code.SUCCESSFUL, '')
     assert stiff == [[True, True, True]]
     assert phase_letters(rig).startswith('ps')
-
-
-def test_a_run_on_a_rig_that_starts_soft_stiffens_it_first():
-    rig = VirtualRig((BOW,), stiff_at_start=False)
-    outcome = rig.run()
-    assert (outcome.code, outcome.message) == (Code.SUCCESSFUL, '')
 
 
 def test_a_run_waits_until_the_tendons_rest():
@@ -270,26 +260,15 @@ def test_a_run_waits_until_the_tendons_rest():
     rig.go_on(0.2)
     rig.jamming.set_stiff(1, True)
     assert rig.moving
-    moving = []
-
-    def plan(shapes):
-        moving.append(rig.moving)
-        return rig.plan(shapes)
-
-    rig.runner = rig.run_of((BOW,), plan)
+    moving = planned_with(rig, lambda rig: rig.moving)
     outcome = rig.run()
     assert (outcome.code, outcome.message) == (Code.SUCCESSFUL, '')
     assert moving == [False]
 
 
 def test_a_plan_is_made_once_the_model_has_the_arm_as_it_is():
-    rig, agreed = VirtualRig(agreed=False), []
-
-    def plan(shapes):
-        agreed.append(rig.agreed)
-        return rig.plan(shapes)
-
-    rig.runner = rig.run_of((BOW,), plan)
+    rig = VirtualRig(agreed=False)
+    agreed = planned_with(rig, lambda rig: rig.agreed)
     rig.go_on(0.5)
     assert not agreed
     rig.agreed = True
@@ -309,11 +288,15 @@ def test_a_model_that_never_has_the_arm_as_it_is_ends_the_run_and_is_named():
 
 
 @pytest.mark.parametrize('phase', WORKING_PHASES)
-@pytest.mark.parametrize('code', [Code.CANCELED, Code.PREEMPTED], ids=lambda c: c.name)
-def test_a_canceled_run_ends_at_rest_and_stiff(phase, code):
-    rig = running(phase)
-    rig.runner.cancel(code, 'changed my mind')
-    assert check_ends(rig, code, 'changed my mind').shapes_completed == 0
+@pytest.mark.parametrize('code', [Code.CANCELED, Code.PREEMPTED, Code.HARDWARE_FAULT],
+                         ids=lambda c: c.name)
+def test_a_run_that_is_canceled_or_hears_nothing_of_a_node_ends_at_rest_and_stiff(phase, code):
+    rig, why = running(phase), 'nothing received for 0.5 s from kinematics (joint_states)'
+    if code is Code.HARDWARE_FAULT:
+        rig.fault = why
+    else:
+        rig.runner.cancel(code, why)
+    assert check_ends(rig, code, why).shapes_completed == 0
 
 
 def test_a_canceled_run_brakes_at_once_and_stiffens_when_the_tendons_rest():
@@ -346,19 +329,16 @@ def test_a_run_that_is_canceled_before_it_started_softens_and_moves_nothing():
     assert {c[1] for c in rig.commands} <= {'hold'}
 
 
-def test_the_first_of_two_reasons_to_end_counts():
+@pytest.mark.parametrize('first', [Code.CANCELED, Code.HARDWARE_FAULT], ids=lambda c: c.name)
+def test_the_first_of_two_reasons_to_end_counts(first):
     rig = running(Phase.MOVING)
-    rig.runner.cancel(Code.CANCELED, 'canceled')
+    if first is Code.CANCELED:
+        rig.runner.cancel(first, 'the first')
+    else:  # it winds down already when it is canceled
+        rig.fault = 'the first'
+        rig.go_on(2 * TICK_STEPS * STEP)
     rig.runner.cancel(Code.PREEMPTED, 'preempted')
-    check_ends(rig, Code.CANCELED, 'canceled')
-
-
-def test_a_cancel_while_winding_down_changes_nothing():
-    rig = running(Phase.MOVING)
-    rig.fault = 'nothing received from kinematics'
-    rig.go_on(2 * TICK_STEPS * STEP)
-    rig.runner.cancel(Code.CANCELED, 'canceled')
-    check_ends(rig, Code.HARDWARE_FAULT, 'nothing received from kinematics')
+    check_ends(rig, first, 'the first')
 
 
 @pytest.mark.parametrize('late', [0.0, 0.05, 0.1, 0.2])
@@ -373,15 +353,21 @@ def test_a_cancel_right_after_softening_was_asked_for_ends_stiff(latency, late):
     at_rest_and_stiff(rig)
 
 
-@pytest.mark.parametrize('phase', WORKING_PHASES)
-def test_a_stop_ends_the_run_at_once_and_leaves_everything_as_it_is(phase):
+@pytest.mark.parametrize(('phase', 'canceled'), [
+    *((phase, None) for phase in WORKING_PHASES), *((Phase.MOVING, n) for n in (0, 1, 2, 5))])
+def test_a_stop_ends_a_run_at_once_also_while_it_winds_down_and_leaves_everything_as_it_is(
+        phase, canceled):
+    """After so many ticks since it was canceled."""
     rig = running(phase)
+    if canceled is not None:
+        rig.runner.cancel(Code.CANCELED, 'canceled')
+        rig.go_on(canceled * TICK_STEPS * STEP)
     before, valves = list(rig.commands), rig.air.read().evacuated
     rig.tendons.stop('~/stop was called')
     rig.go_on(TICK_STEPS * STEP)
     outcome = rig.runner.outcome
     assert (outcome.code, outcome.message) == (Code.STOPPED, 'stopped: ~/stop was called')
-    rig.go_on(10.0)
+    rig.go_on(5.0)
     assert not rig.moving
     assert rig.commands == before
     assert rig.air.read().evacuated == valves
@@ -392,27 +378,6 @@ def test_a_run_does_not_begin_while_tendon_motion_is_stopped():
     rig.tendons.stop('~/stop was called')
     assert rig.run().code is Code.STOPPED
     assert rig.commands == []
-
-
-@pytest.mark.parametrize('wait', [0, 1, 2, 5])
-def test_a_stop_while_winding_down_ends_that_too(wait):
-    rig = running(Phase.MOVING)
-    rig.runner.cancel(Code.CANCELED, 'canceled')
-    rig.go_on(wait * TICK_STEPS * STEP)
-    rig.tendons.stop('~/stop was called')
-    before, valves = list(rig.commands), rig.air.read().evacuated
-    rig.go_on(TICK_STEPS * STEP)
-    assert rig.runner.outcome.code is Code.STOPPED
-    rig.go_on(5.0)
-    assert rig.commands == before
-    assert rig.air.read().evacuated == valves
-
-
-@pytest.mark.parametrize('phase', WORKING_PHASES)
-def test_a_stale_node_ends_the_run_at_rest_and_stiff(phase):
-    rig = running(phase)
-    rig.fault = 'nothing received for 0.5 s from kinematics (joint_states)'
-    check_ends(rig, Code.HARDWARE_FAULT, rig.fault)
 
 
 @pytest.mark.parametrize('phase', WORKING_PHASES)
@@ -436,15 +401,6 @@ def test_nothing_moves_before_the_model_has_the_segment_soft():
     assert not any(command[1] == 'follow' for command in rig.commands)
     rig.agreed = True
     assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL
-
-
-def test_a_segment_that_never_softens_ends_the_run():
-    rig = VirtualRig((BOW,))
-    rig.broken.add(0)
-    outcome = check_ends(
-        rig, Code.TIMEOUT, 'segment 1 did not become soft within 3 s; its vacuum is 92.5 kPa')
-    assert outcome.shapes_completed == 0
-    assert not any(c[1] == 'follow' for c in rig.commands)
 
 
 def test_a_request_that_was_lost_is_repeated():
@@ -489,29 +445,34 @@ def test_a_segment_that_others_switch_during_a_motion_ends_the_run_stiff(segment
     at_rest_and_stiff(rig)
 
 
-def test_a_refused_motion_ends_the_run_with_the_reason():
-    rig = running(Phase.SOFTENING)
+def limit_speed(rig):
     rig.tendons.limits = replace(rig.tendons.limits, speed_limit=1e-4)
-    outcome = check_ends(rig, Code.HARDWARE_FAULT, 'the tendon motion was refused: ')
-    assert 'speed_limit: 0.0001 m/s' in outcome.message
 
 
-def test_tendons_that_do_not_arrive_end_the_run():
-    rig = running(Phase.SOFTENING)
-    rig.stuck = True
-    outcome = check_ends(rig, Code.TIMEOUT, 'right_tendon is at 0.000 mm instead of ')
-    assert 'after 1 s' in outcome.message
+@pytest.mark.parametrize(('happens', 'code', 'messages', 'moves'), [
+    (lambda rig: rig.broken.add(0), Code.TIMEOUT, [
+        'segment 1 did not become soft within 3 s; its vacuum is 92.5 kPa'], False),
+    (limit_speed, Code.HARDWARE_FAULT, [
+        'the tendon motion was refused: ', 'speed_limit: 0.0001 m/s'], True),
+    (lambda rig: setattr(rig, 'stuck', True), Code.TIMEOUT, [
+        'right_tendon is at 0.000 mm instead of ', 'after 1 s'], True)])
+def test_hardware_that_does_not_do_what_it_should_ends_the_run(happens, code, messages, moves):
+    rig = VirtualRig((BOW,))
+    happens(rig)
+    outcome = check_ends(rig, code)
+    assert all(message in outcome.message for message in messages)
+    assert outcome.shapes_completed == 0
+    assert any(c[1] == 'follow' for c in rig.commands) == moves
 
 
-def test_a_shape_out_of_reach_ends_the_run_before_anything_is_softened():
-    rig = VirtualRig((C_FORM,), plan_settings=replace(PLAN_SETTINGS, tension_limit=1.0))
-    check_ends(rig, Code.MODEL_FAILURE, 'c_form: segment 1 to 36.0 degrees')
-    assert {c[1] for c in rig.commands} <= {'hold'}
-
-
-def test_a_later_shape_out_of_reach_ends_the_run_there():
-    rig = VirtualRig((BOW, C_FORM), plan_settings=replace(PLAN_SETTINGS, tension_limit=3.0))
-    assert check_ends(rig, Code.MODEL_FAILURE, 'c_form').shapes_completed == 1
+@pytest.mark.parametrize(('tension_limit', 'completed'), [(1.0, 0), (3.0, 1)])
+def test_a_shape_out_of_reach_ends_the_run_before_anything_is_softened_for_it(
+        tension_limit, completed):
+    rig = VirtualRig((BOW, C_FORM) if completed else (C_FORM,),
+                     plan_settings=replace(PLAN_SETTINGS, tension_limit=tension_limit))
+    outcome = check_ends(rig, Code.MODEL_FAILURE, 'c_form: segment ')
+    assert outcome.shapes_completed == completed
+    assert sum(command[1] == 'set_stiff' for command in rig.commands) == 4 * completed
 
 
 def observed(stiff=(True, True, True), **changes):
@@ -599,20 +560,18 @@ def test_a_run_begins_with_its_first_shape_in_preparation():
     assert runner.outcome is None
 
 
-def test_a_shape_held_for_ever_can_be_canceled():
+@pytest.mark.parametrize('code', [Code.CANCELED, Code.HARDWARE_FAULT], ids=lambda c: c.name)
+def test_a_shape_held_for_ever_can_be_canceled_and_a_lost_vacuum_is_noticed(code):
     rig = VirtualRig((replace(BOW, hold_time=inf),))
     rig.run(until=reaches(Phase.HOLDING))
-    rig.go_on(30.0)
-    rig.runner.cancel(Code.CANCELED, 'enough')
-    check_ends(rig, Code.CANCELED, 'enough')
-
-
-def test_a_segment_that_loses_its_vacuum_while_a_shape_is_held_is_noticed():
-    rig = VirtualRig((replace(BOW, hold_time=30.0),))
-    rig.run(until=reaches(Phase.HOLDING))
-    rig.leaking.add(1)
-    outcome = rig.run(most=10.0)
-    assert outcome.code is Code.HARDWARE_FAULT and outcome.shapes_completed == 0
+    if code is Code.CANCELED:
+        rig.go_on(30.0)
+        rig.runner.cancel(code, 'enough')
+        check_ends(rig, code, 'enough')
+    else:
+        rig.leaking.add(1)
+        outcome = rig.run(most=10.0)
+        assert (outcome.code, outcome.shapes_completed) == (code, 0)
 
 
 # An arm without jamming.
