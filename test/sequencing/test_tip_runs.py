@@ -43,6 +43,7 @@ def ball(x, z, radius=0.02, name='ball'):
 class TipRig(MeasuredRig):
     """A rig whose goals are of the tip, and whose plans are watched, as the nodes do it."""
 
+    arm: object = replace(ARM, bodies_per_segment=4)
     watched: object = None
 
     def planned(self, shape):
@@ -65,7 +66,7 @@ class TipRig(MeasuredRig):
             return observation
         if self.watched is not runner.plan:
             self.watched, self.watch = runner.plan, PlanWatch(runner.plan, MARGIN, MAX_DEVIATION)
-        watch, state = self.watch, self.estimated()[1]
+        watch, state = self.watch, self.estimator.state
         return replace(observation, obstructed=watch.obstructed(runner.move, state),
                        departed=watch.departed(runner.move, state))
 

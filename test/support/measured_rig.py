@@ -8,20 +8,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
-from soft_continuum.estimation.shape import ArmShape
+from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.settings import LoopSettings
+from support.flat_arm import of_segments
 from support.virtual_rig import ARM, STEP, VirtualRig
 
-ARM = replace(ARM, bodies_per_segment=4)
-SHAPE = Shape('bow', tuple(np.radians([25.0, -20.0, 30.0])), 0.2)
+ARM = replace(of_segments(ARM, range(2)), bodies_per_segment=4)
+SHAPE = Shape('bow', tuple(np.radians([25.0, 20.0])), 0.2)
 OFFSETS = (6e-4, -1.2e-3)  # m by which the tendons are pulled in beyond what motors say
-LOOP = LoopSettings(settling_time=0.3, measuring_time=0.6, sensor_timeout=2.0)
+LOOP = LoopSettings(settling_time=0.2, measuring_time=0.4, sensor_timeout=2.0)
 REACHED = np.radians(0.6)  # the plant's jams are rigid, those of the estimate give a little
 PERIOD = 0.1  # s between two measurements
 COVARIANCE = np.diag([3e-4, 3e-4, 2e-3])**2
@@ -53,8 +55,9 @@ class MeasuredRig(VirtualRig):
     open_loop: bool = False
 
     def __post_init__(self):
-        self.begin, self.shape = self.now, ArmShape(self.arm, 1e-3)
         super().__post_init__()
+        self.begin = self.now
+        self.estimator = Estimator(self.arm, self.state, Prior(), Drift())
         self.statics = OffsetStatics(replace(self.arm, segments=tuple(
             replace(s, stiffness_y=1.3 * s.stiffness_y) for s in self.arm.segments)))
         self.before = list(self.soft)
@@ -62,11 +65,8 @@ class MeasuredRig(VirtualRig):
 
     def estimated(self):
         """Return a planner with the estimated arm, and the state that is estimated."""
-        estimator = self.shape.estimator
-        if estimator is None:
-            return Planner(self.arm, self.plan_settings), self.shape.state
-        return (Planner(estimator.arm, self.plan_settings, offsets=estimator.offsets),
-                estimator.state)
+        known = self.estimator
+        return Planner(known.arm, self.plan_settings, offsets=known.offsets), known.state
 
     def planned(self, shape):
         planner, state = self.estimated()
@@ -82,7 +82,7 @@ class MeasuredRig(VirtualRig):
             lambda segments, aim, limit: self.asked(
                 lambda planner, state: segments_worth_correcting(
                     planner, state, self.tendons.reading.pulls, segments, aim, 0.006, limit)),
-            lambda: self.estimated()[1]),
+            lambda: self.estimator.state),
             self, self.settings, self.loop, self.arm.tendon_names)
 
     def aim(self, shape):
@@ -100,20 +100,19 @@ class MeasuredRig(VirtualRig):
     def look(self):
         """Let the estimate follow what motors and valves report, and what is measured."""
         jammed = tuple(not soft for soft in self.soft)
-        self.shape.follow(Commands(
+        self.estimator.follow(Commands(
             self.now, np.array(self.tendons.reading.pulls), jammed, self.parts, (0, 0),
             jammed != tuple(self.jamming.stiff)))
         lost = self.hidden if self.now - self.begin >= self.lost_after else ()
-        if seen := [n for n in (1, 2, 3) if n not in lost]:
-            self.shape.measure(self.now, [
+        if seen := [n for n in range(1, len(self.arm.discs)) if n not in lost]:
+            self.estimator.measure(self.now, [
                 DiscMeasurement(n, *in_plane(self.state.points[2 * n], COVARIANCE)) for n in seen])
 
     def observe(self):
         if self.count % round(PERIOD / STEP) == 0:
             self.look()
-        estimator = self.shape.estimator
-        return replace(super().observe(), anomaly=self.anomaly,
-                       measured=None if estimator is None else estimator.measured)
+        return replace(
+            super().observe(), anomaly=self.anomaly, measured=self.estimator.measured)
 
     def step(self):
         super().step()
