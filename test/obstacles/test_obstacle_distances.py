@@ -105,8 +105,10 @@ SHAPES = [(Sphere(0.03), to_sphere), (Box((0.06, 0.3, 0.02)), to_box),
 @pytest.mark.parametrize(('shape', 'formula'), SHAPES)
 def test_the_distance_is_that_of_a_dense_cloud_of_points_and_never_larger(chain, shape, formula):
     random = np.random.default_rng(7)
-    compared = 0
+    left = 6
     for _ in range(12):
+        if not left:
+            break
         state = bent(chain, random)
         points = cloud(chain, state)
         place = state.backbone[-12] + random.normal(size=3) * 0.06
@@ -119,14 +121,14 @@ def test_the_distance_is_that_of_a_dense_cloud_of_points_and_never_larger(chain,
             found = CollisionScene(chain.arm, [obstacle]).clearance(state)
         except ObstacleError:  # it is in the base
             continue
-        compared += 1
+        left -= 1
         assert found.obstacle == 'it'
         if true > GRID:
             assert found.distance <= true
             assert found.distance >= true - GRID
         else:
             assert found.distance <= GRID
-    assert compared > 5
+    assert not left
 
 
 def test_the_nearest_of_many_obstacles_is_the_nearest_of_each_alone(chain):
@@ -178,7 +180,7 @@ def test_a_mesh_is_as_far_as_the_shapes_that_fill_it(chain):
     of_boxes = CollisionScene(chain.arm, several)
     of_mesh = CollisionScene(chain.arm, [Obstacle('bowl', bowl(), tuple(middle), turn)])
     signs = set()
-    for _ in range(25):
+    for _ in range(15):
         state = bent(chain, random)
         found, wanted = of_mesh.clearance(state).distance, of_boxes.clearance(state).distance
         assert (found > 0) == (wanted > 0)

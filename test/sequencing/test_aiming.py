@@ -192,21 +192,18 @@ def test_the_next_step_leads_to_the_angle_that_is_to_be_locked():
     assert step.move.pulls[0] == pytest.approx(pulls)
 
 
-@pytest.mark.parametrize('dead_band', [5e-5, 1.0])
-def test_what_friction_does_not_let_through_is_not_sent(dead_band):
+@pytest.mark.parametrize(('turn', 'dead_band', 'moves'), [  # turn: in angle_tolerance
+    (2.0, 5e-5, True), (2.0, 1.0, False),  # friction does not let it through
+    (0.5, 0.0, False)])
+def test_what_is_within_tolerance_or_friction_does_not_let_through_is_not_sent(
+        turn, dead_band, moves):
     planner = Planner(ELASTIC, SETTINGS)
     state, pulls = soft(planner, 2)
-    angles = state.bending_angles + [0.0, 0.0, np.radians(0.2)]  # more than the tolerance
-    step = next_step(planner, state, pulls, (2,), aim_at(angles), dead_band)
-    assert step.change == pytest.approx(np.radians(0.2), rel=0.1)
-    assert (step.move is None) == (dead_band > 0.01)
-
-
-def test_a_segment_within_tolerance_is_not_moved():
-    planner = Planner(ELASTIC, SETTINGS)
-    state, pulls = soft(planner, 2)
-    angles = state.bending_angles + [0.0, 0.0, 0.5 * SETTINGS.angle_tolerance]
-    assert next_step(planner, state, pulls, (2,), aim_at(angles), 0.0).move is None
+    turn *= SETTINGS.angle_tolerance
+    step = next_step(planner, state, pulls, (2,),
+                     aim_at(state.bending_angles + [0.0, 0.0, turn]), dead_band)
+    assert (step.move is not None) == moves
+    assert not moves or step.change == pytest.approx(turn, rel=0.1)
 
 
 def test_a_step_beyond_the_limits_names_its_segment():
@@ -228,37 +225,16 @@ def good(statics):
     return Aim(state.bending, state.backbone[-1]), state
 
 
-@pytest.mark.parametrize('on_tip', [False, True])
-def test_a_good_shape_is_not_set_again(statics, good, on_tip):
+@pytest.mark.parametrize(('shift', 'on_tip', 'lock_in', 'again'), [
+    (None, False, LOCK_IN, [()]), (None, True, LOCK_IN, [()]),  # it is good
+    (2, False, LOCK_IN, [(2,)]), (1, False, LOCK_IN, [(1, 2)]), (0, False, LOCK_IN, [ALL]),
+    (0, True, LOCK_IN, [(1, 2), (2,)]),  # the first one may stay as it is
+    (2, False, 0.1, [()])])  # stiffening would shift it as much again
+def test_as_few_segments_are_set_again_as_make_up_for_one_that_shifted(
+        statics, good, shift, on_tip, lock_in, again):
     aim, state = good
-    assert again_of(statics, state, ALL, replace(aim, on_tip=on_tip), LOCK_IN) == ()
-
-
-def test_a_last_segment_that_shifted_is_set_again(statics, good):
-    aim, state = good
-    off = shifted(statics, state, 2, 0.05)
-    assert np.abs(off.bending - aim.bending)[:, 1].argmax() == 2
-    assert again_of(statics, off, ALL, aim, LOCK_IN) == (2,)
-
-
-@pytest.mark.parametrize('segment', [0, 1])
-def test_a_segment_that_shifted_is_set_again_with_those_after_it(statics, good, segment):
-    aim, state = good
-    off = shifted(statics, state, segment, 0.05)
-    assert again_of(statics, off, ALL, aim, LOCK_IN) == ALL[segment:]
-
-
-def test_the_tip_is_brought_back_by_as_few_segments_as_will_do(statics, good):
-    aim, state = good
-    off = shifted(statics, state, 0, 0.05)
-    again = again_of(statics, off, ALL, replace(aim, on_tip=True), LOCK_IN)
-    assert again in ((1, 2), (2,))  # the first one may stay as it is
-
-
-def test_what_stiffening_would_shift_as_much_again_is_left(statics, good):
-    aim, state = good
-    off = shifted(statics, state, 2, 0.05)
-    assert again_of(statics, off, ALL, aim, 0.1) == ()
+    off = state if shift is None else shifted(statics, state, shift, 0.05)
+    assert again_of(statics, off, ALL, replace(aim, on_tip=on_tip), lock_in) in again
 
 
 def test_what_would_fall_is_not_softened_by_itself(good):

@@ -81,8 +81,8 @@ def worn_arm(stiffness):
                                jam=Jam(ratio=50.0)) for s in ARM.segments))
 
 
-@pytest.mark.parametrize('stiffness', [0.5, 2.0])
-@pytest.mark.parametrize(('delay', 'stamp_error'), [(0.0, 0.0), (0.15, 0.0), (0.15, 0.15)])
+@pytest.mark.parametrize(('stiffness', 'delay', 'stamp_error'), [
+    (0.5, 0.0, 0.0), (0.5, 0.15, 0.15), (2.0, 0.15, 0.0), (2.0, 0.15, 0.15)])
 def test_it_settles_with_wrong_stiffness_delay_and_friction(stiffness, delay, stamp_error):
     plant = StaticPlant(worn_arm(stiffness), 0, dead_band=1e-4, lag=0.1)
     found = follow(ARM, plant, 0, lambda t: radians(20.0 if t < 5.0 else -20.0), 10.0,
@@ -114,8 +114,8 @@ def followed(servo, chain, arm, target, end, delay=0.0):
     return np.array([time for time, _ in rows]), np.array([bending for _, bending in rows])
 
 
-@pytest.mark.parametrize('gain', [0.5, 1.0, 2.0])
-@pytest.mark.parametrize('delay', [0.0, 0.15, 0.4])
+@pytest.mark.parametrize(('gain', 'delay'), [
+    (0.5, 0.4), (1.0, 0.15), (2.0, 0.0), (2.0, 0.4)])
 def test_it_settles_where_the_arm_turns_half_or_twice_as_far_as_the_model(gain, delay):
     servo = new_servo(SEGMENT)
     times, found = followed(
@@ -286,9 +286,12 @@ def test_limits_do_not_wind_it_up():
     assert end_angle(servo, piece) <= radians(60.1)
 
 
-def test_a_stiff_segment_that_moves_ends_it():
+def test_a_stiff_segment_that_moves_ends_it(servo):
     with pytest.raises(HeldSegmentMovedError, match='segment 3 is stiff, but turned by 12'):
         new_servo().observe(bent(0.0, 0.0, 12.0), 10.0, None, 10.0)
+    with pytest.raises(HeldSegmentMovedError, match='segment 3 is'):
+        servo.observe(SPATIAL.chain.uniform([[0.0, 0.0], [0.0, 0.0], [0.2, 0.0]]), 10.0, None,
+                      10.0)
 
 
 # Targets.
@@ -304,9 +307,13 @@ def test_a_bad_angle_is_refused_and_changes_nothing(angle):
     assert end_angle(servo, found[-1]) == pytest.approx(0.1, abs=0.01)
 
 
-def test_a_bad_tip_is_refused():
-    with pytest.raises(TargetError, match='finite'):
-        new_servo().set_tip(nan, 0.3, 10.0)
+def test_a_target_that_is_not_finite_is_refused(servo):
+    for one, target in ((new_servo(), (nan, 0.3, 10.0)), (servo, (0.1, 0.2, 10.0, nan))):
+        with pytest.raises(TargetError, match='finite'):
+            one.set_tip(*target)
+    for bad in (complex(nan, 0.0), complex(0.0, inf)):
+        with pytest.raises(TargetError, match='finite'):
+            servo.set_angle(bad, 10.0)
 
 
 @pytest.mark.parametrize('segment', [0, 1, 2])
@@ -471,20 +478,6 @@ def test_it_is_no_faster_than_the_tendons_may_be(servo):
             pulls.append(np.abs(speeds).max(initial=0.0))
             assert piece.times[-1] <= SETTINGS.horizon
     assert 0.5 * SETTINGS.speed < max(pulls) <= 1.001 * SETTINGS.speed
-
-
-@pytest.mark.parametrize('bad', [complex(nan, 0.0), complex(0.0, inf)])
-def test_a_bad_target_in_space_is_refused(servo, bad):
-    with pytest.raises(TargetError, match='finite'):
-        servo.set_angle(bad, 10.0)
-    with pytest.raises(TargetError, match='finite'):
-        servo.set_tip(0.1, 0.2, 10.0, nan)
-
-
-def test_another_segment_that_moves_in_space_ends_it(servo):
-    moved = SPATIAL.chain.uniform([[0.0, 0.0], [0.0, 0.0], [0.2, 0.0]])
-    with pytest.raises(HeldSegmentMovedError, match='segment 3 is'):
-        servo.observe(moved, 10.0, None, 10.0)
 
 
 def test_without_jamming_tendons_hold_the_other_segments():

@@ -151,7 +151,7 @@ def test_a_segment_is_set_twice_where_no_two_settings_of_a_whole_grid_get_there(
     assert angles(found)[:, 0].tolist() == [1, 0, 1]
     validator = MotionValidator(query.planner, query.scene, query.settings)
     start = validator.start(query.start, np.zeros(2))
-    grid = 0.9 * TWO.segments[0].bending_angle_limit * np.linspace(-1.0, 1.0, 7)
+    grid = 0.9 * TWO.segments[0].bending_angle_limit * np.linspace(-1.0, 1.0, 5)
     ends = 0
 
     def about_y(angle):
@@ -286,43 +286,36 @@ def test_a_plan_that_is_not_wanted_any_more_ends():
         query.first()
 
 
-def test_when_the_time_is_out_what_is_known_is_the_answer_and_the_time_is_named():
-    found = Query(at(0.1, 0.28), settings=replace(PATIENT, time_limit=0.0)).last()
-    assert found.plan is None and found.cut_short
-    assert 'reach.time_limit ended the search after 0 of 10000 states' in found.why
+@pytest.mark.parametrize(('changes', 'why'), [
+    ({'time_limit': 0.0}, 'reach.time_limit ended the search after 0 of 10000 states'),
+    ({'states': 5}, 'reach.states was too small')])
+def test_when_time_or_states_are_spent_what_is_known_is_the_answer_and_that_is_said(changes, why):
+    found = Query(at(0.1, 0.28), settings=replace(PATIENT, **changes)).last()
+    assert found.cut_short == ('time_limit' in changes)
+    assert not found.cut_short or found.plan is None
+    assert why in found.why
 
 
-def test_when_the_states_are_spent_what_is_known_is_the_answer():
-    found = Query(at(0.1, 0.28), settings=replace(PATIENT, states=5)).last()
-    assert found.why and not found.cut_short
-    assert 'reach.states was too small' in found.why
-
-
-def test_more_states_find_no_worse_a_plan_and_few_are_kept_to():
+def test_more_states_find_no_worse_a_plan_few_are_kept_to_and_the_machine_s_speed_is_no_matter(
+        monkeypatch):
     counted = []
     query = Query(at(0.15, 0.22), [wall(0.05, 0.32)])
     query.planner = Planner(ARM, query.limits, abandoned=lambda: bool(counted.append(0)))
-    found = []
-    for states in (1300, 4000):
+
+    def plans(**changes):
         counted.clear()
-        query.settings = replace(PATIENT, states=states)
-        found.append(list(query.all()))
-        assert len(counted) < states + 100
-    few, many = found
+        query.settings = replace(PATIENT, **changes)
+        found = list(query.all())
+        assert len(counted) < query.settings.states + 100
+        return found
+
+    few, many = plans(states=1300), plans(states=2600)
     assert angles(few[0]).tolist() == angles(many[0]).tolist()
     assert (many[-1].softenings, many[-1].duration) <= (few[-1].softenings, few[-1].duration)
-
-
-def test_a_slow_machine_finds_the_same_plan(monkeypatch):
-    few = replace(PATIENT, states=1300)
-    quick = Query(at(0.15, 0.22), [wall(0.05, 0.32)], settings=few).last()
     clock = count()  # a second or more passes between two looks at it
     monkeypatch.setattr(budget, 'monotonic', lambda: float(next(clock)))
-    slow = Query(at(0.15, 0.22), [wall(0.05, 0.32)], settings=few).last()
-    assert angles(slow).tolist() == angles(quick).tolist()
-    hurried = Query(at(0.15, 0.22), [wall(0.05, 0.32)],
-                    settings=replace(few, time_limit=60.0)).last()
-    assert hurried.cut_short
+    assert angles(plans(states=1300)[-1]).tolist() == angles(few[-1]).tolist()
+    assert plans(states=1300, time_limit=60.0)[-1].cut_short
 
 
 def test_no_point_of_the_body_moves_farther_than_the_bound(behind):
