@@ -58,6 +58,7 @@ from soft_continuum_interfaces.msg import (
 
 DEADLINE = 60.0  # s: for what takes a fraction of a second on an idle machine
 ANSWER_TIMEOUT = 10.0  # s after which a service is asked again
+POLL = 0.01  # s between two looks at a condition: to look at each message costs more than the arm
 SEGMENTS = 3
 TENDONS = ('right_tendon', 'left_tendon')
 ALL = tuple(NODES)
@@ -242,11 +243,9 @@ class Goal:
 
     def _on_end(self, _: Any) -> None:
         self.ended_time = time.time_ns()
-        self._rig.changed()
 
     def _on_feedback(self, message: Any) -> None:
         self.feedback.append((time.monotonic(), message.feedback))
-        self._rig.changed()
 
     @property
     def accepted(self) -> bool:
@@ -323,7 +322,6 @@ class Rig:
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.observer = Observer(context=self.context, namespace=namespace)
-        self._changed = threading.Condition()
         self._groups: list[Spinner] = []
         self._recordings: list[Recording] = []
         self._clients: dict[str, Any] = {}
@@ -435,11 +433,6 @@ class Rig:
 
     # Waiting.
 
-    def changed(self) -> None:
-        """Wake whoever waits."""
-        with self._changed:
-            self._changed.notify_all()
-
     def wait_for(self, condition: Callable[[], Any], what: str, within: float = DEADLINE) -> Any:
         """Return what ``condition`` gives, as soon as that is true; fail after ``within`` s."""
         value = self.until(condition, within)
@@ -453,16 +446,14 @@ class Rig:
         """Return what ``condition`` gives, as soon as that is true or after ``within`` s."""
         deadline = time.monotonic() + within
         while True:
-            with self._changed:
-                value = condition()
-                if value or time.monotonic() > deadline:
-                    return value
-                self._changed.wait(0.05)
+            value = condition()
+            if value or time.monotonic() > deadline:
+                return value
+            time.sleep(POLL)
             self.check()
 
     def wait_future(self, future: Any, what: str, within: float = DEADLINE) -> Any:
         """Return the result of a future."""
-        future.add_done_callback(lambda _: self.changed())
         self.wait_for(future.done, what, within)
         return future.result()
 
@@ -498,7 +489,6 @@ class Rig:
             # The executor of events gives both as one (rclpy 7.1).
             message, info = given if len(given) == 2 else given[0]
             recording.heard.append(Heard(info['source_timestamp'], message))
-            self.changed()
 
         note.__signature__ = TWO  # type: ignore[attr-defined]  # as rclpy asks what to give it
         self.observer.create_subscription(kind, topic, note, qos, event_callbacks=NO_EVENTS)
