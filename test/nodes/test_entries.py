@@ -22,14 +22,12 @@ from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve, subscribe
-from soft_continuum.nodes.shape_sequencer import ShapeSequencer
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_ros
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import Heartbeat
-from support.ros_rig import Rig
 
 
 def test_a_message_that_is_too_long_or_none_at_all_is_left_out_and_logged() -> None:
@@ -66,23 +64,6 @@ def test_a_callback_that_fails_is_reported_to_its_node_and_answered() -> None:
     assert not answer.success
     assert 'log' in answer.message
     assert [call.args for call in node.callback_failed.call_args_list] == [(error,)] * 2
-
-
-def test_a_callback_that_fails_in_mid_motion_ends_the_goal_and_nothing_else(
-        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(self: ShapeSequencer, runner: object) -> None:
-        raise ZeroDivisionError('half a shape')
-
-    rig.start_arm(tendon_speed=0.01)
-    goal = rig.goal((0.0, 0.0, 0.5), hold=60.0)
-    rig.wait_for(lambda: rig.pulls[0] > 0.001, 'a pull')
-    monkeypatch.setattr(ShapeSequencer, '_go_on', fail)
-    goal.assert_ended('ABORTED', 'ZeroDivisionError: half a shape')
-    rig.wait_for(lambda: any('half a shape' in s.message
-                             for s in rig.statuses['shape_sequencer']), 'the error')
-    rig.come_to_rest()
-    monkeypatch.undo()
-    assert rig.goal((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
 
 
 def test_of_values_that_come_faster_than_they_are_taken_only_the_newest_counts() -> None:
