@@ -59,33 +59,37 @@ def refused(request_id: str, reason: int) -> TendonActuationState:
         id=request_id, status=MotionRequest.REFUSED, reason=reason, message='the reason'))
 
 
+def failure(commander: ArmCommander, *states: TendonActuationState) -> str:
+    """Return how a motion has failed of which these states say how it goes on."""
+    for state in states:
+        commander.on_tendon_state(state)
+    return commander.motion_failure.message if commander.motion_failure else ''
+
+
 @pytest.mark.parametrize(('reason', 'code'), REASONS.items())
-def test_the_reason_of_a_refusal_decides_how_the_goal_ends(
+def test_the_reason_of_a_refusal_decides_how_the_goal_ends_until_a_new_motion(
         commander: ArmCommander, reason: int, code: Code) -> None:
-    commander.on_tendon_state(refused(follow(commander, 1), reason))
-    assert commander.motion_failure is not None
-    assert commander.motion_failure.code is code
-    assert commander.motion_failure.message == 'the tendon motion was refused: the reason'
+    refusal = failure(commander, refused(follow(commander, 1), reason))
+    assert refusal == 'the tendon motion was refused: the reason'
+    assert commander.motion_failure.code is code  # type: ignore[union-attr]
+    follow(commander, 2)
+    assert commander.motion_failure is None
 
 
 def test_an_end_counts_although_the_next_piece_is_followed(commander: ArmCommander) -> None:
     own = follow(commander, 1)
-    for state in (accepted(own),
-                  accepted(own, MotionRequest.ENDED, MotionRequest.STIFFNESS_UNKNOWN),
-                  accepted(own)):
-        commander.on_tendon_state(state)
-    assert commander.motion_failure is not None
-    assert commander.motion_failure.message == 'the tendon motion was ended: the reason'
+    assert failure(commander, accepted(own), accepted(
+        own, MotionRequest.ENDED, MotionRequest.STIFFNESS_UNKNOWN), accepted(own)
+    ) == 'the tendon motion was ended: the reason'
 
 
 def test_pieces_of_one_motion_replace_each_other_without_ending_it(
         commander: ArmCommander) -> None:
     own = follow(commander, 1)
     assert follow(commander, 1) == own
-    for state in (accepted(own), accepted(own, MotionRequest.ENDED, MotionRequest.REPLACED),
-                  accepted(own), accepted(own, MotionRequest.DONE)):
-        commander.on_tendon_state(state)
-    assert commander.motion_failure is None
+    assert not failure(
+        commander, accepted(own), accepted(own, MotionRequest.ENDED, MotionRequest.REPLACED),
+        accepted(own), accepted(own, MotionRequest.DONE))
 
 
 def test_what_happened_to_requests_of_others_and_earlier_ones_is_ignored(
@@ -93,25 +97,11 @@ def test_what_happened_to_requests_of_others_and_earlier_ones_is_ignored(
     earlier = follow(commander, 1)
     own = follow(commander, 2)
     assert own != earlier
-    for state in (refused('client/7', MotionRequest.TENSION),
-                  accepted('client/7', MotionRequest.ENDED, MotionRequest.HELD),
-                  refused(earlier, MotionRequest.INVALID), accepted(own)):
-        commander.on_tendon_state(state)
-    assert commander.motion_failure is None
-
-
-def test_a_motion_that_others_replaced_has_failed(commander: ArmCommander) -> None:
-    commander.on_tendon_state(accepted(follow(commander, 1)))
-    commander.on_tendon_state(accepted('client/7'))
-    assert commander.motion_failure is not None
-    assert 'client/7' in commander.motion_failure.message
-
-
-def test_a_new_motion_begins_without_the_failure_of_the_one_before(
-        commander: ArmCommander) -> None:
-    commander.on_tendon_state(refused(follow(commander, 1), MotionRequest.TENSION))
-    follow(commander, 2)
-    assert commander.motion_failure is None
+    assert not failure(
+        commander, refused('client/7', MotionRequest.TENSION),
+        accepted('client/7', MotionRequest.ENDED, MotionRequest.HELD),
+        refused(earlier, MotionRequest.INVALID), accepted(own))
+    assert 'client/7' in failure(commander, accepted('client/7'))  # which has replaced it
 
 
 def test_a_piece_that_the_network_brings_when_the_motion_is_done_is_no_failure(

@@ -13,7 +13,6 @@ from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import (
@@ -163,10 +162,8 @@ def test_a_fault_that_ended_in_time_does_not_count(bench: Bench) -> None:
     bench.stream(0.9 * TIMEOUT)
     bench.jamming(UNKNOWN, fault='no answer')
     assert bench.observer.fault == ''
-
-
-def test_a_segment_that_is_not_stiff_counts_at_once(bench: Bench) -> None:
-    bench.jamming(SOFT)
+    assert bench.observer.all_stiff
+    bench.jamming(SOFT)  # which counts at once
     assert not bench.observer.all_stiff
 
 
@@ -195,49 +192,33 @@ def test_pulls_and_shape_of_before_a_lost_position_do_not_count_after_it(bench: 
     assert bench.observer.shape is not None
 
 
-@pytest.mark.parametrize('position', [
-    [np.nan] * JOINTS, [1.7e308] * JOINTS, [0.0] * (JOINTS - 1)], ids=['nan', 'absurd', 'short'])
-def test_shapes_of_no_arm_are_ignored(bench: Bench, position: list[float]) -> None:
+@pytest.mark.parametrize(('topic', 'message'), [
+    *(('kinematics/state', shape(angles)) for angles in (
+        [np.nan] * JOINTS, [1.7e308] * JOINTS, [0.0] * (JOINTS - 1))),
+    *(('tendon_states', JointState(name=names, position=position)) for names, position in (
+        (TENDONS, [np.nan, 0.0]), (TENDONS, [0.0]), (TENDONS, [1.7e308, 0.0]),
+        (['a', 'b'], [0.0, 0.0])))])
+def test_what_is_of_no_arm_is_ignored(bench: Bench, topic: str, message: Any) -> None:
     before = bench.observer.shape
-    bench.send('kinematics/state', shape(position))
+    bench.send(topic, message)
     assert bench.observer.shape is before
-
-
-@pytest.mark.parametrize('message', [
-    JointState(name=TENDONS, position=[np.nan, 0.0]),
-    JointState(name=TENDONS, position=[0.0]),
-    JointState(name=TENDONS, position=[1.7e308, 0.0]),
-    JointState(name=['a', 'b'], position=[0.0, 0.0]),
-], ids=['nan', 'short', 'absurd', 'other names'])
-def test_tendon_states_of_no_arm_are_ignored(bench: Bench, message: JointState) -> None:
-    bench.send('tendon_states', message)
     assert bench.observer.pulls == (0.001, -0.002)
 
 
-def test_kinematics_with_another_description_of_the_jamming_ends_motion() -> None:
+def test_kinematics_with_another_description_of_the_jamming_ends_motion(bench: Bench) -> None:
     """arm.jamming: false for kinematics alone makes every segment soft for it."""
-    now = [100.0]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr('soft_continuum.ros.ros_time.monotonic', lambda: now[0])
-        node = Mock()
-        node.count_publishers.return_value = 0
-        reported = ReportedArm(node, Chain(ARM), {
-            'arm.jamming': True, 'stale_timeout': TIMEOUT})
-        calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
+    def report(stiff: list[bool]) -> str:
+        bench.send('jamming_valves/state', JammingValvesState(stiffness=[STIFF, SOFT, STIFF]))
+        for n in range(1, SEGMENTS + 1):
+            bench.send(f'segment_{n}/pressure', FluidPressure(fluid_pressure=2e4))
+        message = shape([0.0] * JOINTS)
+        message.stiff = stiff
+        bench.send('kinematics/state', message)
+        found = bench.observer.motion_interlock()
+        return '' if found is None else found.message
 
-        def report(stiff: list[bool]) -> str:
-            calls['jamming_valves/state'](serialize_message(
-                JammingValvesState(stiffness=[STIFF, SOFT, STIFF])))
-            for n in range(1, SEGMENTS + 1):
-                calls[f'segment_{n}/pressure'](serialize_message(FluidPressure(fluid_pressure=2e4)))
-            message = shape([0.0] * JOINTS)
-            message.stiff = stiff
-            calls['kinematics/state'](serialize_message(message))
-            found = reported.motion_interlock()
-            return '' if found is None else found.message
-
-        assert report([True, False, True]) == ''
-        assert report([True, True, True]) == ''  # it may be a little late
-        now[0] += 2.0
-        assert 'arm.jamming' in report([False] * SEGMENTS)
-        assert report([True, False, True]) == ''
+    assert report([True, False, True]) == ''
+    assert report([True, True, True]) == ''  # it may be a little late
+    bench.now += 2.0
+    assert 'arm.jamming' in report([False] * SEGMENTS)
+    assert report([True, False, True]) == ''

@@ -84,23 +84,19 @@ class Topics:
 
     def send(self, *markers: Marker) -> str:
         """Publish markers; return what the sequencer says when it has refused them."""
-        rig = self.rig
-        rig.wait_for(self.publisher.get_subscription_count, 'the sequencer')
         count = self.refusals()[0]
         self.publisher.publish(MarkerArray(markers=list(markers)))
-        rig.wait_for(lambda: self.refusals()[0] > count, 'a refusal')
+        self.rig.wait_for(lambda: self.refusals()[0] > count, 'a refusal')
         return self.refusals()[1]
 
     def refusals(self) -> tuple[int, str]:
-        status = self.rig.statuses['shape_sequencer'].last
-        values = {pair.key: pair.value for pair in status.values} if status else {}
-        number, _, text = values.get('obstacles refused', '0, ').partition(', ')
+        number, _, text = (self.rig.status_value('shape_sequencer', 'obstacles refused')
+                           or '0, ').partition(', ')
         return int(number), text
 
     def change(self, *markers: Marker) -> list[str]:
         """Publish markers that change something; return the names that are known then."""
         count = len(self.known)
-        self.rig.wait_for(self.publisher.get_subscription_count, 'the sequencer')
         self.publisher.publish(MarkerArray(markers=list(markers)))
         self.rig.wait_for(lambda: len(self.known) > count, 'a change')
         return self.names
