@@ -46,31 +46,38 @@ def bend(rig: Rig, fake: FakeArm, segment: int = 3) -> np.ndarray:
     return shape(rig, 1)
 
 
-def test_the_arm_is_straight_before_anything_was_pulled(rig: Rig, fake: FakeArm) -> None:
-    fake.say((0.0, 0.0))
-    rig.wait_for(lambda: len(rig.segment_poses) and len(rig.disc_poses), 'poses')
-    ends = [(p.position.x, p.position.y, p.position.z) for p in rig.segment_poses.last.poses]
-    # The end of a segment is the bottom of the disc above it.
-    assert ends == pytest.approx(np.array(
-        [(0.0, 0.0, n * (DISC_HEIGHT + LENGTH)) for n in (1, 2, 3)]), abs=1e-9)
-    heights = [p.position.z for p in rig.disc_poses.last.poses]
-    assert heights == pytest.approx([0.0, 0.03, 0.10, 0.13, 0.20, 0.23, 0.30, 0.33], abs=1e-9)
-
-
-def test_poses_are_in_the_frame_of_the_base_and_counted_from_it(rig: Rig, fake: FakeArm) -> None:
-    fake.say((0.0, 0.0))
-    rig.wait_for(lambda: len(rig.segment_poses) and len(rig.disc_poses), 'poses')
-    for recording, count in ((rig.segment_poses, 3), (rig.disc_poses, 8)):
-        message = recording.last
-        assert message.header.frame_id == 'base_link'
+def test_the_arm_is_straight_in_the_frame_of_the_base_before_anything_was_pulled(rig: Rig) -> None:
+    rig.start('kinematics', frame_id='left_arm/base_link')
+    FakeArm(rig).say((0.0, 0.0))
+    rig.wait_for(lambda: len(rig.segment_poses) and len(rig.disc_poses) and len(rig.joints), 'it')
+    for message, heights in (
+            # The end of a segment is the bottom of the disc above it.
+            (rig.segment_poses.last, [n * (DISC_HEIGHT + LENGTH) for n in (1, 2, 3)]),
+            (rig.disc_poses.last, [0.0, 0.03, 0.10, 0.13, 0.20, 0.23, 0.30, 0.33])):
+        assert message.header.frame_id == 'left_arm/base_link'
         assert message.header.stamp.sec > 0
-        assert len(message.poses) == count
-        heights = [p.position.z for p in message.poses]
-        assert heights == sorted(heights)
+        found = [(p.position.x, p.position.y, p.position.z) for p in message.poses]
+        assert found == pytest.approx(np.array([(0.0, 0.0, z) for z in heights]), abs=1e-9)
+    joints = rig.joints.last
+    assert list(joints.name) == [
+        f'segment_{s}_joint_{j}' for s in (1, 2, 3) for j in range(1, 14)]
+    assert len(joints.position) == 39
+    assert len(joints.velocity) == len(joints.effort) == 0
 
 
-def test_z_of_a_pose_is_the_tangent_of_the_backbone(rig: Rig, fake: FakeArm) -> None:
-    joints = bend(rig, fake)
+@pytest.fixture(scope='module')
+def bent(module_rig: Rig) -> tuple[Rig, FakeArm, np.ndarray]:
+    """Return kinematics with an arm whose last segment is bent and soft, and its joint angles."""
+    module_rig.start('kinematics')
+    fake = FakeArm(module_rig)
+    return module_rig, fake, bend(module_rig, fake)
+
+
+Bent = tuple[Rig, FakeArm, np.ndarray]
+
+
+def test_z_of_a_pose_is_the_tangent_of_the_backbone(bent: Bent) -> None:
+    rig, _, joints = bent
     tangents = np.cumsum(joints.sum(axis=1))
     assert tangents[2] > 0.1  # the right tendon bends the arm towards +x
     rig.wait_for(lambda: len(rig.disc_poses) == len(rig.joints), 'poses of the last joints')
@@ -87,9 +94,8 @@ def test_z_of_a_pose_is_the_tangent_of_the_backbone(rig: Rig, fake: FakeArm) -> 
         assert along == pytest.approx((0.03 * np.sin(angle), 0.03 * np.cos(angle)), abs=1e-9)
 
 
-def test_a_pulled_soft_segment_has_the_shape_that_the_model_gives(
-        rig: Rig, fake: FakeArm) -> None:
-    joints = bend(rig, fake)
+def test_a_pulled_soft_segment_has_the_shape_that_the_model_gives(bent: Bent) -> None:
+    rig, fake, joints = bent
     statics = Statics(ARM)
     state = statics.chain.straight()
     for part in np.arange(1, STEPS + 1) / STEPS:
@@ -99,16 +105,6 @@ def test_a_pulled_soft_segment_has_the_shape_that_the_model_gives(
     rig.wait_for(lambda: fake.pull(PULLS) or len(tensions), 'tensions')
     assert list(tensions.last.name) == ['right_tendon', 'left_tendon']
     assert list(tensions.last.effort) == pytest.approx(list(state.tensions), abs=1e-6)
-
-
-def test_joint_states_name_every_joint_from_the_base_on(rig: Rig, fake: FakeArm) -> None:
-    fake.say((0.0, 0.0))
-    rig.wait_for(lambda: len(rig.joints), 'joint_states')
-    message = rig.joints.last
-    assert list(message.name) == [
-        f'segment_{s}_joint_{j}' for s in (1, 2, 3) for j in range(1, 14)]
-    assert len(message.position) == 39
-    assert len(message.velocity) == len(message.effort) == 0
 
 
 def test_a_stiff_arm_keeps_its_shape_whatever_the_tendons_do(rig: Rig, fake: FakeArm) -> None:
@@ -260,59 +256,32 @@ def test_reset_is_refused_before_the_tendons_were_heard(rig: Rig) -> None:
     assert 'tendon_states' in answer.message
 
 
-@pytest.mark.parametrize('pulls', [(float('nan'), 0.0), (float('inf'), 0.0)])
-def test_a_pull_that_is_not_a_finite_number_changes_nothing(
-        rig: Rig, fake: FakeArm, pulls: tuple[float, float]) -> None:
-    bent = bend(rig, fake)
-    fake.pull(pulls)
-    rig.wait_for(lambda: 'finite' in rig.statuses['kinematics'].last.message, 'a warning')
-    assert np.array(rig.joints.last.position).reshape(3, -1) == pytest.approx(bent)
-    before = len(rig.joints)
-    fake.pull(PULLS)
-    assert shape(rig, before + 1) == pytest.approx(bent, abs=1e-9)
-
-
-@pytest.mark.parametrize(('pulls', 'names'), [
-    ((0.001,), ('right_tendon',)),
-    ((0.001, 0.002), ('a', 'b')),
-    ((0.001,), ('right_tendon', 'left_tendon')),
-    ((), ()),
-])
-def test_tendon_states_of_something_else_change_nothing(
-        rig: Rig, fake: FakeArm, pulls: tuple[float, ...], names: tuple[str, ...]) -> None:
-    fake.say((0.0, 0.0))
-    shape(rig, 1)
-    fake.pull(pulls, names)
-    rig.wait_for(lambda: 'tendon_states' in rig.statuses['kinematics'].last.message, 'a warning')
-    before = len(rig.joints)
-    fake.pull((0.0, 0.0))
-    assert shape(rig, before + 1) == pytest.approx(np.zeros((3, 13)))
-
-
-def test_tendons_that_no_shape_can_have_are_named_and_change_nothing(
+def test_tendon_states_of_no_arm_or_of_no_shape_are_named_and_change_nothing(
         rig: Rig, fake: FakeArm) -> None:
-    bent = bend(rig, fake)
-    fake.pull((0.5, 0.5))  # each tendon is shorter than the discs it runs along
-    rig.wait_for(lambda: rig.statuses['kinematics'].last.level == b'\x02', 'an error')
-    assert 'tendons' in rig.statuses['kinematics'].last.message
-    assert np.array(rig.joints.last.position).reshape(3, -1) == pytest.approx(bent)
-    before = len(rig.joints)
-    fake.pull(PULLS)  # and the last good shape is where it goes on from
-    assert shape(rig, before + 1) == pytest.approx(bent, abs=1e-6)
+    joints, status = bend(rig, fake), rig.statuses['kinematics']
+    for pulls, names, word in (
+            ((0.001,), ('right_tendon',), 'tendon_states'),
+            ((0.001, 0.002), ('a', 'b'), 'tendon_states'),
+            ((0.001,), ('right_tendon', 'left_tendon'), 'tendon_states'),
+            ((), (), 'tendon_states'),
+            ((float('nan'), 0.0), None, 'finite'),
+            ((float('inf'), 0.0), None, 'finite'),
+            # Each tendon is shorter than the discs it runs along.
+            ((0.5, 0.5), None, 'tendons')):
+        fake.pull(pulls, names)
+        rig.wait_for(lambda w=word: w in status.last.message, word)
+        assert (status.last.level == DiagnosticStatus.ERROR) == (word == 'tendons')
+        assert np.array(rig.joints.last.position).reshape(3, -1) == pytest.approx(joints)
+        before = len(rig.joints)
+        fake.pull(PULLS)  # and the last good shape is where it goes on from
+        assert shape(rig, before + 1) == pytest.approx(joints, abs=1e-6)
+        rig.wait_for(lambda: status.last.level == DiagnosticStatus.OK, 'no problem')
 
 
-def test_markers_show_segments_discs_and_tendons_in_the_frame_of_the_base(
-        rig: Rig, fake: FakeArm) -> None:
+def test_markers_show_segments_discs_and_tendons_in_the_frame_of_the_base(bent: Bent) -> None:
+    rig, fake, _ = bent
     heard = rig.record(MarkerArray, 'shape_markers', RELIABLE)
-    bend(rig, fake)
-
-    before = len(heard)
-
-    def shown() -> bool:
-        fake.pull(PULLS)
-        return len(heard) > before
-
-    rig.wait_for(shown, 'markers')
+    rig.wait_for(lambda: fake.pull(PULLS) or len(heard), 'markers')
     markers = heard.last.markers
     assert {m.header.frame_id for m in markers} == {'base_link'}
     kinds = {name: [m for m in markers if m.ns == name] for name in (
@@ -333,10 +302,3 @@ def test_markers_show_segments_discs_and_tendons_in_the_frame_of_the_base(
     assert (last.x, last.z) == pytest.approx((end.x, end.z), abs=1e-9)
     for marker in markers:
         assert min(marker.scale.x, marker.color.a) > 0.0
-
-
-def test_the_frame_is_a_parameter(rig: Rig) -> None:
-    rig.start('kinematics', frame_id='left_arm/base_link')
-    FakeArm(rig).say((0.0, 0.0))
-    rig.wait_for(lambda: len(rig.segment_poses), 'poses')
-    assert rig.segment_poses.last.header.frame_id == 'left_arm/base_link'
