@@ -84,10 +84,18 @@ Sequence = tuple[Rig, Goal, list[Reached]]
 
 def test_the_three_shapes_of_the_paper_are_reached_by_name(sequence: Sequence) -> None:
     arm, goal, reached = sequence
-    assert goal.assert_ended('SUCCEEDED').shapes_completed == 3
+    result = goal.assert_ended('SUCCEEDED')
+    assert result.shapes_completed == 3
     angles = [LIBRARY[name] for name in NAMES]
-    for shape, a, tip in zip(reached, angles, planned_tips(*angles), strict=True):
+    tips = planned_tips(*angles)
+    for shape, a, tip in zip(reached, angles, tips, strict=True):
         shape.check(a, tip)
+    # Without sensors it is a prediction.
+    assert (result.source, result.corrections) == (RunShapeSequence.Result.PREDICTED, 0)
+    assert list(result.bending_angles) == pytest.approx(angles[-1], abs=2e-3)
+    position = result.tip.pose.position
+    assert (position.x, position.z) == pytest.approx(tips[-1], abs=0.5e-3)
+    assert not len(result.angle_deviations) and not result.tip.covariance.any()
 
 
 def test_a_sequence_keeps_every_promise_about_motion_and_stiffness(sequence: Sequence) -> None:
@@ -160,26 +168,27 @@ def test_the_state_of_the_sequencer_follows_the_goal_and_says_how_it_ended(
     assert (states[-1].error_code, states[-1].error_string) == (0, '')
 
 
-@pytest.mark.parametrize(('name', 'angles'), [
-    ('', (0.2, -0.35, 0.5)), ('c_form', (0.2, -0.35, 0.3))])
-def test_bending_angles_can_be_given_instead_of_a_name_and_win_over_one_beside_them(
-        shared_arm: Rig, name: str, angles: tuple[float, ...]) -> None:
-    goal = shared_arm.goal(ShapeMessage(name=name, bending_angles=angles))
+def test_bending_angles_win_over_a_name_beside_them(shared_arm: Rig) -> None:
+    angles = (0.2, -0.35, 0.3)
+    goal = shared_arm.goal(ShapeMessage(name='c_form', bending_angles=angles))
     assert goal.assert_ended('SUCCEEDED').shapes_completed == 1
-    if name:
-        assert {shape for shape, _, _ in goal.phases} == {name}
+    assert {shape for shape, _, _ in goal.phases} == {'c_form'}
     Reached.of(shared_arm).check(angles, planned_tips(angles)[0])
 
 
 def test_a_shape_that_the_arm_has_already_moves_nothing(shared_arm: Rig) -> None:
     angles = (0.2, -0.35, 0.4)
-    assert shared_arm.goal(angles).result()[0] == 'SUCCEEDED'
+    assert shared_arm.goal(angles).result()[0] == 'SUCCEEDED'  # by angles alone
     shared_arm.assert_rests_stiff()
     before, received = shared_arm.pulls, [len(r) for r in shared_arm.stiff]
     assert shared_arm.goal(angles).result()[0] == 'SUCCEEDED'
     shared_arm.assert_rests()
     assert shared_arm.pulls == before
     assert [len(r) for r in shared_arm.stiff] == received  # nor softened anything
+
+
+def test_an_aim_that_does_not_exist_is_rejected(shared_arm: Rig) -> None:
+    shared_arm.goal('c_form', aim=7).assert_rejected('7', 'angles', 'tip')
 
 
 def test_outcomes_and_phases_are_those_of_the_action() -> None:
