@@ -74,25 +74,35 @@ def goals(*counts: int) -> Attack:
     return attack
 
 
+def in_turn(*attacks: Attack) -> Attack:
+    """Return several attacks as one."""
+    def attack(stranger: Node, rig: Rig) -> Iterator[Callable[[], None]]:
+        for blows in zip(*(one(stranger, rig) for one in attacks), strict=True):
+            yield from blows
+
+    return attack
+
+
+def trajectories(*messages: Any) -> Attack:
+    return publications(JointTrajectory, 'tendon_actuation/joint_trajectory', *messages)
+
+
 ATTACKS = {
-    'trajectories of 1000 points': publications(
-        JointTrajectory, 'tendon_actuation/joint_trajectory', long_trajectory(1000)),
-    'trajectories of 100,000 points': publications(
-        JointTrajectory, 'tendon_actuation/joint_trajectory', long_trajectory(100_000)),
-    'refused trajectories': publications(
-        JointTrajectory, 'tendon_actuation/joint_trajectory', trajectory([(0.1, (9.0, 9.0))])),
-    'trajectories that hold': publications(
-        JointTrajectory, 'tendon_actuation/joint_trajectory', trajectory([])),
+    'trajectories of 1000 and of 100,000 points': trajectories(
+        long_trajectory(1000), long_trajectory(100_000)),
+    'trajectories that are refused and that hold': trajectories(
+        trajectory([(0.1, (9.0, 9.0))]), trajectory([])),
     'goals of 100 and of 500 shapes': goals(100, 500),
-    'segments soft and stiff': publications(
-        Bool, 'segment_1/stiff', Bool(data=True), Bool(data=False)),
-    'states of valves': publications(JammingValvesState, 'jamming_valves/state', *(
-        JammingValvesState(stiffness=[s] * 3) for s in (1, 2))),
-    'shapes that are none': publications(KinematicsState, 'kinematics/state', *(
-        KinematicsState(joint_angles=[a] * 39, held_angles=[a] * 39) for a in (NAN, 1.7e308))),
-    'tendons that are nowhere': publications(JointState, 'tendon_states', *(
-        JointState(name=['right_tendon', 'left_tendon'], position=[p] * 2, velocity=[p] * 2)
-        for p in (NAN, 1.7e308))),
+    'segments soft and stiff': in_turn(
+        publications(Bool, 'segment_1/stiff', Bool(data=True), Bool(data=False)),
+        publications(JammingValvesState, 'jamming_valves/state', *(
+            JammingValvesState(stiffness=[s] * 3) for s in (1, 2)))),
+    'shapes and tendons that are nowhere': in_turn(
+        publications(KinematicsState, 'kinematics/state', *(
+            KinematicsState(joint_angles=[a] * 39, held_angles=[a] * 39) for a in (NAN, 1.7e308))),
+        publications(JointState, 'tendon_states', *(
+            JointState(name=['right_tendon', 'left_tendon'], position=[p] * 2, velocity=[p] * 2)
+            for p in (NAN, 1.7e308)), b'\0\1\0\0\xff\xff')),
     'obstacles of 6000 triangles': publications(MarkerArray, 'obstacles', many_triangles(6000)),
     'obstacles that come and go': publications(MarkerArray, 'obstacles', *(
         MarkerArray(markers=[Marker(
@@ -102,11 +112,9 @@ ATTACKS = {
             for k in range(100)]) for action in (Marker.ADD, Marker.DELETE))),
     'programs of other versions': publications(Heartbeat, 'kinematics/heartbeat', *(
         Heartbeat(process=n, version=n, description=n, host='another') for n in '12')),
-    'bytes that are no message': publications(JointState, 'tendon_states', b'\0\1\0\0\xff\xff'),
 }
 SLOW = ('obstacles of 6000 triangles', 'obstacles that come and go',
-        'trajectories of 1000 points', 'trajectories of 100,000 points',
-        'goals of 100 and of 500 shapes')
+        'trajectories of 1000 and of 100,000 points', 'goals of 100 and of 500 shapes')
 
 
 @pytest.fixture(scope='module')
@@ -147,14 +155,14 @@ def test_a_stop_is_answered_at_once_whatever_else_is_sent(
         hardy_arm: Rig, record_property: Callable[[str, object], None], attack: str) -> None:
     took, before = list[float](), hardy_arm.pulls
     with under(attack, hardy_arm):
-        for _ in range(5):
+        for _ in range(3):
             begin = time.process_time()
             assert hardy_arm.trigger('tendon_actuation/stop').success
             took.append(time.process_time() - begin)
             hardy_arm.wait_for_more(hardy_arm.tendons, 3)  # control goes on
     record_property('stop_ms', round(1e3 * max(took)))
     print(f'{attack}: {", ".join(f"{1e3 * t:.0f}" for t in took)} ms')
-    assert sorted(took)[2] < BOUND  # of five: one may meet a long callback
+    assert sorted(took)[1] < BOUND  # of three: one may meet a long callback
     # What a stranger sent, without a stamp, may still wait to be heard by this test.
     hardy_arm.wait_for(lambda: all(s.header.stamp.sec for s in list(hardy_arm.tendons)[-20:]),
                        'tendon_states that only the arm sends')
