@@ -6,20 +6,22 @@
 import time
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
+from soft_continuum.estimation.unknowns import STRETCH
 from soft_continuum.mechanics import Equilibrium, Statics, StaticsError
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_from_ros, poses_from_ros
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
 from support.descriptions import given, JAMMING, PLANAR
-from support.fake_arm import ARM, Cameras, RATE, SeenArm, Spoil
+from support.fake_arm import ARM, Cameras, FakeArm, RATE, SeenArm, Spoil
 from support.flat_arm import about_y
-from support.ros_rig import Recording, RELIABLE, Rig
+from support.ros_rig import DEADLINE, Recording, RELIABLE, Rig
 
 STRAIGHT, BENT = about_y((0.0, 0.0, 0.0)), about_y((0.2, -0.15, 0.25))
 AT_ZERO = (0.0, 0.0)  # m
@@ -196,24 +198,6 @@ def test_restarted_on_a_bent_arm_it_finds_the_shape_by_measurements(rig: Rig) ->
     assert fake.bending_of(list(fake.heard)[0]) == pytest.approx(BENT, abs=0.1)
 
 
-def test_another_shape_than_the_one_that_was_followed_is_an_anomaly(fake: SeenArm) -> None:
-    fake.show_until(STRAIGHT, AT_ZERO,
-                    lambda: fake.last.source == KinematicsState.ESTIMATED, 'an estimate')
-    assert not fake.last.anomalies
-    markers = fake.rig.record(MarkerArray, 'shape_markers', RELIABLE)
-    found = fake.show_until(BENT, AT_ZERO, lambda: fake.last.anomalies, 'an anomaly')
-    assert found[0].cause == Anomaly.UNKNOWN
-    fake.rig.wait_for(
-        lambda: 'no known cause' in fake.rig.statuses['kinematics'].last.message, 'an error')
-    fake.show_until(BENT, AT_ZERO, lambda: len(markers) and any(
-        'no known cause' in marker.text for marker in markers.last.markers), 'an alarm in RViz')
-
-
-def test_an_aim_that_does_not_exist_is_rejected(rig: Rig) -> None:
-    rig.start('shape_sequencer')
-    rig.goal('c_form', aim=7).assert_rejected('7', 'angles', 'tip')
-
-
 class Plant:
     """An arm whose tendons are not as long as the motors think; what it does is shown."""
 
@@ -239,22 +223,8 @@ class Plant:
             self._cameras.show(self.state.poses)
 
 
-QUICK_LOOP = {'loop__settling_time': 0.2, 'loop__measuring_time': 0.3,
-              'loop__sensor_timeout': 30.0}
-
-
-def test_without_sensors_a_result_is_a_prediction_with_them_it_is_measured(rig: Rig) -> None:
-    rig.start_arm(**QUICK_LOOP)
-    status, result = rig.goal((0.0, 0.0, 0.3)).result()
-    assert (status, result.source) == ('SUCCEEDED', RunShapeSequence.Result.PREDICTED)
-    assert result.corrections == 0
-    assert list(result.bending_angles) == pytest.approx([0.0, 0.0, 0.3], abs=2e-3)
-    assert not len(result.angle_deviations) and not result.tip.covariance.any()
-    assert 0.2 < result.tip.pose.position.z < 0.35
-
-
 def test_with_sensors_a_result_is_measured_and_segments_are_corrected(rig: Rig) -> None:
-    rig.start_arm(**QUICK_LOOP)
+    rig.start_arm(loop__settling_time=0.2, loop__measuring_time=0.3, loop__sensor_timeout=30.0)
     plant = Plant(rig)
     state: Recording = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
     rig.wait_for(lambda: state.last and state.last.source == KinematicsState.ESTIMATED,
@@ -272,3 +242,59 @@ def test_with_sensors_a_result_is_measured_and_segments_are_corrected(rig: Rig) 
     rig.assert_only_one_was_soft()
     rig.assert_never_moved_all_stiff()
     rig.assert_stiff_since(goal)
+
+
+PERIOD = 0.1  # s
+SEGMENT, PULLS = 3, np.array([0.004, -0.006])  # which is soft, from 1; of the tendons
+SLIPPED = 2.5e-3  # m
+SWITCHED = 1.1  # s after which measurements count again
+SEEN = (8e-4, 8e-4, 8e-4, 1e-2, 1e-2, 1e-2)  # m, rad
+
+
+class Slipping(FakeArm):
+    """An arm that is as described, and whose right tendon may slip, and what cameras see of it."""
+
+    def __init__(self, rig: Rig) -> None:
+        super().__init__(rig)
+        self._statics = Statics(ARM.with_tendons(axial_stiffness=0.5 / STRETCH))
+        self._state, self._cameras = self._statics.chain.straight(), Cameras(rig, ARM, SEEN)
+        self.longer = np.zeros(2)
+
+    def show(self, pulls: np.ndarray, soft: bool = True) -> None:
+        """Say what the motors do, and then what is seen."""
+        self._state = self._statics.solve(
+            self._state, pulls - self.longer, [soft and n == SEGMENT for n in (1, 2, 3)])
+        self.pull(pulls.tolist(), at=self.rig.observer.get_clock().now().nanoseconds * 1e-9)
+        self._cameras.show(self._state.poses)
+        time.sleep(PERIOD)
+
+
+def test_a_tendon_that_slipped_is_named(rig: Rig) -> None:
+    rig.start('kinematics')
+    states = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
+    markers = rig.record(MarkerArray, 'shape_markers', RELIABLE)
+    arm = Slipping(rig)
+    arm.say()
+    arm.show(np.zeros(2), soft=False)
+    rig.wait_for(lambda: len(states), 'a shape')
+    arm.say(soft=SEGMENT)
+    rig.wait_for_status('kinematics', 'soft', str(SEGMENT))
+    for part in np.linspace(0.0, 1.0, round(SWITCHED / PERIOD) + 1):
+        arm.show(part * PULLS)
+    for _ in range(20):
+        arm.show(PULLS)
+    rig.wait_for(lambda: states.last.source == KinematicsState.ESTIMATED, 'an estimate')
+    assert not states.last.anomalies
+    arm.longer = np.array([SLIPPED, 0.0])
+    deadline = time.monotonic() + DEADLINE
+    while not states.last.anomalies and time.monotonic() < deadline:
+        arm.show(PULLS)
+    anomaly, = states.last.anomalies
+    assert anomaly.cause == Anomaly.TENDON_SLIPPED
+    assert anomaly.tendon == 'right_tendon'
+    assert abs(anomaly.size - SLIPPED) < 0.5 * SLIPPED
+    status = rig.statuses['kinematics']
+    rig.wait_for(lambda: status.last.level == DiagnosticStatus.ERROR
+                 and 'right_tendon' in status.last.message, 'an alarm')
+    rig.wait_for(lambda: arm.show(PULLS) or any(
+        'right_tendon' in marker.text for marker in markers.last.markers), 'an alarm in RViz')
