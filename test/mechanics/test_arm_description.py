@@ -8,13 +8,7 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from soft_continuum.mechanics import (
-    ArmError,
-    Disc,
-    Segment,
-    Tendon,
-    Wrench,
-)
+from soft_continuum.mechanics import ArmError, Disc, Segment, Tendon, Wrench
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.parameters.arm import arm_from_parameters
 from support import paper_arm as paper
@@ -34,85 +28,67 @@ def test_a_segment_with_an_impossible_number_is_refused(field, value):
         Segment(**{**GOOD, field: value})
 
 
-@pytest.mark.parametrize('offsets', [
-    (nan, 0.02), (0.02, nan), (1e-5, 0.02), (-0.02, 0.02), (0.02, inf)])
-def test_an_impossible_guide_offset_is_refused(offsets):
-    with pytest.raises(ArmError, match='allowed'):
-        Tendon(**{**TENDON, 'offset': offsets})
+def arm(**changes):
+    """Return the paper's arm with other fields."""
+    return replace(paper.build(), **changes)
 
 
-@pytest.mark.parametrize('offsets', [(), (0.02, 0.02, 0.02)])
-def test_a_segment_has_a_guide_at_each_of_its_two_ends(offsets):
-    with pytest.raises(ArmError, match='needed: one, or 2'):
-        Tendon(**{**TENDON, 'offset': offsets})
+@pytest.mark.parametrize(('make', 'words'), [
+    *((lambda value=value: Disc(*value), 'allowed') for value in (
+        (nan, 0.06), (1e-9, 0.06), (-0.03, 0.06), (inf, 0.06), (0.03, nan), (0.03, -0.06),
+        (0.03, inf))),
+    *((lambda value=value: Tendon(**{**TENDON, 'offset': value}), 'allowed') for value in (
+        (nan, 0.02), (0.02, nan), (1e-5, 0.02), (-0.02, 0.02), (0.02, inf))),
+    *((lambda value=value: Tendon(**{**TENDON, 'offset': value}), 'needed: one, or 2')
+      for value in ((), (0.02, 0.02, 0.02))),
+    (lambda: Tendon('t', 0.0, 0.025, 0), 'ends at disc 0; the base is 0'),
+    (lambda: Tendon('t', nan, 0.025, 1), 'angle of t is nan'),
+    *((lambda value=value: paper.build(bodies_per_segment=value), 'bodies|whole') for value in (
+        0, -1, 10**6, 12.0, 12.5, nan, True)),
+    *((lambda value=value: paper.build(mounting_angle=value), 'rad') for value in (
+        nan, inf, 30.0, 45.0, 90.0, 180.0)),
+    *((lambda value=value: paper.build(gravity=value), 'allowed') for value in (
+        nan, -9.81, 9806.65)),
+    (lambda: arm(gravity=(0.0, 9.8)), 'gravity is .*give x, y and z'),
+    (lambda: arm(segments=(), discs=paper.build().discs[:1]), '.'),
+    (lambda: arm(discs=paper.build().discs[1:]), '.'),
+    (lambda: arm(segments=paper.build().segments[:1]), '.'),
+    (lambda: arm(tendons=paper.build().tendons[:1] * 2), 'each its own name'),
+    (lambda: arm(tendons=(Tendon('t', 0.0, 0.025, 4),)), 'the last one is 3'),
+    (lambda: arm(tendons=None), 'tendons are None; give a tuple'),
+    (lambda: arm(spacers=4), 'a multiple of spacers'),
+    (lambda: arm(discretisation='third_order'), 'paper, second_order'),
+    *((lambda disc=disc: arm(wrenches=(Wrench(disc),)), f'no disc {disc}.*0 to 3')
+      for disc in (-1, 4, 1.5)),
+    *((lambda force=force: paper.build().with_force(1, force), 'force is nan')
+      for force in np.where(np.eye(3), nan, 0.0)),
+    (lambda: Segment(0.07, inf, inf), 'bend about one axis'),
+    (lambda: Segment(70.0, 0.1, 0.1), 'segment length is 70'),
+    (lambda: Segment(0.07, 0.1, 0.1, soft_law=0.1), 'soft law is 0.1; give a Moment'),
+    (lambda: Segment(0.07, 0.1, 0.1, jam=5.0), 'give a')])
+def test_what_is_no_arm_is_refused(make, words):
+    with pytest.raises(ArmError, match=words):
+        make()
 
 
-@pytest.mark.parametrize(('height', 'mass'), [
-    (nan, 0.06), (1e-9, 0.06), (-0.03, 0.06), (inf, 0.06), (0.03, nan), (0.03, -0.06),
-    (0.03, inf)])
-def test_an_impossible_disc_is_refused(height, mass):
-    with pytest.raises(ArmError, match='allowed'):
-        Disc(height, mass)
+def test_a_whole_number_of_numpy_is_a_whole_number_of_bodies():
+    assert paper.build().with_bodies(np.int64(5)).bodies_per_segment == 5
 
 
-@pytest.mark.parametrize(('field', 'value'), [
-    ('bodies_per_segment', 0), ('bodies_per_segment', -1), ('bodies_per_segment', 10**6),
-    ('mounting_angle', nan), ('mounting_angle', inf), ('mounting_angle', 90.0),
-    ('gravity', nan), ('gravity', -9.81), ('gravity', 9806.65)])
-def test_an_impossible_arm_is_refused(field, value):
-    with pytest.raises(ArmError, match='allowed'):
-        paper.build(**{field: value})
-
-
-@pytest.mark.parametrize('bodies', [12.0, 12.5, nan])
-def test_the_number_of_bodies_is_a_whole_number(bodies):
-    with pytest.raises(ArmError):
-        PlaneChain(paper.build(bodies_per_segment=bodies))
-
-
-def test_an_arm_without_segments_or_with_missing_discs_is_refused():
-    arm = paper.build()
-    for segments, discs in (((), arm.discs[:1]), (arm.segments, arm.discs[1:]),
-                            (arm.segments[:1], arm.discs)):
+@pytest.mark.parametrize(('part', 'field', 'factor'), [
+    *(('segments', *wrong) for wrong in (
+        ('length', 1e3), ('length', 1e-3), ('outer_diameter', 1e3), ('outer_diameter', 1e-3),
+        ('mass', 1e3), ('stiffness_y', 1e6), ('bending_angle_limit', 57.3))),
+    *(('discs', *wrong) for wrong in (('height', 1e3), ('height', 1e-3), ('mass', 1e3))),
+    ('tendons', 'offset', 1e3), ('tendons', 'offset', 1e-3)])
+def test_a_value_of_the_papers_arm_in_a_wrong_unit_is_refused(part, field, factor):
+    """In mm, g, N mm^2 or degrees."""
+    for which, one in enumerate(getattr(paper.build(), part)):
+        wrong = (factor * np.array(getattr(one, field))).tolist()
+        wrong = tuple(wrong) if isinstance(wrong, list) else wrong
         with pytest.raises(ArmError):
-            replace(arm, segments=segments, discs=discs)
-
-
-# The paper's own arm with one value in the wrong unit: mm, g, N mm^2 or degrees.
-
-@pytest.mark.parametrize('segment', [0, 1, 2])
-@pytest.mark.parametrize(('field', 'factor'), [
-    ('length', 1e3), ('length', 1e-3), ('outer_diameter', 1e3), ('outer_diameter', 1e-3),
-    ('mass', 1e3), ('stiffness_y', 1e6),
-    ('bending_angle_limit', 57.3)])
-def test_a_segment_in_the_wrong_unit_is_refused(segment, field, factor):
-    arm = paper.build()
-    wrong = factor * getattr(arm.segments[segment], field)
-    with pytest.raises(ArmError):
-        replace(arm, segments=tuple(
-            replace(s, **{field: wrong}) if i == segment else s
-            for i, s in enumerate(arm.segments)))
-
-
-@pytest.mark.parametrize('factor', [1e3, 1e-3])
-def test_guides_in_the_wrong_unit_are_refused(factor):
-    arm = paper.build()
-    with pytest.raises(ArmError):
-        arm.with_tendons(offset=tuple(factor * offset for offset in arm.tendons[0].offset))
-
-
-@pytest.mark.parametrize(('field', 'factor'), [('height', 1e3), ('height', 1e-3), ('mass', 1e3)])
-def test_a_disc_in_the_wrong_unit_is_refused(field, factor):
-    arm = paper.build()
-    with pytest.raises(ArmError):
-        wrong = replace(arm.discs[1], **{field: getattr(arm.discs[1], field) * factor})
-        replace(arm, discs=(arm.discs[0], wrong, *arm.discs[2:]))
-
-
-def test_a_mounting_angle_in_degrees_is_refused():
-    for degrees in (30.0, 45.0, 90.0, 180.0):
-        with pytest.raises(ArmError, match='rad'):
-            paper.build(mounting_angle=degrees)
+            arm(**{part: tuple(replace(other, **{field: wrong}) if k == which else other
+                               for k, other in enumerate(getattr(paper.build(), part)))})
 
 
 # The frame
@@ -159,22 +135,6 @@ def test_joint_angles_of_the_wrong_size_or_nan_are_refused(angles):
 def test_bending_angles_of_the_wrong_size_or_nan_are_refused(angles):
     with pytest.raises(ValueError):
         PlaneChain(paper.build()).uniform(angles)
-
-
-def test_a_whole_number_of_numpy_is_a_whole_number_of_bodies():
-    assert paper.build().with_bodies(np.int64(5)).bodies_per_segment == 5
-
-
-@pytest.mark.parametrize('disc', [-1, 4, 1.5])
-def test_a_force_on_a_disc_that_is_not_there_is_refused(disc):
-    with pytest.raises(ArmError, match='0 to 3'):
-        replace(paper.build(), wrenches=(Wrench(disc, (0.0, 0.0, 1.0)),))
-
-
-@pytest.mark.parametrize('field', ['jam', 'soft_law'])
-def test_a_number_is_not_a_stiffness_law(field):
-    with pytest.raises(ArmError, match='give a'):
-        Segment(**{**GOOD, field: 5.0})
 
 
 # What an arm is by its tendons and segments

@@ -96,25 +96,19 @@ def test_tip_of_the_c_form(weightless, c_form):
 # Fact 3
 
 @pytest.mark.parametrize('form', paper.FORMS)
-def test_constant_curvature_and_chain_agree_within_2_percent_without_gravity(weightless, form):
-    signs = paper.FORMS[form]
-    last = paper.set_form(weightless, signs)[-1]
-    angles = [s * paper.ANGLE for s in signs]
-    arcs = constant_curvature.poses(weightless.chain.arm, about_y(angles))[0][:, [0, 2]]
-    chain = last.points
-    apart = np.linalg.norm((arcs - chain[:, :2])[1:], axis=1)
-    assert np.all(apart < 0.02 * np.linalg.norm(chain[1:, :2], axis=1))
+@pytest.mark.parametrize('equal', ['angles', 'pulls'])
+def test_constant_curvature_and_chain_agree_within_2_percent_without_gravity(
+        weightless, form, equal):
+    signs, arm = paper.FORMS[form], weightless.chain.arm
+    states = paper.set_form(weightless, signs)
+    angles = [sign * paper.ANGLE for sign in signs]
+    chain = states[-1].points
     assert chain[::2, 2] == pytest.approx(np.cumsum([0.0, *angles]), abs=1e-12)
-
-
-@pytest.mark.parametrize('form', paper.FORMS)
-def test_both_agree_within_2_percent_at_equal_pulls_as_well(weightless, form):
-    signs = paper.FORMS[form]
-    steps = paper.pulls_of_each_step(weightless, paper.set_form(weightless, signs), signs)
-    angles = [sign * constant_curvature.bending_angle(weightless.chain.arm, segment, step)
-              for segment, (step, sign) in enumerate(zip(steps, signs, strict=True))]
-    arcs = constant_curvature.poses(weightless.chain.arm, about_y(angles))[0][:, [0, 2]]
-    chain = weightless.chain.points(paper.set_form(weightless, signs)[-1].joint_angles)
+    if equal == 'pulls':
+        steps = paper.pulls_of_each_step(weightless, states, signs)
+        angles = [sign * constant_curvature.bending_angle(arm, segment, step)
+                  for segment, (step, sign) in enumerate(zip(steps, signs, strict=True))]
+    arcs = constant_curvature.poses(arm, about_y(angles))[0][:, [0, 2]]
     apart = np.linalg.norm((arcs - chain[:, :2])[1:], axis=1)
     assert np.all(apart < 0.02 * np.linalg.norm(chain[1:, :2], axis=1))
 

@@ -3,9 +3,8 @@
 """A stiff segment: rigid, elastic about the shape it was stiffened in, or yielding."""
 
 from dataclasses import replace
-from math import inf
 
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -14,42 +13,14 @@ from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
 from support.energy_reference import Reference
 from support.flat_arm import made_of
-from support.general_arms import arms, between, FEW, masks, paper_like, pulls
+from support.general_arms import arms, FEW, masks, paper_like, pulls
+from support.paper_arm import only
 
 BOTH_SLACK = (SLACK, SLACK)
 TABLE = MomentCurvature((0.0, 2.0, 6.0), (0.0, 400.0, 800.0))  # stiffer than any random segment
-JAMS = st.sampled_from([
-    Jam(), Jam(1.5), Jam(8.0), Jam(200.0), Jam(law=TABLE), Jam(8.0, yield_moment=0.02),
-    Jam(law=TABLE, yield_moment=0.05), Jam(8.0, stiffness_exponent=0.5)])
-
-
-def only(segment, segments):
-    return tuple(i == segment for i in range(segments))
-
-
-def angles(statics, state):
-    return state.bending_angles
 
 
 # Stiffening
-
-@FEW
-@given(arms(jam=JAMS, stretch=True), st.data())
-def test_stiffening_at_rest_moves_nothing(arm, data):
-    statics = Statics(arm)
-    soft = data.draw(masks(arm))
-    straight = statics.chain.straight()
-    asked = data.draw(pulls(arm, straight, soft))
-    state = statics.solve(straight, asked, soft)
-    fewer = tuple(free and data.draw(st.booleans()) for free in soft)
-    rigid = [not free and s.jam.rigid for free, s in zip(fewer, arm.segments, strict=True)]
-    assume(not all(rigid))
-    held = statics.solve(state, asked, fewer)
-    assert held.joint_angles == pytest.approx(state.joint_angles, abs=1e-9)
-    # A length to 1e-13 m is a tension to 1e-7 N in the stiffest of these.
-    assert held.tensions == pytest.approx(state.tensions, abs=1e-7)
-    assert not held.jumped
-
 
 def test_a_rigid_arm_keeps_the_tension_of_a_tendon_that_stretches():
     # Not overconstrained: the tendon is as long as it was a moment ago, and as taut.
@@ -88,17 +59,6 @@ def test_a_segment_bent_without_vacuum_is_held_where_it_is_when_the_vacuum_comes
 
 
 # Elastic, with ratio K
-
-@FEW
-@given(between(1.05, 60.0), between(-0.8, 0.8), st.sampled_from(['paper', 'second_order']),
-       st.integers(1, 8))
-def test_a_released_segment_springs_back_by_one_part_in_k(ratio, angle, discretisation, bodies):
-    # k q + (K - 1) k (q - q0) = 0 in every joint, so q = (1 - 1/K) q0, whatever bent it.
-    statics = Statics(paper_like(1, Jam(ratio), bodies=bodies, discretisation=discretisation))
-    bent = statics.bend(statics.chain.straight(), 0, angle)
-    held = statics.solve(bent, BOTH_SLACK, (False,))
-    assert held.joint_angles == pytest.approx((1 - 1 / ratio) * bent.joint_angles, abs=1e-10)
-
 
 @FEW
 @given(arms(jam=Jam(7.0), segments=(2, 4)), st.data())
@@ -147,41 +107,6 @@ def test_a_segment_stiffened_straight_is_one_of_k_times_the_stiffness(arm, data)
     assert one.tensions == pytest.approx(other.tensions, abs=1e-8)
 
 
-@st.composite
-def moved(draw, jam, steps=3):
-    """Return (statics, pulls, soft, state) after segments were softened and stiffened in turn."""
-    arm = draw(arms(jam=jam))
-    statics = Statics(arm)
-    state = statics.chain.straight()
-    for _ in range(steps):
-        soft = draw(masks(arm)) if draw(st.booleans()) else (False,) * len(arm.segments)
-        asked = draw(pulls(arm, state, soft, most=0.4))
-        state = statics.solve(state, asked, soft)
-    return statics, asked, soft, state
-
-
-ELASTIC = st.sampled_from([Jam(1.5), Jam(8.0), Jam(200.0), Jam(law=TABLE)])
-YIELDING = st.builds(
-    Jam, st.sampled_from([1.5, 8.0, 60.0]), st.none(), st.sampled_from([0.003, 0.02, 0.1]))
-
-
-@FEW
-@given(moved(jam=st.one_of(ELASTIC, YIELDING)))
-def test_springs_jams_loads_and_tendons_balance_about_the_held_shape(case):
-    statics, _, _, state = case
-    arm = Reference(statics.chain.arm, state.stiff, state.held)
-    assert arm.unbalanced(state.joint_angles, state.tensions) < 1e-9
-
-
-@FEW
-@given(moved(jam=st.one_of(ELASTIC, YIELDING)))
-def test_what_is_solved_again_stays_where_it_is(case):
-    statics, asked, soft, state = case
-    again = statics.solve(state, asked, soft)
-    assert again.joint_angles == pytest.approx(state.joint_angles, abs=1e-9)
-    assert again.held == pytest.approx(state.held, abs=1e-9)
-
-
 @pytest.mark.parametrize('mounting', np.linspace(-2.4, -0.6, 10))
 def test_jams_that_yield_back_and_forth_on_a_long_way_are_in_balance_at_its_end(mounting):
     # From straight, weight and tendon turn the arm so far that it is followed in small steps.
@@ -222,15 +147,6 @@ def test_above_its_limit_the_held_shape_creeps_and_the_jam_bears_just_the_limit(
     crept = state.held - start.joint_angles
     assert np.all(crept > 1e-3)
     assert moments == pytest.approx(0.05, rel=1e-12)
-
-
-@FEW
-@given(moved(jam=YIELDING, steps=4))
-def test_no_jam_ever_bears_more_than_its_limit(case):
-    statics, _, _, state = case
-    arm = statics.chain.arm
-    limits = np.repeat([s.jam.yield_moment for s in arm.segments], arm.bodies_per_segment + 1)
-    assert np.all(np.abs(jam_moments(statics, state)) <= limits * (1 + 1e-9))
 
 
 def test_unloading_after_yield_is_elastic_and_the_set_remains():
@@ -306,25 +222,6 @@ def test_a_large_step_of_an_arm_whose_jams_all_yield_settles():
 
 # Softening
 
-@FEW
-@given(moved(jam=st.one_of(ELASTIC, YIELDING)))
-def test_a_softened_arm_forgets_the_shapes_it_was_held_in(case):
-    statics, _, _, state = case
-    all_soft = (True,) * len(statics.chain.arm.segments)
-    free = statics.solve(state, BOTH_SLACK, all_soft)
-    never = statics.solve(statics.chain.straight(), BOTH_SLACK, all_soft)
-    assert free.joint_angles == pytest.approx(never.joint_angles, abs=1e-9)
-
-
-@pytest.mark.parametrize('jam', [Jam(), Jam(4.0), Jam(4.0, yield_moment=0.01)])
-def test_softened_weightless_springs_are_straight(jam):
-    statics = Statics(paper_like(3, jam))
-    state = statics.solve(statics.chain.straight(), (0.02, SLACK), only(0, 3))
-    state = statics.solve(state, (SLACK, 0.02), only(2, 3))
-    state = statics.solve(state, BOTH_SLACK, (True,) * 3)
-    assert state.joint_angles == pytest.approx(0.0, abs=1e-10)
-
-
 @pytest.mark.parametrize('jam', [Jam(), Jam(20.0)])
 def test_bending_one_segment_after_another_does_not_depend_on_what_they_carried(jam):
     # The tension that held segment 1 is more than segment 3 could stand without folding up.
@@ -351,14 +248,7 @@ def test_a_segment_can_be_bent_whatever_was_bent_before(bodies):
             assert np.all(joints * np.sign(angle) > 0.0)  # bent one way, not folded
 
 
-def test_an_infinite_ratio_is_the_papers_rigid_segment():
-    assert Jam().rigid
-    assert Jam().ratio == inf
-    assert not Jam(5.0).rigid
-    assert not Jam(law=TABLE).rigid
-
-
-@pytest.mark.parametrize('ratio', [1e6, 1e9, 1e12])
+@pytest.mark.parametrize('ratio', [1e6, 1e12])
 @pytest.mark.parametrize('gravity', [0.0, 9.80665])
 def test_a_very_stiff_jam_is_as_good_as_rigid(ratio, gravity):
     shapes = []

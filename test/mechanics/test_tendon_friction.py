@@ -3,23 +3,20 @@
 """Friction at the guides: the Capstan formula, and what it does to the shape."""
 
 from dataclasses import replace
-from math import exp, nan, radians
+from math import exp, radians
 
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from references.elastica import Elastica
 from soft_continuum.mechanics import (
     LEFT,
     Linearisation,
     RIGHT,
-    set_shape,
     SLACK,
     Statics,
 )
-from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.plane.joints import tension_ratios
 from support.energy_reference import Reference
@@ -121,30 +118,25 @@ def test_a_tendon_turns_in_discs_that_lead_it_inwards_as_well():
 # Shapes
 
 @FEW
-@given(arms(friction=True, segments=(1, 4), jam=st.sampled_from([Jam(), Jam(5.0)])), st.data(),
+@given(arms(friction=True, stretch=True, segments=(1, 4),
+            jam=st.sampled_from([Jam(), Jam(5.0)])), st.data(),
        st.sampled_from([(1, 1), (-1, -1), (1, -1), (-1, 1), (1, 0)]))
-def test_an_arm_with_friction_is_in_balance(arm, data, sliding):
+def test_an_arm_with_friction_is_in_balance_and_stays_so(arm, data, sliding):
     statics = Statics(arm)
     straight = statics.chain.straight()
     soft = tuple(s == 0 or data.draw(st.booleans()) for s in range(len(arm.segments)))
-    asked = data.draw(pulls(arm, straight, soft, most=0.4))
+    asked = data.draw(pulls(arm, straight, soft, most=0.4, both=True))
     state = statics.solve(straight, asked, soft, sliding=sliding)
     turned = wrapped(arm, state.joint_angles)
     ratios = np.exp(-arm.tendons[0].friction * np.array(sliding)[:, None] * turned)
     reference = Reference(arm, state.stiff, state.held)
     assert reference.unbalanced(state.joint_angles, state.tensions, ratios) < 1e-9
-
-
-@pytest.mark.parametrize('gravity', [0.0, 9.80665])
-def test_both_tendons_taut_with_friction_are_in_balance(gravity):
-    statics = rough(3, 0.2, 2e3, gravity=gravity, mounting_angle=2.5)
-    sliding = (1, -1)
-    state = statics.solve(statics.chain.straight(), (0.03, -0.02), (True,) * 3, sliding=sliding)
-    assert np.all(state.tensions > 0.0)
-    turned = wrapped(statics.chain.arm, state.joint_angles)
-    ratios = np.exp(-0.2 * np.array(sliding)[:, None] * turned)
-    reference = Reference(statics.chain.arm)
-    assert reference.unbalanced(state.joint_angles, state.tensions, ratios) < 1e-9
+    again = statics.solve(state, asked, soft, sliding=sliding)
+    # A given tension is the one at the base.
+    driven = statics.solve_tensions(state, state.tensions, soft, sliding=sliding)
+    for other in (again, driven):
+        assert other.joint_angles == pytest.approx(state.joint_angles, abs=1e-8)
+        assert other.tensions == pytest.approx(state.tensions, abs=1e-7)
 
 
 def test_six_segments_that_turn_the_tip_past_180_degrees_share_the_pull_evenly():
@@ -189,50 +181,13 @@ def test_a_pulled_tendon_needs_more_tension_at_the_base_for_the_same_angle_of_th
     assert let_out.tensions[RIGHT] == pytest.approx(rest.tensions[RIGHT] * exp(-0.3 * turned))
 
 
-def test_without_a_coefficient_the_direction_does_not_matter():
-    statics = rough(3, 0.0)
+def test_without_a_coefficient_the_direction_does_not_matter_nor_friction_at_rest():
+    smooth = [(rough(3, 0.0), sliding) for sliding in (PULLED, AT_REST, PAID_OUT)]
     states = [statics.solve(statics.chain.straight(), (0.03, SLACK), (True,) * 3, sliding=sliding)
-              for sliding in (PULLED, AT_REST, PAID_OUT)]
+              for statics, sliding in (*smooth, (rough(3, 0.3), AT_REST))]
     for state in states[1:]:
         assert np.array_equal(state.joint_angles, states[0].joint_angles)
         assert np.array_equal(state.tensions, states[0].tensions)
-
-
-def test_a_tendon_at_rest_has_no_direction_and_no_loss():
-    with_, without = rough(3, 0.3), rough(3, 0.0)
-    one, other = (s.solve(s.chain.straight(), (0.03, SLACK), (True,) * 3, sliding=AT_REST)
-                  for s in (with_, without))
-    assert np.array_equal(one.joint_angles, other.joint_angles)
-
-
-def test_a_small_coefficient_is_a_small_change():
-    smooth = rough(3, 0.0)
-    apart = []
-    for friction in (1e-2, 1e-3, 1e-4):
-        statics = rough(3, friction)
-        one, other = (s.solve(s.chain.straight(), (0.03, SLACK), (True,) * 3, sliding=PULLED)
-                      for s in (statics, smooth))
-        apart.append(np.abs(one.joint_angles - other.joint_angles).max())
-    assert apart[0] / apart[1] == pytest.approx(10.0, rel=0.05)
-    assert apart[1] / apart[2] == pytest.approx(10.0, rel=0.05)
-
-
-@pytest.mark.parametrize('sliding', [PULLED, PAID_OUT])
-def test_solved_again_with_the_same_friction_nothing_moves(sliding):
-    statics = rough(3, 0.5, gravity=9.80665, mounting_angle=2.0)
-    state = statics.solve(statics.chain.straight(), (0.02, SLACK), (True,) * 3, sliding=sliding)
-    again = statics.solve(state, (0.02, SLACK), (True,) * 3, sliding=sliding)
-    assert again.joint_angles == pytest.approx(state.joint_angles, abs=1e-9)
-    assert again.tensions == pytest.approx(state.tensions, abs=1e-8)
-
-
-def test_a_given_tension_is_the_one_at_the_base():
-    statics = rough(3, 0.3)
-    state = statics.solve_tensions(statics.chain.straight(), (1.5, 0.0), (True,) * 3,
-                                   sliding=PULLED)
-    ratios = np.exp(-0.3 * wrapped(statics.chain.arm, state.joint_angles))
-    reference = Reference(statics.chain.arm)
-    assert reference.unbalanced(state.joint_angles, (1.5, 0.0), ratios) < 1e-9
 
 
 def test_what_friction_takes_from_the_tension_does_not_stretch_the_tendon():
@@ -248,25 +203,13 @@ def test_what_friction_takes_from_the_tension_does_not_stretch_the_tendon():
     assert asked - state.pulls[RIGHT] == pytest.approx(stretch, rel=0.02)
 
 
-@pytest.mark.parametrize('sliding', [
-    1, (1,), (1, 1, 1), (2, 0), (nan, 0), (0.5, 0)])
+@pytest.mark.parametrize('sliding', [(1,), (2, 0)])
 def test_a_direction_that_is_none_is_refused(sliding):
     statics = rough(2, 0.1)
-    with pytest.raises(ValueError, match='sliding'):
-        statics.solve(statics.chain.straight(), (0.01, SLACK), (True, True), sliding=sliding)
     with pytest.raises(ValueError, match='sliding'):
         statics.commanded_pulls(statics.chain.straight(), sliding)
     with pytest.raises(ValueError, match='sliding'):
         Linearisation(statics, statics.chain.straight(), sliding)
-
-
-def test_the_other_tendon_of_a_mirrored_arm_has_the_mirrored_friction():
-    statics = rough(3, 0.4, gravity=9.80665, mounting_angle=2.0)
-    mirrored = Statics(replace(statics.chain.arm, gravity=mounted(-2.0)))
-    one = statics.solve(statics.chain.straight(), (0.02, SLACK), (True,) * 3, sliding=(1, 0))
-    other = mirrored.solve(mirrored.chain.straight(), (SLACK, 0.02), (True,) * 3, sliding=(0, 1))
-    assert other.joint_angles == pytest.approx(-one.joint_angles, abs=1e-10)
-    assert other.tensions == pytest.approx(one.tensions[::-1], abs=1e-8)
 
 
 @pytest.mark.parametrize('stretch', [np.inf, 2000.0])
@@ -282,17 +225,3 @@ def test_an_arm_bent_to_an_angle_with_friction_has_that_angle_at_those_pulls(str
     assert state.tensions == pytest.approx(bent.tensions, rel=1e-7)
     without = statics.bend(straight, 0, 0.1, soft)
     assert np.abs(without.joint_angles - bent.joint_angles).max() > 1e-4
-
-
-def test_what_knows_no_friction_refuses_it_and_takes_the_arm_without():
-    arm = rough(2, 0.3).chain.arm
-    with pytest.raises(ValueError, match='without_friction'):
-        Elastica(arm)
-    Elastica(arm.without_friction())
-
-
-def test_a_shape_is_set_as_without_friction():
-    statics = rough(2, 0.3)
-    ours, theirs = (set_shape(one, [0.3, -0.2]) for one in (
-        statics, Statics(statics.chain.arm.without_friction())))
-    assert ours.joint_angles == pytest.approx(theirs.joint_angles, abs=1e-9)

@@ -37,6 +37,14 @@ def guides_of(arm):
             for s in range(len(arm.segments))]
 
 
+def path_compliance(arm):
+    """Return by how much a tendon stretches per tension from stepper to tip, straight, m/N."""
+    length = (sum((s.length**2 + (upper - lower)**2)**0.5
+                  for s, (lower, upper) in zip(arm.segments, guides_of(arm), strict=True))
+              + sum(d.height for d in arm.discs) + arm.tendons[0].free_length)
+    return length / arm.tendons[0].axial_stiffness
+
+
 def of_segments(arm, which, **changes):
     """Return a planar arm of some segments of another (0-based), and of the discs above them."""
     offsets = tuple(offset for s in which for offset in guides_of(arm)[s])

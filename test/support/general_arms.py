@@ -11,10 +11,9 @@ from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.arm import Disc, PAPER, SECOND_ORDER, Segment
 from soft_continuum.mechanics.laws import Jam
 from support.flat_arm import flat_arm, guides_of, made_of
-from support.random_arms import between, masks  # noqa: F401  # for the same tests
 
-FEW = settings(max_examples=25, suppress_health_check=[
-    HealthCheck.too_slow, HealthCheck.filter_too_much])
+FEW, MODERATE = (settings(max_examples=examples, suppress_health_check=[
+    HealthCheck.too_slow, HealthCheck.filter_too_much]) for examples in (20, 40))
 
 RIGID = Jam()
 STIFFNESS = (0.0265, 0.0091, 0.0033)  # N m^2, E I of the paper's segments
@@ -28,6 +27,20 @@ def paper_like(segments=3, jam=RIGID, soft_law=None, bodies=5, gravity=0.0, **ch
         [Segment.leaf_spring(0.07, STIFFNESS[i], 0.05, soft_law=soft_law, jam=jam) for i in kinds],
         [(DIAMETER[i] / 2,) * 2 for i in kinds], [Disc(0.03, 0.04)] * (segments + 1),
         bodies_per_segment=bodies, gravity=gravity, **changes)
+
+
+def between(low, high):
+    """Return a strategy for numbers from ``low`` to ``high`` without odd corner values."""
+    return st.integers(0, 1000).map(lambda i: low + (high - low) * i / 1000)
+
+
+@st.composite
+def masks(draw, arm):
+    """Return soft flags with at least one segment soft."""
+    count = len(arm.segments)
+    soft = [draw(st.booleans()) for _ in range(count)]
+    soft[draw(st.integers(0, count - 1))] = True
+    return tuple(soft)
 
 
 @st.composite
@@ -64,11 +77,17 @@ def arms(draw, jam=RIGID, segments=(1, 4), bodies=(1, 5), load=(0.0, 1.0), stret
 
 
 @st.composite
-def pulls(draw, arm, state, soft, most=0.5):
-    """Return pulls of one tendon that turn all soft segments by up to ``most`` rad each."""
+def pulls(draw, arm, state, soft, most=0.5, both=False):
+    """
+    Return pulls of one tendon that turn all soft segments by up to ``most`` rad each.
+
+    both: of two tendons as well, of which one is paid out by up to 30 % more than it follows.
+    """
     moving = soft if any(soft) else (True,) * len(soft)
     reach = sum(min(pair) for pair, free in zip(guides_of(arm), moving, strict=True) if free)
     one = draw(between(-0.2, most)) * reach
+    follow = -abs(one) * draw(between(1.0, 1.3)) - 1e-4 if both and draw(st.booleans()) else SLACK
+    right, left = (float(pull) for pull in state.pulls)
     if draw(st.booleans()):
-        return float(state.pulls[0]) + one, SLACK
-    return SLACK, float(state.pulls[1]) + one
+        return right + one, left + follow
+    return right + follow, left + one
