@@ -1,8 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pulls for a bending in space: the bending is had, with the least tension, by pulling only."""
+"""Pulls for a bending, which is had with the least tension; and shapes, set segment by segment."""
 
 from dataclasses import replace
+from itertools import permutations
 from math import cos, nan, sin
 
 import numpy as np
@@ -18,6 +19,8 @@ from soft_continuum.mechanics import (
 )
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from support import paper_arm as paper
+from support.flat_arm import made_of
+from support.general_arms import paper_like
 from support.spatial_arms import in_space, random_arm, three_segments
 
 ANY = (nan, nan)
@@ -35,8 +38,9 @@ def fit_one(arm, bend, segment=0, **more):
 
 
 @pytest.mark.parametrize('tendons', [3, 4, 6])
-@pytest.mark.parametrize('bend', [(0.6, 0.3), (-0.7, 0.7), (0.0, -1.3)])
-@pytest.mark.parametrize('gravity', [(0.0, 0.0, 9.8), (0.0, 0.0, -9.8), (5.0, 0.0, 3.0)])
+@pytest.mark.parametrize(('bend', 'gravity'), [
+    ((0.6, 0.3), (0.0, 0.0, 9.8)), ((-0.7, 0.7), (0.0, 0.0, -9.8)),
+    ((0.0, -1.3), (5.0, 0.0, 3.0))])
 def test_a_segment_takes_its_bending(tendons, bend, gravity):
     statics, soft, fit = fit_one(three_segments(tendons=tendons, gravity=gravity), bend, 1)
     assert fit.state.bending[1] == pytest.approx(bend, abs=1e-9)
@@ -156,45 +160,64 @@ def test_what_is_no_request_is_refused(wanted, more, words):
 def test_a_hinge_does_not_bend_about_its_other_axis():
     with pytest.raises(ValueError, match='segment 1 does not bend about x'):
         fit_one(in_space(paper.build()), (0.2, 0.3))
+    for arm in (paper.build(), in_space(paper.build())):
+        with pytest.raises(ValueError, match='segment 1 does not bend about x'):
+            set_shape(Statics(arm), SHAPE)
 
 
+# Shapes
+
+MODELS = pytest.mark.parametrize('make', [
+    lambda **more: paper_like(3, gravity=9.80665, **more),
+    lambda **more: three_segments(gravity=(0.0, 0.0, 9.8), **more)], ids=['plane', 'space'])
+
+
+def shape_of(statics):
+    """Return a shape for an arm, (segments, 2) rad."""
+    return SHAPE * (statics.chain.arm.bending_axes)
+
+
+@MODELS
 @pytest.mark.parametrize('order', [(0, 1, 2), (2, 0, 1)])
-@pytest.mark.parametrize('jam', [Jam(), Jam(20.0)])
-def test_a_shape_is_set_in_any_order(order, jam):
-    statics = SpaceStatics(three_segments(jam=jam, gravity=(0.0, 0.0, 9.8)))
-    state = set_shape(statics, SHAPE, order=order)
-    assert state.bending == pytest.approx(SHAPE, abs=1e-8)
+@pytest.mark.parametrize('jam', [Jam(), Jam(3.0), Jam(20.0)])
+def test_a_shape_is_set_in_any_order(make, order, jam):
+    statics = Statics(make(jam=jam))
+    wanted = shape_of(statics)
+    state = set_shape(statics, wanted, order=order)
+    assert state.bending == pytest.approx(wanted, abs=1e-8)
     assert state.stiff == tuple(s != order[-1] for s in range(3))
 
 
-@pytest.mark.parametrize('jam', [Jam(), Jam(8.0)])
-def test_a_planar_arm_is_set_as_that_of_hinges_is(jam):
-    flat = paper.build(bodies_per_segment=4)
-    flat = replace(flat, segments=tuple(replace(s, jam=jam) for s in flat.segments))
-    wanted = np.column_stack([np.zeros(3), (0.6, -0.3, 0.5)])
-    planar, hinges = (set_shape(statics, wanted, order=(0, 2, 1)) for statics in (
-        Statics(flat), SpaceStatics(flat)))
-    for state in (planar, hinges):
-        assert state.bending == pytest.approx(wanted, abs=1e-8)
-    assert planar.backbone == pytest.approx(hinges.backbone, abs=1e-8)
-    for arm in (Statics(flat), SpaceStatics(flat)):
-        with pytest.raises(ValueError, match='segment 1 does not bend about x'):
-            set_shape(arm, wanted[:, ::-1])
+def test_weightless_the_order_does_not_matter():
+    statics = Statics(paper_like(3))
+    first, *others = (set_shape(statics, (0.6, -0.4, 0.5), order=order).joint_angles
+                      for order in permutations(range(3)))
+    for shape in others:
+        assert shape == pytest.approx(first, abs=1e-9)
 
 
-def test_a_segment_that_has_its_bending_is_left_alone():
-    statics = SpaceStatics(three_segments())
-    start = set_shape(statics, SHAPE)
-    wanted = SHAPE * [[1.0], [-1.0], [1.0]]
+@MODELS
+def test_a_segment_that_has_its_bending_is_left_alone(make):
+    statics = Statics(make())
+    start = set_shape(statics, shape_of(statics))
+    wanted = shape_of(statics) * [[1.0], [-1.0], [1.0]]
     state = set_shape(statics, wanted, start)
     assert state.bending == pytest.approx(wanted, abs=1e-8)
-    assert np.allclose(state.joint_angles[:5],
-                       start.joint_angles[:5], atol=1e-14)
+    others = np.repeat([True, False, True], statics.chain.joints_per_segment)
+    assert state.joint_angles[others] == pytest.approx(start.joint_angles[others], abs=1e-14)
 
 
-def test_a_shape_of_the_wrong_size_or_order_is_refused():
-    statics = SpaceStatics(three_segments())
-    with pytest.raises(ValueError, match='two finite numbers'):
-        set_shape(statics, [(0.1, 0.2)])
-    with pytest.raises(ValueError, match='order must name'):
-        set_shape(statics, SHAPE, order=(0, 3))
+@MODELS
+@pytest.mark.parametrize(('bending', 'order', 'words'), [
+    *((wrong, None, 'two finite numbers|must be numbers') for wrong in (
+        (0.1,), [(0.1, 0.2)], (0.1, 0.1, 0.1, 0.9), (0.0, nan, 0.1), (0.1, 'a', 0.1))),
+    *((0.0 * SHAPE, wrong, 'order') for wrong in ((0, 5), (-1,), (0, 0), (0.5,)))])
+def test_what_is_no_shape_or_order_is_refused(make, bending, order, words):
+    with pytest.raises(ValueError, match=words):
+        set_shape(Statics(make()), bending, order=order)
+
+
+def test_a_shape_is_set_as_without_friction():
+    arm = paper_like(2, tendon=made_of(friction=0.3))
+    ours, theirs = (set_shape(Statics(one), [0.3, -0.2]) for one in (arm, arm.without_friction()))
+    assert ours.joint_angles == pytest.approx(theirs.joint_angles, abs=1e-9)
