@@ -15,7 +15,7 @@ Tendons touch discs only, so their part of n is constant along a segment.  All s
 mapped to 0..1 and solved at once, as one boundary value problem by collocation.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -34,7 +34,6 @@ JUST_TAUT = 1e-10  # m by which a slack tendon may come out too short
 SAME_BRANCH = 0.35  # rad: a tangent further from the chain's is not the equilibrium looked for
 INTERVALS = 40  # of the first mesh
 MAX_NODES = 5000
-SAMPLES = 65  # of the backbone in each soft segment
 SIDES = np.array([[1.0], [-1.0]])  # right, left
 
 Mask = NDArray[np.bool_]
@@ -47,9 +46,8 @@ class Rod:
 
     points: (2 * discs, 3), x and z in m and tangent angle in rad at the calculation points, as
     PlaneChain.points.  bending_angles: (segments,) rad.  tensions, pulls, slack: (2,) in N, m and
-    m of the right and left tendon, as in Equilibrium.  backbone: (samples, 3), as points, from the
-    top of the base disc to the tip, with both ends of every segment.  residual: largest relative
-    residual of the differential equations (rms over a mesh interval) and of the end conditions.
+    m of the right and left tendon, as in Equilibrium.  residual: largest relative residual of the
+    differential equations (rms over a mesh interval) and of the end conditions.
     """
 
     points: Array
@@ -57,7 +55,6 @@ class Rod:
     tensions: Array
     pulls: Array
     slack: Array
-    backbone: Array
     residual: float
 
 
@@ -93,7 +90,7 @@ class Elastica:
         if not mask.any():
             q = guess.joint_angles
             return Rod(self.chain.points(q), self.chain.bending_angles(q), guess.tensions,
-                       guess.pulls, guess.slack, self.chain.backbone(q), 0.0)
+                       guess.pulls, guess.slack, 0.0)
         failure = StaticsError('with every set of taut tendons that balances the rods a tendon '
                                'has to push or another one is too short', guess)
         target = np.array(pulls, dtype=float)
@@ -169,9 +166,9 @@ class _Problem:
         spans = self._rod_spans(found.y[:, 0].reshape(4, rods), found.y[:, -1].reshape(4, rods))
         lengths = self.held_length + _lengths(spans)
         slack = np.where(self.taut, 0.0, np.maximum(self.target - lengths, 0.0))
-        backbone, points = self._shape(found.sol)
+        points = self._points(found.sol(1.0))
         return Rod(points, points[2::2, 2] - points[1:-1:2, 2], self._tensions(found.p),
-                   self.chain.straight_paths - lengths, slack, backbone,
+                   self.chain.straight_paths - lengths, slack,
                    float(max(missed, found.rms_residuals.max())))
 
     def _rates(self, s: Array, y: Array, p: Array) -> Array:
@@ -258,30 +255,26 @@ class _Problem:
         parameters = np.append(force, self.guess.tensions[self.taut])
         return mesh, functions.reshape(-1, mesh.size), parameters
 
-    def _shape(self, rods: Callable[[Array], Array]) -> tuple[Array, Array]:
-        """Return backbone and calculation points from the rods' unknown functions."""
+    def _points(self, upper: Array) -> Array:
+        """Return the calculation points from the unknown functions at the rods' upper ends."""
         discs, joints = self.chain.arm.discs, self.chain.joints_per_segment
-        theta, _, x, z = rods(np.linspace(0.0, 1.0, SAMPLES)).reshape(4, -1, SAMPLES)
-        along = self.length[:, None]
-        runs = iter(np.stack([x * along, z * along, theta], axis=2))
+        theta, _, x, z = upper.reshape(4, -1)
+        rods = iter(np.stack([x * self.length, z * self.length, theta], axis=1))
         at = np.array([0.0, discs[0].height, 0.0])
-        backbone, points = [at[None]], [np.zeros(3), at]
+        points = [np.zeros(3), at]
         for k, bend in enumerate(self.guess.bending_angles):
             if self.soft[k]:
-                run = next(runs)
-                tangent = run[-1, 2]
+                run_x, run_z, tangent = next(rods)
             else:  # the polyline, turned about +y
                 held = self.backbone[k * joints:(k + 1) * joints]
                 turn, tangent = at[2] - held[0, 2], at[2] + bend
-                sine, cosine = np.sin(turn), np.cos(turn)
-                run = held @ np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
-                run[:, 2] += turn
-            run[:, :2] += at[:2] - run[0, :2]
-            bottom = np.array([run[-1, 0], run[-1, 1], tangent])
+                along_x, along_z = held[-1, :2] - held[0, :2]
+                run_x = along_x * np.cos(turn) + along_z * np.sin(turn)
+                run_z = along_z * np.cos(turn) - along_x * np.sin(turn)
+            bottom = np.array([at[0] + run_x, at[1] + run_z, tangent])
             at = bottom + discs[k + 1].height * np.array([np.sin(tangent), np.cos(tangent), 0.0])
-            backbone += [run[1:], at[None]]
             points += [bottom, at]
-        return np.concatenate(backbone), np.array(points)
+        return np.array(points)
 
 
 def _spans(guides: Array, run: Array, below: Array, above: Array) -> Array:
