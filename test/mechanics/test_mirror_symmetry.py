@@ -3,9 +3,8 @@
 """Left is right in a mirror: every call of the public interface gives mirror images."""
 
 from dataclasses import replace
-from math import pi
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -62,8 +61,8 @@ def assert_images(state, other):
         assert ours == pytest.approx(theirs, abs=1e-6, rel=rel, nan_ok=True)
 
 
-@settings(FEW, max_examples=30)
-@given(arms(jam=JAMS, segments=(1, 3), bodies=(1, 3), stretch=True), st.data())
+@FEW
+@given(arms(jam=JAMS, segments=(1, 3), bodies=(1, 3), stretch=True, friction=True), st.data())
 def test_statics_of_a_random_arm(arm, data):
     one, other = Statics(arm), Statics(mirrored(arm))
     states = one.chain.straight(), other.chain.straight()
@@ -94,13 +93,13 @@ def test_statics_of_a_random_arm(arm, data):
             assert ours == pytest.approx(-theirs[:, ::-1], rel=1e-3, abs=1e-3)
 
 
-@pytest.mark.parametrize('mounting', [0.0, pi, 2.0])
+@pytest.mark.parametrize('mounting', [0.0, 2.0])
 def test_both_tendons_pulled_from_straight(mounting):
     arm = paper.build(mounting_angle=mounting)
     one, other = Statics(arm), Statics(mirrored(arm))
     straight, soft = one.chain.straight(), (True,) * 3
     rng = np.random.default_rng(1)
-    asked = np.concatenate([[(1e-3, 0.0), (1e-5, 0.0)], rng.uniform(-0.01, 0.01, (10, 2))])
+    asked = np.concatenate([[(1e-3, 0.0), (1e-5, 0.0)], rng.uniform(-0.01, 0.01, (6, 2))])
     states = []
     for pulls in asked:
         states.append(outcome(one.solve, straight, pulls, soft))
@@ -115,7 +114,7 @@ def test_both_tendons_pulled_from_straight(mounting):
 def test_the_inverse_problems(mounting):
     arm = paper_like(2, Jam(8.0), gravity=9.80665, mounting_angle=mounting)
     one, other = Statics(arm), Statics(mirrored(arm))
-    for angles in ([0.4, -0.3], [0.0, 0.3]):
+    for angles in ([0.4, -0.3],) if mounting else ([0.0, 0.3],):
         back = [-a for a in angles]
         assert_images(set_shape(one, angles), set_shape(other, back))
         there = set_shape(one, angles)
