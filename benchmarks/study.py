@@ -86,6 +86,6 @@ def measured(study: Study, directory: Path, processes: int, killed: bool
 def loaded() -> Any:
     """Load in a worker what units need."""
     from soft_continuum.mechanics.statics import warm_up
-    from soft_continuum.study import sampling
+    from soft_continuum.study import work
     warm_up()
-    return sampling.__name__
+    return work.__name__

@@ -18,9 +18,8 @@ from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
 from soft_continuum.study.design import read_study
 from soft_continuum.study.running import cluster, Results, run, StudyError, workers_of
-from soft_continuum.study.sampling import HELD
 from soft_continuum.study.summary import columns, DRAWN, figure, HEAD, Summary, summary, text_row
-from soft_continuum.study.work import QUERIES, Unit
+from soft_continuum.study.work import HELD, QUERIES, Unit
 
 NAME = 'study'
 ASK_AFTER = 3600.0  # s: a study that takes longer needs consent

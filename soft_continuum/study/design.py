@@ -157,15 +157,14 @@ def _known(name: Any) -> Parameter:
 
 @dataclass(frozen=True, eq=False)
 class _Range:
-    """Values from one number, or list of numbers, to another."""
+    """Values from one number, or array of numbers, to another."""
 
     low: Any
     high: Any
     steps: int
 
     def at(self, part: float) -> Any:
-        mixed = (1.0 - part) * np.asarray(self.low) + part * np.asarray(self.high)
-        return mixed.tolist()
+        return ((1.0 - part) * self.low + part * self.high).tolist()
 
 
 def _candidates(name: Any, how: Any, values: Mapping[str, Value]) -> 'Sequence[Any] | _Range':
@@ -175,53 +174,42 @@ def _candidates(name: Any, how: Any, values: Mapping[str, Value]) -> 'Sequence[A
     Of a name of the user's own they are mappings, each of several parameters.
     """
     if isinstance(how, list) and how and all(isinstance(item, Mapping) for item in how):
-        for item in how:
-            for inner in item:
-                _known(inner)
+        for inner in (inner for item in how for inner in item):
+            _known(inner)
         return how
     base = values[_known(name).name]
-    if isinstance(how, Mapping) and set(how) == {'times'}:
-        inner = how['times']
-        factors = _range(name, inner) if isinstance(inner, Mapping) else inner
-        numbers = np.asarray(base)
-        if numbers.dtype.kind not in 'if' or not numbers.any():
-            raise ParameterError(f'vary: {name} is {base!r} in the description, which no factor '
-                                 'changes; list the values themselves')
-        if isinstance(factors, _Range):
-            return _Range((factors.low * numbers).tolist(), (factors.high * numbers).tolist(),
-                          factors.steps)
-        return [_times(name, factor, numbers) for factor in _listed(name, factors)]
-    if isinstance(how, Mapping):
-        return _range(name, how)
-    return _listed(name, how)
+    if not isinstance(how, Mapping) or set(how) != {'times'}:
+        return _listed(name, how)
+    factors, numbers = _listed(name, how['times']), np.asarray(base)
+    if numbers.dtype.kind not in 'if' or not numbers.any():
+        raise ParameterError(f'vary: {name} is {base!r} in the description, which no factor '
+                             'changes; list the values themselves')
+    if isinstance(factors, _Range):
+        return _Range(factors.low * numbers, factors.high * numbers, factors.steps)
+    for factor in factors:
+        if isinstance(factor, bool) or not isinstance(factor, int | float):
+            raise ParameterError(f'vary: {name}: times has {factor!r}; numbers are needed')
+    return [(factor * numbers).tolist() for factor in factors]
 
 
-def _times(name: str, factor: Any, numbers: Any) -> Any:
-    if isinstance(factor, bool) or not isinstance(factor, int | float):
-        raise ParameterError(f'vary: {name}: times has {factor!r}; numbers are needed')
-    return (factor * numbers).tolist()
-
-
-def _listed(name: str, values: Any) -> Sequence[Any]:
-    if not isinstance(values, list) or not values:
-        raise ParameterError(f'vary: {name} is {printable(repr(values))}; allowed: a list of the '
+def _listed(name: str, how: Any) -> 'Sequence[Any] | _Range':
+    """Return the values of a list, or the range of a mapping."""
+    if isinstance(how, list) and how:
+        return how
+    if not isinstance(how, Mapping):
+        raise ParameterError(f'vary: {name} is {printable(repr(how))}; allowed: a list of the '
                              'values to take, {from, to, steps}, or {times: either of these}')
-    return values
-
-
-def _range(name: str, how: Mapping[Any, Any]) -> _Range:
     steps = how.get('steps', 2)
-    low, high = how.get('from'), how.get('to')
     try:
-        ends = [np.asarray(end, dtype=float) for end in (low, high)]
-        fits = ends[0].shape == ends[1].shape and all(np.isfinite(end).all() for end in ends)
+        low, high = (np.asarray(how.get(key), dtype=float) for key in RANGE[:2])
+        fits = low.shape == high.shape and np.isfinite([low, high]).all()
     except (TypeError, ValueError):
         fits = False
     if (not fits or set(how) - set(RANGE) or isinstance(steps, bool)
             or not isinstance(steps, int) or not 2 <= steps <= MAX_DESIGNS):
         raise ParameterError(f'vary: {name} is {printable(repr(dict(how)))}; allowed: from and '
                              'to, numbers or lists of as many numbers, and steps, 2 or more')
-    return _Range(np.asarray(low, dtype=float), np.asarray(high, dtype=float), steps)
+    return _Range(low, high, steps)
 
 
 def _grid(varied: Mapping[str, 'Sequence[Any] | _Range']) -> Iterator[tuple[Any, ...]]:
@@ -268,6 +256,5 @@ def described(varied: Mapping[str, Value]) -> str:
 
 def _short(value: Value) -> str:
     if isinstance(value, tuple):
-        every = value[:1] if len(set(value)) == 1 else value
-        return ' '.join(_short(one) for one in every)
+        return ' '.join(map(_short, value[:1] if len(set(value)) == 1 else value))
     return f'{value:.4g}' if isinstance(value, float) else str(value)

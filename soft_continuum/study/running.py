@@ -7,6 +7,7 @@ Every unit is a Parquet file of its own below ``parts``, written whole or not at
 is interrupted goes on where it was, and a worker that dies costs the unit that it had.
 """
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import islice
@@ -65,14 +66,14 @@ class Results:
 
     def missing(self) -> list[Unit]:
         """Return the units that are still to be computed, in order."""
-        there = {path.stem for path in self._parts.glob('*.parquet')}
-        return [unit for unit in units(self.study) if unit.name not in there]
+        there = set(self._parts.iterdir())
+        return [unit for unit in units(self.study) if self._part(unit) not in there]
 
     def keep(self, unit: Unit, rows: dict[str, list[Any]]) -> None:
         """Write what a unit gave."""
         import pyarrow as pa
         import pyarrow.parquet as pq
-        with written_whole(self._parts / f'{unit.name}.parquet') as path:
+        with written_whole(self._part(unit)) as path:
             pq.write_table(pa.table(rows), path)
 
     def tables(self, kind: str = SHAPES, only: Collection[int] | None = None
@@ -88,35 +89,34 @@ class Results:
             if only is None or number in only:
                 yield number, pa.concat_tables([pq.read_table(path) for path in paths])
 
+    def _part(self, unit: Unit) -> Path:
+        return self._parts / f'{unit.name}.parquet'
+
     def _paths(self, kind: str) -> dict[int, list[Path]]:
         """Return the parts of each design that were computed, in order."""
-        there = {path.stem for path in self._parts.glob('*.parquet')}
+        there = set(self._parts.iterdir())
         found: dict[int, list[Path]] = {}
         for unit in units(self.study):
-            if unit.kind == kind and unit.name in there:
-                found.setdefault(unit.design, []).append(self._parts / f'{unit.name}.parquet')
+            if unit.kind == kind and self._part(unit) in there:
+                found.setdefault(unit.design, []).append(self._part(unit))
         return found
 
     def join(self) -> list[Path]:
         """Write all rows, sorted by design and number, a file for each kind; return the paths."""
-        kinds = (SHAPES, QUERIES) if self.study.queries else (SHAPES,)
-        return [self._join(kind) for kind in kinds]
-
-    def _join(self, kind: str) -> Path:
         import pyarrow as pa
         import pyarrow.parquet as pq
-        path = self._directory / f'{kind}.parquet'
-        names: dict[str, Any] = {}
-        for first, *_ in self._paths(kind).values():  # arms may have other numbers of segments
-            names |= {field.name: field.type for field in pq.read_schema(first)}
-        schema = pa.schema(list(names.items()))
-        with written_whole(path) as partial, pq.ParquetWriter(partial, schema) as writer:
-            for _, table in self.tables(kind):
-                writer.write_table(pa.table({
-                    name: table[name] if name in table.column_names
-                    else pa.nulls(len(table), there)
-                    for name, there in names.items()}, schema))
-        return path
+        joined = []
+        for kind in (SHAPES, QUERIES) if self.study.queries else (SHAPES,):
+            path = self._directory / f'{kind}.parquet'
+            # Arms may have other numbers of segments: what one has not is null.
+            schema = pa.unify_schemas(
+                [pq.read_schema(first) for first, *_ in self._paths(kind).values()])
+            with written_whole(path) as partial, pq.ParquetWriter(partial, schema) as writer:
+                for _, table in self.tables(kind):
+                    writer.write_table(pa.concat_tables(
+                        [schema.empty_table(), table], promote_options='default'))
+            joined.append(path)
+        return joined
 
 
 @contextmanager
@@ -126,8 +126,17 @@ def cluster(processes: int, address: str = '') -> Iterator[Any]:
 
     Raises StudyError when nothing is there, or its workers have another version of this package.
     """
-    distributed = _dask()
     import dask
+    distributed = _dask()
+
+    class Deaf(_dask().WorkerPlugin):  # type: ignore[misc]
+        """Workers of a terminal leave Ctrl-C to the process that started them."""
+
+        name = 'deaf to interrupts'
+
+        def setup(self, worker: Any) -> None:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
     with dask.config.set({'distributed.scheduler.allowed-failures': MAX_LOST,
                           'distributed.comm.timeouts.connect': f'{CONNECT_TIMEOUT}s',
                           'distributed.logging.distributed': 'critical'}):
@@ -136,7 +145,7 @@ def cluster(processes: int, address: str = '') -> Iterator[Any]:
                     n_workers=processes, threads_per_worker=1, dashboard_address='127.0.0.1:0',
                     host='127.0.0.1', silence_logs=logging.CRITICAL) as local,
                   distributed.Client(local) as client):
-                client.register_plugin(_deaf_to_interrupts())
+                client.register_plugin(Deaf())
                 yield client
             return
         try:
@@ -150,31 +159,16 @@ def cluster(processes: int, address: str = '') -> Iterator[Any]:
             except TimeoutError:
                 raise StudyError(f'the scheduler at {address} has no workers; start some with '
                                  f'`dask worker {address}`') from None
-            _check_workers(client)
+            try:
+                theirs = client.run(version)
+            except ImportError as error:
+                raise StudyError(f'the workers have no {error.name}; install '
+                                 'soft_continuum[study] where they run') from None
+            if other := sorted(worker for worker, found in theirs.items() if found != version()):
+                raise StudyError(f'another version of soft_continuum runs on {", ".join(other)}; '
+                                 'install the same everywhere: else the numbers depend on who '
+                                 'computes them')
             yield client
-
-
-def _deaf_to_interrupts() -> Any:
-    """Return what lets workers of a terminal leave Ctrl-C to the process that started them."""
-    class Deaf(_dask().WorkerPlugin):  # type: ignore[misc]
-        name = 'deaf to interrupts'
-
-        def setup(self, worker: Any) -> None:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    return Deaf()
-
-
-def _check_workers(client: Any) -> None:
-    try:
-        theirs = client.run(version)
-    except ImportError as error:
-        raise StudyError(f'the workers have no {error.name}; install soft_continuum[study] where '
-                         'they run') from None
-    other = sorted(worker for worker, found in theirs.items() if found != version())
-    if other:
-        raise StudyError(f'another version of soft_continuum runs on {", ".join(other)}; install '
-                         'the same everywhere: else the numbers depend on who computes them')
 
 
 def workers_of(client: Any) -> int:
@@ -190,7 +184,7 @@ def run(client: Any, results: Results, todo: Sequence[Unit]) -> Iterator[tuple[U
     again and again.
     """
     distributed = _dask()
-    left, lost = iter(todo), dict[Unit, int]()
+    left, lost = iter(todo), Counter[Unit]()
     waiting = distributed.as_completed()
     running: dict[Any, Unit] = {}
 
@@ -207,7 +201,7 @@ def run(client: Any, results: Results, todo: Sequence[Unit]) -> Iterator[tuple[U
         try:
             rows, took = future.result()
         except distributed.KilledWorker:
-            lost[unit] = lost.get(unit, 0) + 1
+            lost[unit] += 1
             if lost[unit] > MAX_LOST:
                 raise StudyError(f'every worker that computed unit {unit.name} died; have they '
                                  'enough memory?') from None
@@ -215,6 +209,5 @@ def run(client: Any, results: Results, todo: Sequence[Unit]) -> Iterator[tuple[U
             continue
         results.keep(unit, rows)
         yield unit, took
-        following = next(left, None)
-        if following is not None:
+        for following in islice(left, 1):
             submit(following)

@@ -9,6 +9,7 @@ every cell that can be reached has been met: compare designs with as many shapes
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,7 @@ import numpy as np
 from soft_continuum.analysis.figures import DPI, new_figure, new_panels
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.study.design import described, Design
-from soft_continuum.study.queries import FOUND, NONE
-from soft_continuum.study.sampling import FALLS, HELD
+from soft_continuum.study.work import FALLS, FOUND, HELD, NONE
 
 CELLS = 25
 """Cells along the length of the arm."""
@@ -65,41 +65,31 @@ def summary(design: Design, table: Any, asked: Any = None) -> Summary:
     held = outcome == HELD
     tips, pointing = (np.column_stack([table[f'{name}{axis}'].to_numpy() for axis in 'xyz'])[held]
                       for name in ('', 'pointing_'))
-    tension = table['tension'].to_numpy()[held]
+    tension = np.append(table['tension'].to_numpy()[held], [] if held.any() else [nan])
     cells = np.floor(tips / cell_size(arm)).astype(int)
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    found, cell = np.unique(cells, axis=0, return_inverse=True)
     cell = cell.ravel()
-    count = int(cell.max(initial=-1)) + 1
-    seen = np.zeros((count, SECTORS), dtype=bool)
-    seen[cell, _sector(arm, pointing)] = True
-    fewest = np.full(count, np.inf)
+    seen = np.zeros((len(found), SECTORS), dtype=bool)
+    turns = arm.pose_axes[3:].sum()
+    seen[cell, np.argmax(pointing @ (CORNERS if turns > 1 else AROUND).T, axis=1)] = True
+    fewest = np.full(len(found), np.inf)
     np.minimum.at(fewest, cell, table['softenings'].to_numpy()[held])
+    answered, queries, softenings = 0, 0, nan
+    if asked is not None:
+        of_query = np.array(asked['outcome'].to_pylist())
+        answered, queries = (of_query == FOUND).sum(), (of_query != NONE).sum()
+        softenings = asked['softenings'].to_numpy()[of_query == FOUND].mean() if answered else nan
     return Summary(
         design, len(outcome), float(held.mean()), float((outcome == FALLS).mean()),
-        count * cell_size(arm)**len(arm.axes), float(seen.mean()) if count else 0.0,
-        float(np.median(tension)) if len(tension) else float('nan'),
-        float(tension.max()) if len(tension) else float('nan'),
-        float(fewest.mean()) if count else float('nan'), *_answered(asked))
-
-
-def _answered(asked: Any) -> tuple[float, float]:
-    """Return the part of the queries that were answered, and the mean of their softenings."""
-    outcome = np.array(asked['outcome'].to_pylist() if asked is not None else [])
-    found, count = outcome == FOUND, int((outcome != NONE).sum())
-    if not count:
-        return float('nan'), float('nan')
-    softenings = asked['softenings'].to_numpy()[found]
-    return float(found.sum()) / count, float(softenings.mean()) if found.any() else float('nan')
+        len(found) * cell_size(arm)**len(arm.axes), float(seen.mean()) if len(found) else 0.0,
+        float(np.median(tension)), float(tension.max()),
+        float(fewest.mean()) if len(found) else nan,
+        float(answered / queries) if queries else nan, float(softenings))
 
 
 def cell_size(arm: Arm) -> float:
     """Return the side (m) of the cells in which tips are counted."""
     return float(arm.length) / CELLS
-
-
-def _sector(arm: Arm, pointing: Array) -> Any:
-    turns = arm.pose_axes[3:].sum()
-    return np.argmax(pointing @ (CORNERS if turns > 1 else AROUND).T, axis=1)
 
 
 HEAD = ('design', 'held %', 'falls %', 'reach', 'dexterity %', 'tension N', 'worst N',
@@ -119,13 +109,12 @@ def text_row(one: Summary) -> list[str]:
 
 def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:
     """Return all summaries as a table, SI: what was varied, as text where it is a list."""
-    names = list(dict.fromkeys(name for one in found for name in one.design.varied))
     rows: dict[str, list[Any]] = {'design': [one.design.number for one in found]}
-    for name in names:
+    for name in dict.fromkeys(name for one in found for name in one.design.varied):
         values = [one.design.varied[name] for one in found]
         rows[name] = [str(list(v)) if isinstance(v, tuple) else v for v in values]
     return rows | {field.name: [getattr(one, field.name) for one in found]
-                   for field in fields(Summary) if field.name != 'design'}
+                   for field in fields(Summary)[1:]}
 
 
 def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
@@ -141,16 +130,15 @@ def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
     for axes, one, points in zip(panels, widest, tips, strict=False):
         axes.plot(1e3 * points[:, 0], 1e3 * points[:, 2], '.', color='0.2', markersize=2.0)
         axes.set_title(f'design {one.design.number + 1}')
-    numbers = [one.design.number + 1 for one in found]
-    axes_of = [len(one.design.arm.axes) for one in found]
+    sizes = [len(one.design.arm.axes) for one in found]
     for axes, (values, label) in zip(below.subplots(1, 4), (
-            ([1e2**count * one.reach for count, one in zip(axes_of, found, strict=True)],
-             f'reach in {"cm2" if max(axes_of) == 2 else "cm3 (or cm2)"}'),
+            ([1e2**size * one.reach for size, one in zip(sizes, found, strict=True)],
+             f'reach in {"cm2" if max(sizes) == 2 else "cm3 (or cm2)"}'),
             ([100.0 * one.dexterity for one in found], 'dexterity in %'),
             ([one.worst_tension for one in found], 'largest tension in N'),
             ([100.0 * one.held for one in found], 'shapes held in %')), strict=True):
-        axes.plot(numbers, values, 'o-', color='0.2', markersize=3.0)
-        axes.set_xlabel('design')
-        axes.set_ylabel(label)
+        axes.plot([one.design.number + 1 for one in found], values, 'o-', color='0.2',
+                  markersize=3.0)
+        axes.set(xlabel='design', ylabel=label)
         axes.grid(alpha=0.3)
     picture.savefig(path, dpi=DPI)
