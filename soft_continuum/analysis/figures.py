@@ -1,18 +1,22 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the arm."""
+"""Figures of the arm, of obstacles around it, and of an arm that was just described."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 import scipy
 
+from soft_continuum.colours import OBSTACLE
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.orientations import matrices
+from soft_continuum.mechanics.statics import Statics
+from soft_continuum.obstacles import Box, Capsule, Mesh, Obstacle, Sphere
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,6 +27,10 @@ RING = 41  # points of the rim of a disc
 SOFT = 'tab:orange'
 DASHES = ('-', '--')  # of two tendons
 IN_SPACE = '3d'
+ROUND = 24  # corners of a circle
+OBSTACLE_COLOUR = tuple(channel / 255 for channel in OBSTACLE)
+FLAT_OPACITY, OPACITY = 0.5, 0.2
+LABELS = 1.45  # times the distance of a tendon from the backbone: where its name is
 
 
 def projection_of(arm: Arm) -> str | None:
@@ -66,8 +74,7 @@ def draw_arm(axes: Any, state: Equilibrium, soft: Collection[int] | None = None)
     axes.plot(*(1e3 * state.poses[:, seen]).T, 'o', color='black', markersize=3.5,
               label='rigid chain, calculation points')
     if flat:
-        axes.set_aspect('equal')
-        axes.set_xlabel('x in mm')
+        axes.set(aspect='equal', xlabel='x in mm')
         axes.grid(alpha=0.3)
         return
     # A cube: a shape that is nearly flat would be drawn in axes as thin as itself.
@@ -80,10 +87,14 @@ def draw_arm(axes: Any, state: Equilibrium, soft: Collection[int] | None = None)
 
 def rim(pose: Array, radius: float) -> Array:
     """Return the edge of a disc, (RING, 3), m; pose (7,), radius in m."""
-    around = np.linspace(0.0, 2.0 * np.pi, RING)
-    edge: Array = pose[:3] + radius * np.column_stack(
-        [np.cos(around), np.sin(around), np.zeros(RING)]) @ matrices(pose[None, 3:])[0].T
+    edge: Array = pose[:3] + radius * _circle(RING) @ matrices(pose[None, 3:])[0].T
     return edge
+
+
+def _circle(corners: int, endpoint: bool = True) -> Array:
+    """Return corners of the unit circle, (corners, 3), in the plane of x and y."""
+    around = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=endpoint)
+    return np.column_stack([np.cos(around), np.sin(around), np.zeros(corners)])
 
 
 def new_figure(width: float, height: float) -> 'Figure':
@@ -103,8 +114,7 @@ def new_panels(rows: int, columns: int, width: float, height: float,
     panels = (part or figure).subplots(
         rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for axes in panels:
-        axes.set_aspect('equal')
-        axes.set_xlabel('x in mm')
+        axes.set(aspect='equal', xlabel='x in mm')
         axes.grid(alpha=0.3)
     for axes in panels[::columns]:
         axes.set_ylabel('z in mm')
@@ -139,3 +149,101 @@ def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[Equilibrium, Arra
                   label='constant curvature')
         axes.set_title(name, y=None if projection is None else 0.96, parse_math=False)
     finish_panels(path, figure, 2 if count == 1 else 5)
+
+
+def bent(arm: Arm, bending_angles: Sequence[float], directions: Sequence[float],
+         jamming: bool) -> Equilibrium:
+    """
+    Return the arm in a shape, by the statics.
+
+    bending_angles, directions: (segments,) rad; no directions: all 0.  jamming: whether segments
+    are set one after the other, or all at once.  Raises StaticsError where no tendons hold it.
+    """
+    from soft_continuum.mechanics.inverse import set_shape
+    state: Equilibrium = set_shape(Statics(arm), bending_vectors(arm, bending_angles, directions),
+                             jamming=jamming)
+    return state
+
+
+def preview_figure(path: str | Path, states: Sequence[tuple[str, Equilibrium]]) -> None:
+    """Write states by their titles as seen from the side, and the tendons at the base; in mm."""
+    figure, panels = new_panels(1, len(states) + 1, 3.6 * (len(states) + 1), 5.0)
+    for axes, (title, state) in zip(panels, states, strict=False):
+        draw_arm(axes, state, ())
+        axes.set_title(title)
+    figure.delaxes(panels[-1])  # the tendons have a scale of their own
+    axes, state = figure.add_subplot(1, len(panels), len(panels)), states[0][1]
+    edge = 1e3 * rim(state.poses[0], state.chain.disc_radii[0])
+    axes.plot(edge[:, 0], edge[:, 1], color='0.6', linewidth=1.2)
+    for name, guides in zip(state.chain.arm.tendon_names, state.tendon_points, strict=True):
+        x, y = 1e3 * guides[0, :2]
+        axes.plot(x, y, 'o', color='0.0', markersize=4)
+        axes.annotate(name, (x, y), (LABELS * x, LABELS * y), ha='center', va='center',
+                      fontsize=7, parse_math=False)
+    axes.set(aspect='equal', title='tendons at the base, from the tip', xlabel='x in mm',
+             ylabel='y in mm')
+    axes.margins(0.35)
+    axes.grid(alpha=0.3)
+    finish_panels(path, figure, 4)
+
+
+def draw_obstacles(axes: Any, obstacles: Iterable[Obstacle], reach: float | None = None) -> None:
+    """
+    Draw obstacles into axes in mm, of 3d or behind an arm that is seen along y.
+
+    reach: such axes then show those within m of the arm; without it their limits stay.
+    """
+    if axes.name == IN_SPACE:
+        if triangles := faces(obstacles):
+            corners = np.vstack(triangles)
+            axes.plot_trisurf(*corners.T, triangles=np.arange(len(corners)).reshape(-1, 3),
+                              color=OBSTACLE_COLOUR, alpha=OPACITY)
+    elif polygons := outlines(obstacles):
+        from matplotlib.collections import PolyCollection
+        axes.add_collection(PolyCollection(
+            polygons, facecolor=OBSTACLE_COLOUR, alpha=FLAT_OPACITY, edgecolor='none', zorder=0.5),
+            autolim=False)
+        if reach is not None:
+            axes.update_datalim(np.clip(np.vstack(polygons), -1e3 * reach, 1e3 * reach))
+            axes.autoscale_view()
+
+
+def outlines(obstacles: Iterable[Obstacle]) -> list[Array]:
+    """Return obstacles as seen along y: polygons (n, 2), x and z, mm."""
+    return [_outline(part[:, ::2]) for one in obstacles for part in _convex_parts(one)]
+
+
+def faces(obstacles: Iterable[Obstacle]) -> list[Array]:
+    """Return the triangles of the surfaces of obstacles, (3, 3) each, mm."""
+    return [points[s] for one in obstacles for points in _convex_parts(one)
+            for s in ([[0, 1, 2]] if len(points) == 3
+                      else scipy.spatial.ConvexHull(points).simplices)]
+
+
+def _convex_parts(obstacle: Obstacle) -> list[Array]:
+    """Return convex parts of an obstacle as points of them, (n, 3), mm."""
+    shape, place = obstacle.shape, np.array(obstacle.position)
+    if isinstance(shape, Mesh):
+        parts = list(np.asarray(shape.vertices)[shape.triangles])
+    elif isinstance(shape, Box):
+        parts = [np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5)
+                           for z in (-0.5, 0.5)]) * shape.size]
+    else:
+        corners = _circle(ROUND, endpoint=False)
+        ball = np.vstack([np.cos(t) * corners + [0.0, 0.0, np.sin(t)]
+                          for t in np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2)])
+        if isinstance(shape, Sphere):
+            parts = [shape.radius * ball]
+        else:
+            edge = shape.radius * (ball if isinstance(shape, Capsule) else corners)
+            half = np.array([0.0, 0.0, shape.length / 2])
+            parts = [np.vstack([edge - half, edge + half])]
+    return [1e3 * (part @ obstacle.rotation.T + place) for part in parts]
+
+
+def _outline(points: Array) -> Array:
+    """Return the corners of the convex hull of points in a plane, in their order."""
+    if len(points) == 3:
+        return points
+    outline: Array = points[scipy.spatial.ConvexHull(points).vertices]
+    return outline

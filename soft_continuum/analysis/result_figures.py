@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -15,7 +15,6 @@ from soft_continuum.analysis.convergence import Convergence
 from soft_continuum.analysis.curves import Curve
 from soft_continuum.analysis.figures import DPI, finish_panels, new_figure, new_panels
 from soft_continuum.analysis.identification import Identification
-from soft_continuum.analysis.measured_shapes import MeasuredShape
 from soft_continuum.analysis.validation import (
     CONSTANT_CURVATURE,
     CORRECTED,
@@ -66,14 +65,12 @@ def stiffness_figure(path: str | Path, states: Sequence[MeasuredState], title: s
             over.plot(1e3 * displacement, force, 'o', color='0.0', markersize=4, markevery=10,
                       markerfacecolor='none', label='moment-curvature table')
         rest.axhline(0.0, color='0.0', linewidth=2.2, alpha=0.6)
-        over.set_ylabel('force in N')
-        rest.set_ylabel('force less regression in N')
         over.set_title(f'{title}, {state.name}', parse_math=False)
         rest.set_title('residuals on the way up')
         if len(state.curves) <= 8:
             over.legend(frameon=False, fontsize='small')
-        for axes in (over, rest):
-            axes.set_xlabel('displacement in mm')
+        for axes, label in ((over, 'force in N'), (rest, 'force less regression in N')):
+            axes.set(xlabel='displacement in mm', ylabel=label)
             axes.grid(alpha=0.3)
     figure.savefig(path, dpi=DPI)
 
@@ -91,12 +88,10 @@ def convergence_figure(path: str | Path, found: Convergence, tolerance: float) -
                       # Where series coincide, every marker is seen around the one before it.
                       markersize=3 + 3 * (segment % 5), markerfacecolor='none', linewidth=0.8,
                       label=f'segment {segment + 1}')
-        axes.set_yscale('log')
+        axes.set(yscale='log', xlabel='bodies per segment n', ylabel=label)
         axes.yaxis.set_major_formatter('{x:g}')
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.set_xlabel('bodies per segment n')
-        axes.set_ylabel(label)
         axes.grid(alpha=0.3, which='both')
     left.axhline(100.0 * tolerance, color='0.0', linestyle='--', linewidth=0.9,
                  label=f'{100 * tolerance:g} %')
@@ -119,38 +114,28 @@ def validation_figure(path: str | Path, predictions: Sequence[Prediction]) -> No
     figure = new_figure(width, height + 3.6)
     above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=[height, 3.0]).ravel()
     panels = new_panels(rows, columns, width, height, above)[1]
-    for axes, shape in zip(panels, shapes, strict=False):
+    errors = below.subplots()
+    starts = np.cumsum([0, *(len(shape.moving) + 1 for shape in shapes)])
+    for axes, shape, start in zip(panels, shapes, starts.tolist(), strict=False):
         axes.plot(*(1e3 * shape.positions[:, ::2].T), 'o-', color='0.0',
                   markersize=4.5, linewidth=0.8, label='measured')
-        for prediction in predictions:
-            if prediction.shape is shape:
-                marker, size, line = MODEL_STYLES[prediction.model]
-                axes.plot(*(1e3 * prediction.points[:, ::2].T), marker=marker, linestyle=line,
-                          color='0.35', markersize=size, markerfacecolor='none', linewidth=0.8,
-                          label=prediction.model)
+        for prediction in (p for p in predictions if p.shape is shape):
+            marker, size, line = MODEL_STYLES[prediction.model]
+            style: dict[str, Any] = {'marker': marker, 'markersize': size, 'color': '0.35',
+                                     'markerfacecolor': 'none'}
+            axes.plot(*(1e3 * prediction.points[:, ::2].T), linestyle=line, linewidth=0.8,
+                      label=prediction.model, **style)
+            errors.plot(start + np.arange(len(shape.moving)), 1e3 * prediction.errors,
+                        linewidth=0.5, **style)
         axes.set_title(shape.name, parse_math=False)
         axes.tick_params(labelbottom=True)
     for axes in panels[len(shapes):]:
         axes.set_visible(False)
-    _draw_errors(below.subplots(), shapes, predictions)
+    errors.set_xticks(starts[:-1], [f'{s.name}, base' for s in shapes], parse_math=False,
+                      rotation=30 if len(shapes) > MAX_PANELS else 0, ha='left')
+    errors.set_ylabel('error of each point in mm')
+    errors.grid(alpha=0.3)
     finish_panels(path, figure, 2 * columns)
-
-
-def _draw_errors(axes: 'Axes', shapes: Sequence[MeasuredShape], predictions: Sequence[Prediction]
-                 ) -> None:
-    """Draw the error of every point, one shape after the other."""
-    starts = np.cumsum([0, *(len(shape.moving) + 1 for shape in shapes)])
-    for start, shape in zip(starts.tolist(), shapes, strict=False):
-        for prediction in predictions:
-            if prediction.shape is shape:
-                marker, size, _ = MODEL_STYLES[prediction.model]
-                axes.plot(start + np.arange(len(shape.moving)), 1e3 * prediction.errors,
-                          marker=marker, color='0.35', markersize=size, markerfacecolor='none',
-                          linewidth=0.5)
-    axes.set_xticks(starts[:-1], [f'{s.name}, base' for s in shapes], parse_math=False,
-                    rotation=30 if len(shapes) > MAX_PANELS else 0, ha='left')
-    axes.set_ylabel('error of each point in mm')
-    axes.grid(alpha=0.3)
 
 
 @dataclass(frozen=True)
@@ -180,8 +165,7 @@ def identification_figure(path: str | Path, found: Identification,
             (0.27, 'without this shape', '1.0', '////', [s.held_out for s in shapes])):
         left.bar(at + offset, 1e3 * np.array(values), width=0.25, label=label, color=color,
                  edgecolor='0.0', hatch=hatch, linewidth=0.7)
-    left.set_yscale('log')
-    left.set_ylabel('largest position error in mm')
+    left.set(yscale='log', ylabel='largest position error in mm')
     left.set_xticks(at, [s.name for s in shapes], rotation=40, ha='right', parse_math=False)
     left.legend(frameon=False, fontsize='small', loc='upper center',
                 bbox_to_anchor=(0.5, 1.14), ncols=3)
@@ -192,10 +176,10 @@ def identification_figure(path: str | Path, found: Identification,
                    yerr=percent * found.half_widths, fmt='o', color='0.0', capsize=5,
                    markersize=4)
     right.axhline(0.0, color='0.0', linestyle='--', linewidth=0.8)
-    right.set_xlim(-0.6, len(start) - 0.4)
+    right.set(xlim=(-0.6, len(start) - 0.4),
+              ylabel='change from described in %\n(friction, tilt: of 0.1)')
     right.set_xticks(np.arange(len(start)), [u.name for u in found.unknowns], rotation=40,
                      ha='right')
-    right.set_ylabel('change from described in %\n(friction, tilt: of 0.1)')
     right.grid(axis='y', alpha=0.3)
     figure.savefig(path, dpi=DPI)
 

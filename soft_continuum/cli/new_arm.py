@@ -11,7 +11,7 @@ import shlex
 
 import numpy as np
 
-from soft_continuum.analysis.preview import bent, preview_figure
+from soft_continuum.analysis.figures import bent, preview_figure
 from soft_continuum.analysis.results import reserve_outputs, ResultError, text_table
 from soft_continuum.arguments import command_name, Parser, WRONG_USAGE
 from soft_continuum.cli.common import run_verb

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib import pyplot
 
-from soft_continuum.analysis.figures import draw_arm, projection_of
-from soft_continuum.analysis.obstacle_figures import draw_obstacles
+from soft_continuum.analysis.figures import draw_arm, draw_obstacles, projection_of
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import KINEMATICS_STATE, ObservedArm
 from soft_continuum.mechanics.arm import Arm

@@ -14,6 +14,7 @@ PLANAR, SPATIAL, TENDONS = KINDS = ('planar', 'spatial', 'tendons')
 UNITS = {'': 1.0, 'mm': 1e-3, 'g': 1e-3, 'degrees': pi / 180.0, 'GPa': 1e9, 'N': 1.0,
          'N m^2': 1.0}
 """Units that are typed, in SI."""
+COUNTS = ('segments', 'tendons')  # questions for whole numbers that are no parameters
 DIGITS = 4  # of what is suggested
 PARAMETERS = {p.name: p for p in ALL_PARAMETERS}
 Given: TypeAlias = str | tuple[float, ...]
@@ -52,9 +53,9 @@ class Question:
 
     name: of the answer, and of its option.  text: what is asked.  suggest: from the answers
     before it.  parameter: what the answer sets in the description, empty for what only serves to
-    make others.  unit: one of UNITS.  count: how many numbers there are, from the answers before
-    it, unless one counts for all; 0: some of the numbers of segments.  low, high: in SI, where the
-    parameter does not say.  choices: texts, and what they mean.  kinds: of arms that have it.
+    make others.  unit: one of UNITS.  per: of what there is a number each, one of PER.  low, high:
+    in SI, where the parameter does not say.  choices: texts, and what they mean.  kinds: of arms
+    that have it.
     """
 
     name: str
@@ -62,7 +63,7 @@ class Question:
     suggest: Callable[['Answers'], Suggestion]
     parameter: str = ''
     unit: str = ''
-    count: Callable[['Answers'], int] = lambda _: 1
+    per: str = ''
     low: float = -inf
     high: float = inf
     choices: Mapping[str, str] | None = None
@@ -90,6 +91,10 @@ class Question:
         low, high = (self.sets.low, self.sets.high) if self.sets else (self.low, self.high)
         return max(low, self.low) / UNITS[self.unit], min(high, self.high) / UNITS[self.unit]
 
+    def count(self, answers: 'Answers') -> int:
+        """Return how many numbers there are, unless one counts for all; 0: some segments."""
+        return PER[self.per](answers)
+
     def read(self, text: str) -> Given:
         """Return what was typed; raises AnswerError saying what is allowed."""
         if self.choices:
@@ -112,9 +117,9 @@ class Question:
 
     def check(self, value: Given, answers: 'Answers') -> None:
         """Raise AnswerError for numbers that do not fit to the answers before."""
-        count = self.count(answers)
         if isinstance(value, str):
             return
+        count = self.count(answers)
         if not count and (len(set(value)) < len(value) or max(value) > answers.segments):
             raise AnswerError(
                 self.name, f'{", ".join(f"{number:g}" for number in value)} given; allowed: '
@@ -140,9 +145,6 @@ class Question:
         if self.sets is not None and not isinstance(self.sets.default, tuple):
             return round(numbers[0]) if self.whole else numbers[0]
         return numbers
-
-
-COUNTS = ('segments', 'tendons')
 
 
 class Answers:
@@ -182,26 +184,8 @@ class Answers:
         return self.all(name, self.segments)
 
 
-def one(answers: Answers) -> int:
-    """Count of a question with one number."""
-    return 1
-
-
-def some_segments(answers: Answers) -> int:
-    """Count of a question for numbers of segments."""
-    return 0
-
-
-def per_segment(answers: Answers) -> int:
-    """Count of a question about each segment."""
-    return answers.segments
-
-
-def per_disc(answers: Answers) -> int:
-    """Count of a question about each disc, the base disc first."""
-    return answers.segments + 1
-
-
-def per_end(answers: Answers) -> int:
-    """Count of a question about each disc at which tendons end."""
-    return len(answers.all('tendon_ends'))
+PER: Mapping[str, Callable[[Answers], int]] = {
+    '': lambda answers: 1, 'segment': lambda answers: answers.segments,
+    'disc': lambda answers: answers.segments + 1, 'some segments': lambda answers: 0,
+    'end': lambda answers: len(answers.all('tendon_ends'))}
+"""How many numbers a question may have; of discs the base first, of ends those of tendons."""
