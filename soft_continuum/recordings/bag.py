@@ -3,7 +3,7 @@
 """MCAP files as ``ros2 bag`` writes them: messages as they came, with their definitions."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import prod
 from pathlib import Path
 import re
@@ -57,18 +57,13 @@ class BagWriter:
 
     def write(self, topic: Topic, time: int, data: bytes) -> None:
         """Add a message that came at ``time``, ns since 1970; raises OSError."""
-        channel = self._channels.get(topic.name)
-        if channel is None:
-            channel = self._channels[topic.name] = self._add(topic)
-        self._writer.add_message(channel, time, data, time)
-
-    def _add(self, topic: Topic) -> int:
         if topic.kind not in self._schemas:
             self._schemas[topic.kind] = self._writer.register_schema(
                 topic.kind, 'ros2msg', topic.definition.encode())
-        channel: int = self._writer.register_channel(
-            topic.name, 'cdr', self._schemas[topic.kind], {'offered_qos_profiles': topic.qos})
-        return channel
+        if topic.name not in self._channels:
+            self._channels[topic.name] = self._writer.register_channel(
+                topic.name, 'cdr', self._schemas[topic.kind], {'offered_qos_profiles': topic.qos})
+        self._writer.add_message(self._channels[topic.name], time, data, time)
 
     def attach(self, name: str, text: str, time: int) -> None:
         """Add a text file; raises OSError."""
@@ -87,8 +82,7 @@ class BagWriter:
             self._file.close()
 
 
-@dataclass(frozen=True)
-class Message:
+class Message(NamedTuple):
     """
     One message: its topic, when it came, ns since 1970, and what it is, as it was sent.
 
@@ -155,10 +149,9 @@ class BagReader:
                     self.attachments[record.name] = record.data.decode('utf-8', 'replace')
                 elif isinstance(record, Chunk):
                     for inner in breakup_chunk(_unpacked(record), validate_crc=True):
-                        if (message := self._message(inner)) is not None:
-                            yield message
-                elif (message := self._message(record)) is not None:
-                    yield message
+                        yield from self._messages(inner)
+                else:
+                    yield from self._messages(record)
         except (EndOfFile, InvalidMagic, struct.error):
             self.damage = 'its end is missing: what wrote it was ended before it was done'
         except (McapError, ZstdError, RuntimeError, ValueError, KeyError, IndexError,
@@ -191,7 +184,8 @@ class BagReader:
         """Return an attachment if it is of the arm in ``space``: a recorder's is of its own."""
         return self.attachments.get(name, '') if space == self.about.get('namespace') else ''
 
-    def _message(self, record: Any) -> Message | None:
+    def _messages(self, record: Any) -> Iterator[Message]:
+        """Yield what a record is if it is a message; keep what it says of those that follow."""
         from mcap.records import Channel, Schema
         from mcap.records import Message as McapMessage
         if isinstance(record, Schema) and record.encoding == 'ros2msg':
@@ -204,9 +198,8 @@ class BagReader:
                     record.metadata.get('offered_qos_profiles', '')), schema
                 self._decoders.pop(record.id, None)
         elif isinstance(record, McapMessage) and record.channel_id in self._channels:
-            return Message(self._channels[record.channel_id][0], record.log_time, record.data,
-                           record.channel_id)
-        return None
+            yield Message(self._channels[record.channel_id][0], record.log_time, record.data,
+                          record.channel_id)
 
     def decoded(self, message: Message) -> Any:
         """Return what a message says, with the attributes of its type; raises BagError."""

@@ -23,9 +23,8 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 import yaml
 
-from soft_continuum.recordings.about import PARAMETERS
 from soft_continuum.recordings.bag import BagError, BagReader, Topic
-from soft_continuum.recordings.topics import PICTURES
+from soft_continuum.recordings.topics import PARAMETERS, PICTURES
 from soft_continuum.ros.definitions import DefinitionError, message_class
 from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.names import KINEMATICS, NODES
@@ -45,7 +44,8 @@ class Playback:
     """
     Plays one arm of a recording; use it in a ``with`` statement.
 
-    namespace: where its nodes are.  duration: s.  damage: as of BagReader.
+    namespace: where its nodes are.  position: where it is, s since the begin.  duration: s.
+    damage: as of BagReader.
     """
 
     def __init__(self, path: Path, namespace: str = '') -> None:
@@ -56,11 +56,8 @@ class Playback:
         """
         self.namespace = f'/replay_{os.getpid()}'
         self.playing = False
-        self._position, self._published = 0.0, -REPEAT_PERIOD
+        self.position, self._published = 0.0, -REPEAT_PERIOD
         self._open = True
-        self._read(path, namespace)
-
-    def _read(self, path: Path, namespace: str) -> None:
         with BagReader(path) as bag:
             self._messages: list[tuple[float, str, bytes]] = []
             topics: dict[str, Topic] = {}
@@ -90,11 +87,6 @@ class Playback:
         self._of_topic: dict[str, list[int]] = defaultdict(list)
         for number, (_, name, _) in enumerate(self._messages):
             self._of_topic[name].append(number)
-
-    @property
-    def position(self) -> float:
-        """Where it is, s since the begin."""
-        return self._position
 
     @property
     def is_described(self) -> bool:
@@ -162,7 +154,7 @@ class Playback:
             self._executor.create_task(self._show, min(max(0.0, position), self.duration))
 
     def _play(self, playing: bool) -> None:
-        if playing and self._position >= self.duration:
+        if playing and self.position >= self.duration:
             self._show(0.0)
         self.playing = playing
 
@@ -170,16 +162,16 @@ class Playback:
         now = monotonic()
         elapsed, self._stepped = now - self._stepped, now
         if self.playing:
-            first = bisect_right(self._times, self._position)
-            self._position = min(self._position + elapsed, self.duration)
-            self._publish(range(first, bisect_right(self._times, self._position)))
-            self.playing = self._position < self.duration
+            first = bisect_right(self._times, self.position)
+            self.position = min(self.position + elapsed, self.duration)
+            self._publish(range(first, bisect_right(self._times, self.position)))
+            self.playing = self.position < self.duration
         if now - self._published >= REPEAT_PERIOD:
-            self._show(self._position)
+            self._show(self.position)
 
     def _show(self, position: float) -> None:
         """Publish the last message of every topic up to a time, or to the end of the begin."""
-        self._position, self._published = position, monotonic()
+        self.position, self._published = position, monotonic()
         end = bisect_right(self._times, max(position, BEGIN))
         self._publish(numbers[last - 1] for numbers in self._of_topic.values()
                       if (last := bisect_right(numbers, end - 1)))

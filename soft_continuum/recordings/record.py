@@ -14,9 +14,13 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import SEQUENCER_STATE
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
-from soft_continuum.recordings.about import about, attach_parameters, end_recording
 from soft_continuum.recordings.bag import BagError
-from soft_continuum.recordings.topics import TopicRecorder
+from soft_continuum.recordings.topics import (
+    about,
+    attach_parameters,
+    end_recording,
+    TopicRecorder,
+)
 from soft_continuum.ros.names import NODES
 
 DISCOVERY_TIMEOUT = 5.0  # s

@@ -17,9 +17,13 @@ from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, StatePublisher, Status, WARN
-from soft_continuum.recordings.about import about, attach_parameters, end_recording
 from soft_continuum.recordings.bag import BagError
-from soft_continuum.recordings.topics import TopicRecorder
+from soft_continuum.recordings.topics import (
+    about,
+    attach_parameters,
+    end_recording,
+    TopicRecorder,
+)
 from soft_continuum.ros.names import RECORDER
 from soft_continuum_interfaces.msg import RecorderState
 
