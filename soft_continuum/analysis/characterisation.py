@@ -75,16 +75,6 @@ class Characterisation:
     hysteresis: tuple[float, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class _Law:
-    """A fitted law, its linearity error, whether a line will not do, and its (u, F), m and N."""
-
-    table: MomentCurvature | None = None
-    error: float = nan
-    needed: bool = False
-    curve: Array | None = None
-
-
 def characterise(curves: Sequence[Curve], length: float, lever_arm: float) -> Characterisation:
     """
     Return E I of a segment of bending length l (m), loaded ``lever_arm`` l_k (m) beyond its end.
@@ -93,13 +83,11 @@ def characterise(curves: Sequence[Curve], length: float, lever_arm: float) -> Ch
     """
     line = regress(curves)
     shift, spread = _settling(curves)
-    law = _fit_law(curves, line, length, lever_arm)
     return Characterisation(
         line,
         bending_stiffness_from_slope(line.slope, length, lever_arm),
         bending_stiffness_from_slope(line.half_width, length, lever_arm),
-        law.error, law.table if law.needed else None, law.curve if law.needed else None,
-        spread, shift,
+        *_fit_law(curves, line, length, lever_arm), spread, shift,
         tuple(_hysteresis(c) for c in curves if len(c.unloading[0]) > len(c.loading[0]) // 2))
 
 
@@ -176,9 +164,10 @@ def _hysteresis(curve: Curve) -> float:
     return float((put_in - back) / put_in)
 
 
-def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm: float) -> _Law:
+def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm: float
+             ) -> tuple[float, MomentCurvature | None, Array | None]:
     """
-    Return the piecewise-linear moment-curvature law that fits the curves best.
+    Return linearity error, table and its curve by the moment-curvature law that fits best.
 
     The moment is F s at a distance s from the force, so the displacement of the force is
     u(F) = integral of kappa(F s) s ds over the spring, s from l_k to l_k + l.  For a
@@ -188,7 +177,7 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
     f = np.concatenate([c.loading[1] for c in curves])
     u = np.concatenate([c.loading[0] for c in curves])
     if f.max() <= 0.0:
-        return _Law()
+        return nan, None, None
     nodes = np.linspace(0.0, f.max() * (lever_arm + length), TABLE_ROWS)
     x, weight = np.polynomial.legendre.leggauss(QUADRATURE)
     s = lever_arm + 0.5 * length * (x + 1.0)
@@ -212,10 +201,10 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
     columns = centred(pieces)
     scale = np.linalg.norm(columns, axis=0)
     if np.any(scale == 0.0):
-        return _Law()
+        return nan, None, None
     slopes = scipy.optimize.nnls(columns / scale, centred(u))[0] / scale
     if np.any(slopes <= 0.0):
-        return _Law()
+        return nan, None, None
     starts = [part.mean() for part in np.split(u - pieces @ slopes, ends)]
     scatter = np.std(centred(u - pieces @ slopes))
     of_line = np.std(np.concatenate([
@@ -223,11 +212,12 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
         for c in curves]))
     forces = np.linspace(max(0.0, f.min()), f.max(), 101)
     bent = displacements(forces) @ slopes + np.mean(starts)
-    error = np.abs(bent * line.slope + line.intercept - forces).max() / f.max()
+    error = float(np.abs(bent * line.slope + line.intercept - forces).max() / f.max())
+    if not (error > NONLINEAR and scatter < MAX_SCATTER * of_line):
+        return error, None, None
     curvatures = np.concatenate([[0.0], np.cumsum(slopes * np.diff(nodes))])
-    return _Law(MomentCurvature(tuple(curvatures.tolist()), tuple(nodes.tolist())), float(error),
-                bool(error > NONLINEAR and scatter < MAX_SCATTER * of_line),
-                np.array([bent, forces]))
+    return (error, MomentCurvature(tuple(curvatures.tolist()), tuple(nodes.tolist())),
+            np.array([bent, forces]))
 
 
 def question_soft(result: Characterisation, expected: float, of: str) -> str:
@@ -252,11 +242,9 @@ def question_stiff(result: Characterisation, soft: float) -> str:
     ratio = result.bending_stiffness / soft
     if low <= ratio <= high:
         return ''
-    if ratio < low:
-        return (f'the stiff segment is {ratio:.3g} times as stiff as the soft one; have the files '
-                'of the two states been swapped, or their units')
-    return (f'the stiff segment is {ratio:.3g} times as stiff as the soft one; granular jamming '
-            f'reaches 4 to 20' + _power_of_ten(ratio / 10.0))
+    return (f'the stiff segment is {ratio:.3g} times as stiff as the soft one; ' + (
+        'have the files of the two states been swapped, or their units' if ratio < low else
+        'granular jamming reaches 4 to 20' + _power_of_ten(ratio / 10.0)))
 
 
 def _power_of_ten(off: float) -> str:

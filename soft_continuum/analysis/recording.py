@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import csv
 from dataclasses import dataclass, field
 import io
-from itertools import islice
 from math import inf, isnan
 from pathlib import Path
 
@@ -150,23 +149,19 @@ def read_tables(directory: Path) -> Recording:
     if same != names:
         raise MeasurementError(f'{directory / "tensions.csv"}: line 1 has the tendons '
                                f'{", ".join(same)} instead of {", ".join(names)}')
-    path = directory / 'events.csv'
+    path, described = directory / 'events.csv', directory / DESCRIPTION
     events = [(_number(path, line, row[0]), printable(row[1], MAX_NAME), printable(row[2]))
               for line, row in _rows(path, COLUMNS['events'])[1]]
+    try:
+        description = read_bytes(described, MAX_SIZE).decode('utf-8', 'replace')
+    except FileNotFoundError:
+        description = ''
+    except OSError as error:
+        raise MeasurementError(f'{described}: {error.strerror}') from None
     return Recording(
         names, tendons, tensions, _points(directory / 'points.csv'),
         _numbers(directory / 'pressures.csv', COLUMNS['pressures'])[1],
-        _numbers(directory / 'stiff.csv', COLUMNS['stiff'])[1], events,
-        _description(directory / DESCRIPTION))
-
-
-def _description(path: Path) -> str:
-    try:
-        return read_bytes(path, MAX_SIZE).decode('utf-8', 'replace')
-    except FileNotFoundError:
-        return ''
-    except OSError as error:
-        raise MeasurementError(f'{path}: {error.strerror}') from None
+        _numbers(directory / 'stiff.csv', COLUMNS['stiff'])[1], events, description)
 
 
 def _tendons(path: Path, ending: str) -> tuple[tuple[str, ...], Array]:
@@ -196,39 +191,38 @@ def _points(path: Path) -> Array:
 def _rows(path: Path, *allowed: tuple[str, ...]
           ) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
     """Return the header, one of ``allowed`` if given, and the rows below it with their lines."""
+    rows: list[tuple[int, list[str]]] = []
     try:
         text = read_bytes(path, MAX_SIZE).decode('utf-8')
-        rows = list(islice(enumerate(csv.reader(io.StringIO(text, newline='')), start=1),
-                           MAX_ROWS + 1))
+        lines = enumerate(csv.reader(io.StringIO(text, newline='')), start=1)
+        header = tuple(next(lines, (1, list[str]()))[1])
+        if not header or (allowed and header not in allowed):
+            expected = ','.join(allowed[0]) if allowed else 'the names of the columns'
+            raise MeasurementError(f'{path}: line 1 must be: {expected}')
+        for line, row in lines:
+            if line > MAX_ROWS:
+                raise MeasurementError(f'{path}: more than {MAX_ROWS} lines; divide the recording')
+            if len(row) == len(header):
+                rows.append((line, row))
+            elif next(lines, None):  # else a killed recorder had not ended it
+                raise MeasurementError(f'{path}: line {line} has {len(row)} fields instead of '
+                                       f'{len(header)}; repair or remove it')
     except OSError as error:
         raise MeasurementError(f'{path}: {error.strerror}; give the directory that the command '
                                'record has written') from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise MeasurementError(f'{path}: not a recording: {error}') from None
-    header = tuple(rows[0][1]) if rows else ()
-    if not header or (allowed and header not in allowed):
-        expected = ','.join(allowed[0]) if allowed else 'the names of the columns'
-        raise MeasurementError(f'{path}: line 1 must be: {expected}')
-    torn, width = next(((line, len(row)) for line, row in rows if len(row) != len(header)),
-                       (len(rows) + 1, 0))
-    if torn < len(rows):  # the last line may be one that a killed recorder had not ended
-        raise MeasurementError(f'{path}: line {torn} has {width} fields instead of {len(header)}; '
-                               'repair or remove it')
-    if len(rows) > MAX_ROWS:
-        raise MeasurementError(f'{path}: more than {MAX_ROWS} lines; divide the recording')
-    return header, rows[1:torn - 1]
+    return header, rows
 
 
 def _numbers(path: Path, *allowed: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
     header, rows = _rows(path, *allowed)
     counted = header[1:2] in COUNTED
-    numbers = [[_number(path, line, row[0]), *(
-        _number(path, line, text, counts=counted and column == 0, gap=True)
-        for column, text in enumerate(row[1:]))] for line, row in rows]
+    numbers = [[_number(path, line, text, counts=counted and column == 1, gap=column > 0)
+                for column, text in enumerate(row)] for line, row in rows]
     values = np.array(numbers, dtype=float).reshape(len(rows), len(header))
-    back = np.flatnonzero(np.diff(values[:, 0]) < 0.0)
-    if back.size:
-        raise MeasurementError(f'{path}: line {rows[back[0] + 1][0]}: the time steps back; put '
+    for back in np.flatnonzero(np.diff(values[:, 0]) < 0.0):
+        raise MeasurementError(f'{path}: line {rows[back + 1][0]}: the time steps back; put '
                                'the lines in order')
     return header, values
 

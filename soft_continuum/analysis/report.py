@@ -86,10 +86,10 @@ def _shape_rows(held: Iterable[Held]) -> list[list[str]]:
     rows = []
     for shape in held:
         ends = np.column_stack([shape.points[:, :3], shape.tangents])
-        labelled = [(f'segment {n}', row) for n, row in enumerate(ends[2::2], start=1)]
-        for label, values in [*labelled, ('tip', ends[-1])]:
-            rows.append([shape.shape, f'{shape.time:.1f}', label, *(f'{v:.2f}' for v in values),
-                         *(f'{pull:.3f}' for pull in shape.pulls)])
+        labels = [*(f'segment {n + 1}' for n in range(len(ends[2::2]))), 'tip']
+        rows += [[shape.shape, f'{shape.time:.1f}', label, *(f'{v:.2f}' for v in values),
+                  *(f'{pull:.3f}' for pull in shape.pulls)]
+                 for label, values in zip(labels, [*ends[2::2], ends[-1]], strict=True)]
     return rows
 
 
@@ -124,8 +124,7 @@ def _over_time(recording: Recording) -> 'Figure':
         rows = recording.pressures[recording.pressures[:, 1] == n]
         pressures.plot(rows[:, 0], rows[:, 2], LINES[(int(n) - 1) % len(LINES)], color='black',
                        label=f'segment {n:.0f}')
-    pressures.set_ylabel('pressure in kPa\n(absolute)')
-    pressures.set_xlabel('time in s')
+    pressures.set(xlabel='time in s', ylabel='pressure in kPa\n(absolute)')
     for axes in (pulls, tensions, pressures):
         axes.grid(alpha=0.3)
         if axes.lines:
@@ -146,7 +145,6 @@ def _image(figure: 'Figure', alternative: str) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = '') -> str:
-    lines = ['<tr>' + ''.join(f'<th>{escape(cell)}</th>' for cell in head) + '</tr>']
-    lines += ['<tr>' + ''.join(f'<td>{escape(cell)}</td>' for cell in row) + '</tr>'
-              for row in rows]
+    lines = ['<tr>' + ''.join(f'<t{cell}>{escape(text)}</t{cell}>' for text in row) + '</tr>'
+             for cell, some in (('h', [head]), ('d', rows)) for row in some]
     return f'<table class="{kind}">' + '\n'.join(lines) + '</table>'

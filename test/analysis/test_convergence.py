@@ -22,27 +22,19 @@ TENDON_ARM = Path(__file__).parents[2] / 'config' / 'tendon_arm.yaml'
 ANGLES = [np.radians(36.0)] * 3
 
 
-def test_without_gravity_the_arm_converges_at_twelve_bodies():
+def test_without_gravity_the_arm_converges_at_twelve_bodies_with_ten_times_the_error():
     found = converge(PAPER, ANGLES, 1e-3, 16)
     assert found.converged == 12
     row = int(np.flatnonzero(found.bodies == 12)[0])
     assert found.angles[row] == pytest.approx(ANGLES)
     assert np.all(found.change[row] < 1e-3)
     assert found.change[row - 1].max() == pytest.approx(0.001051, abs=1e-6)
-
-
-def test_the_error_is_ten_times_the_change():
-    found = converge(PAPER, ANGLES, 1e-3, 16)
     assert found.error[10] == pytest.approx([0.0095, 0.0108, 0.0124], abs=1e-4)
 
 
-def test_second_order_springs_converge_with_fewer_bodies():
-    found = converge(replace(PAPER, discretisation=SECOND_ORDER), ANGLES, 1e-3, 16)
-    assert found.converged is not None
-    assert found.converged < 8
-
-
-def test_gravity_asks_for_one_body_more():
+def test_second_order_springs_converge_with_fewer_bodies_and_gravity_asks_for_one_more():
+    second = replace(PAPER, discretisation=SECOND_ORDER)
+    assert 2 <= converge(second, ANGLES, 1e-3, 16).converged < 8
     assert converge(data.DESCRIBED, ANGLES, 1e-3, 16).converged > 12
 
 

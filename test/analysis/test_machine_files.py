@@ -7,6 +7,7 @@ The files of the folder ``measurements`` have made-up numbers: three times 0 to 
 0.26667 mm and back.  What is expected was taken from them by eye.
 """
 
+from dataclasses import replace
 from pathlib import Path
 import re
 
@@ -17,6 +18,7 @@ import pytest
 
 from soft_continuum.analysis.curves import read_curves
 from soft_continuum.analysis.delimited import _decimal, _unit, Column, MeasurementError
+from support.curve_files import read, refused
 
 FILES = Path(__file__).parent / 'measurements'
 BENT = (0.576, 0.0212, 0.0788)  # N at 8, 0.26667 and 1.06667 mm
@@ -65,30 +67,22 @@ def test_what_is_not_said_is_asked(name):
         read_curves([FILES / name])
 
 
-def test_one_number_without_a_mark_settles_none_of_the_others(tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text('Weg [um];Kraft [N]\n1.234;0\n'
-                    + '\n'.join(f'{12345 + i};{i}' for i in range(20)), encoding='utf-8')
-    with pytest.raises(MeasurementError, match="'1.234', which may be 1.234 or 1234: .*--decimal"):
-        read_curves([path])
-    path.write_text('Weg [um];Kraft [N]\n' + '\n'.join(f'{1 + i}.000;{i}' for i in range(12))
-                    + '\n13000;12', encoding='utf-8')
-    assert read_curves([path])[0].displacement == pytest.approx(1e-3 * np.arange(1, 14))
+def test_one_number_without_a_mark_settles_none_of_the_others():
+    refused("'1.234', which may be 1.234 or 1234: .*--decimal", 'Weg [um];Kraft [N]\n1.234;0\n'
+            + '\n'.join(f'{12345 + i};{i}' for i in range(20)))
+    curve, = read('Weg [um];Kraft [N]\n' + '\n'.join(f'{1 + i}.000;{i}' for i in range(12))
+                  + '\n13000;12')
+    assert curve.displacement == pytest.approx(1e-3 * np.arange(1, 14))
 
 
-def test_a_force_that_falls_when_a_specimen_breaks_is_asked_for(tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text('Weg [mm];Kraft [N]\n1;800\n2;933\n3;1.067\n4;1.012\n', encoding='utf-8')
-    with pytest.raises(MeasurementError, match=re.escape("'1.067', which may be 1.067 or 1067")):
-        read_curves([path])
+def test_a_force_that_falls_when_a_specimen_breaks_is_asked_for():
+    refused("'1.067', which may be 1.067 or 1067",
+            'Weg [mm];Kraft [N]\n1;800\n2;933\n3;1.067\n4;1.012\n')
 
 
-def test_a_header_on_every_page_makes_no_repetitions(tmp_path):
+def test_a_header_on_every_page_makes_no_repetitions():
     header, *rows = table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}').splitlines()
-    path = tmp_path / 'a.csv'
-    path.write_text('\n'.join([header, *rows[:12], 'Page 2', '', header, *rows[12:]]),
-                    encoding='utf-8')
-    curve, = read_curves([path])
+    curve, = read('\n'.join([header, *rows[:12], 'Page 2', '', header, *rows[12:]]))
     assert curve.force == pytest.approx(FORCE)
 
 
@@ -174,11 +168,8 @@ SAME = {
 
 
 @pytest.mark.parametrize('habit', SAME)
-def test_habits_of_programs_give_the_same_curve(tmp_path, habit):
-    path = tmp_path / 'a.csv'
-    text = SAME[habit]
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    curve, = read_curves([path])
+def test_habits_of_programs_give_the_same_curve(habit):
+    curve, = read(SAME[habit])
     assert curve.displacement == pytest.approx(UP, abs=1e-7)
     assert curve.force == pytest.approx(FORCE, abs=1e-5)
 
@@ -219,11 +210,8 @@ def test_habits_of_programs_give_the_same_curve(tmp_path, habit):
     (table('Time  Displacement_mm  Force_N', lambda u, f: f'0  {u:.2f}  {f or "":.3}'),
      'line 2: 2 cells separated by blanks, but the header has 3'),
 ])
-def test_what_may_be_read_in_two_ways_is_refused(tmp_path, text, message):
-    path = tmp_path / 'a.csv'
-    path.write_text(text, encoding='utf-8')
-    with pytest.raises(MeasurementError, match=message):
-        read_curves([path])
+def test_what_may_be_read_in_two_ways_is_refused(text, message):
+    refused(message, text)
 
 
 def whole_or_three(value):
@@ -233,44 +221,32 @@ def whole_or_three(value):
 
 @pytest.mark.parametrize('step', [0.11, 0.125, 0.25, 0.5, 1.1, 1.5])
 @pytest.mark.parametrize('mark', '.,')
-def test_decimals_that_whole_numbers_lack_are_asked_for(tmp_path, step, mark):
+def test_decimals_that_whole_numbers_lack_are_asked_for(step, mark):
     """1, 1.110, 1.220, ...: by their trailing zeros these would be thousands."""
-    path = tmp_path / 'a.csv'
-    path.write_text('Displacement [mm];Force [mN]\n' + '\n'.join(
-        f'{whole_or_three(1 + step * k).replace(".", mark)};{72 + 8 * k}' for k in range(31)),
-        encoding='utf-8')
-    with pytest.raises(MeasurementError, match=re.escape(f'--decimal {mark}')):
-        read_curves([path])
-    curve, = read_curves([path], decimal=mark)
+    text = 'Displacement [mm];Force [mN]\n' + '\n'.join(
+        f'{whole_or_three(1 + step * k).replace(".", mark)};{72 + 8 * k}' for k in range(31))
+    refused(re.escape(f'--decimal {mark}'), text)
+    curve, = read(text, decimal=mark)
     assert curve.displacement == pytest.approx(1e-3 * (1 + step * np.arange(31)), abs=1e-6)
 
 
-def test_the_same_in_a_column_that_nobody_needs_proves_nothing(tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text('Time;Displacement [mm];Force [mN]\n' + '\n'.join(
-        f'{whole_or_three(1 + 0.11 * k)};{1.234 + 1.001 * k:.3f};{72 + 8 * k}' for k in range(31)),
-        encoding='utf-8')
-    with pytest.raises(MeasurementError, match=re.escape('which may be 1.234 or 1234')):
-        read_curves([path])
+def test_the_same_in_a_column_that_nobody_needs_proves_nothing():
+    refused('which may be 1.234 or 1234', 'Time;Displacement [mm];Force [mN]\n' + '\n'.join(
+        f'{whole_or_three(1 + 0.11 * k)};{1.234 + 1.001 * k:.3f};{72 + 8 * k}' for k in range(31)))
 
 
 @pytest.mark.parametrize('rounds', [1, 2])
-def test_thousands_behind_numbers_below_a_thousand_are_read(tmp_path, rounds):
-    path = tmp_path / 'a.csv'
-    path.write_text('Weg [um];Kraft [mN]\n' + '\n'.join(
-        f'{grouped(200 * k, ".")};{72 + 8 * k}' for _ in range(rounds) for k in range(21)),
-        encoding='utf-8')
-    curves = read_curves([path])
+def test_thousands_behind_numbers_below_a_thousand_are_read(rounds):
+    curves = read('Weg [um];Kraft [mN]\n' + '\n'.join(
+        f'{grouped(200 * k, ".")};{72 + 8 * k}' for _ in range(rounds) for k in range(21)))
     assert len(curves) == rounds
     assert curves[-1].displacement == pytest.approx(2e-4 * np.arange(21))
 
 
-def test_the_decimal_mark_can_be_given(tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text(table('Weg [mm];Kraft [N]', lambda u, f: f'{u + 1.234:.3f};{f + 1:.3f}'),
-                    encoding='utf-8')
-    assert read_curves([path], decimal='.')[0].force == pytest.approx(FORCE + 1.0)
-    assert read_curves([path], decimal=',')[0].force == pytest.approx(1e3 * (FORCE + 1.0))
+def test_the_decimal_mark_can_be_given():
+    text = table('Weg [mm];Kraft [N]', lambda u, f: f'{u + 1.234:.3f};{f + 1:.3f}')
+    assert read(text, decimal='.')[0].force == pytest.approx(FORCE + 1.0)
+    assert read(text, decimal=',')[0].force == pytest.approx(1e3 * (FORCE + 1.0))
 
 
 def two_cells(*head):
@@ -298,31 +274,23 @@ CALLED = {
 
 
 @pytest.mark.parametrize('head', CALLED.values(), ids=CALLED)
-def test_channels_named_in_a_row_of_their_own_are_asked_for(tmp_path, head):
-    path = tmp_path / 'a.csv'
-    path.write_text(two_cells('Test report', *head), encoding='utf-8')
-    with pytest.raises(MeasurementError, match=(
-            r'a.csv, line \d: .* may be several channels: give the numbers of the columns, '
-            '--displacement-column 3 or 5 and --force-column 2 or 4; if they are repetitions')):
-        read_curves([path])
+def test_channels_named_in_a_row_of_their_own_are_asked_for(head):
+    refused(r'a.csv, line \d: .* may be several channels: give the numbers of the columns, '
+            '--displacement-column 3 or 5 and --force-column 2 or 4; if they are repetitions',
+            two_cells('Test report', *head))
 
 
-def test_channels_named_above_columns_that_blanks_separate_are_asked_for(tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text('Cell 1   Cell 2\n' + table(
+def test_channels_named_above_columns_that_blanks_separate_are_asked_for():
+    refused(r"line 1: .*'Cell 1'.*'Cell 2'.*--force-column 1", 'Cell 1   Cell 2\n' + table(
         'Force [N]  Displacement [mm]  Force [N]  Displacement [mm]',
-        lambda u, f: f'{f:.2f}  {u:.2f}  {f:.2f}  {u:.2f}'), encoding='utf-8')
-    with pytest.raises(MeasurementError, match=r"line 1: .*'Cell 1'.*'Cell 2'.*--force-column 1"):
-        read_curves([path])
+        lambda u, f: f'{f:.2f}  {u:.2f}  {f:.2f}  {u:.2f}'))
 
 
 @pytest.mark.parametrize('head', [
     (HEADER, UNITS), (BRACKETED,), ('Test report', 'Operator;NN', HEADER, UNITS),
     ('Raw;Raw;Raw;Raw;Raw', HEADER, ';Actual;Actual;Actual;Actual', UNITS)])
-def test_repetitions_side_by_side_that_are_called_the_same_are_read(tmp_path, head):
-    path = tmp_path / 'a.csv'
-    path.write_text(two_cells(*head), encoding='utf-8')
-    first, second = read_curves([path])
+def test_repetitions_side_by_side_that_are_called_the_same_are_read(head):
+    first, second = read(two_cells(*head))
     assert first.force == pytest.approx(FORCE)
     assert second.displacement == pytest.approx(0.3e-3 * np.arange(30))
 
@@ -330,38 +298,26 @@ def test_repetitions_side_by_side_that_are_called_the_same_are_read(tmp_path, he
 @pytest.mark.parametrize('columns', [
     {'force': '4', 'displacement': '5'}, {'force': 'Cell 2', 'displacement': 'Extensometer'}])
 @pytest.mark.parametrize('head', [(HEADER, CHANNELS, UNITS), (CHANNELS, HEADER, UNITS)])
-def test_one_of_the_channels_can_be_named(tmp_path, head, columns):
-    path = tmp_path / 'a.csv'
-    path.write_text(two_cells('Test report', *head), encoding='utf-8')
-    curve, = read_curves([path], columns)
+def test_one_of_the_channels_can_be_named(head, columns):
+    curve, = read(two_cells('Test report', *head), columns)
     assert curve.force == pytest.approx(0.032 * np.arange(30))
     assert curve.displacement == pytest.approx(0.3e-3 * np.arange(30))
+    # Of the other quantity is asked which column.
+    refused('2 columns may be the displacement', two_cells(HEADER, CHANNELS, UNITS),
+            {'force': columns['force']})
 
 
-@pytest.mark.parametrize('force', ['4', 'Cell 2'])
-def test_of_the_other_quantity_is_asked_which_column(tmp_path, force):
-    path = tmp_path / 'a.csv'
-    path.write_text(two_cells(HEADER, CHANNELS, UNITS), encoding='utf-8')
-    with pytest.raises(MeasurementError, match='2 columns may be the displacement'):
-        read_curves([path], {'force': force})
-
-
-def test_of_columns_with_one_name_the_number_chooses(tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text(table('Force [N];Weg [mm];Force [N]',
-                          lambda u, f: f'{f:.2f};{u:.2f};{2 * f:.2f}'), encoding='utf-8')
-    with pytest.raises(MeasurementError, match=re.escape(
-            "2 columns may be the force: 'Force [N]' (column 1), 'Force [N]' (column 3); name it "
-            'with --force-column, by its number')):
-        read_curves([path])
-    assert read_curves([path], {'force': '3'})[0].force == pytest.approx(2 * FORCE)
-    path.write_text(table('Note;of;a test\nSignal;Signal;Signal\nN;mm;N',
-                          lambda u, f: f'{10 * f:.1f};{u:.2f};{2 * f:.2f}'), encoding='utf-8')
-    curve, = read_curves([path], {'force': '3', 'displacement': '2'})
+def test_of_columns_with_one_name_the_number_chooses():
+    text = table('Force [N];Weg [mm];Force [N]', lambda u, f: f'{f:.2f};{u:.2f};{2 * f:.2f}')
+    refused(re.escape("2 columns may be the force: 'Force [N]' (column 1), 'Force [N]' (column 3);"
+                      ' name it with --force-column, by its number'), text)
+    assert read(text, {'force': '3'})[0].force == pytest.approx(2 * FORCE)
+    text = table('Note;of;a test\nSignal;Signal;Signal\nN;mm;N',
+                 lambda u, f: f'{10 * f:.1f};{u:.2f};{2 * f:.2f}')
+    curve, = read(text, {'force': '3', 'displacement': '2'})
     assert curve.force == pytest.approx(2 * FORCE)
     assert curve.displacement == pytest.approx(UP)
-    with pytest.raises(MeasurementError, match='no column for force'):
-        read_curves([path], {'force': '4', 'displacement': '2'})
+    refused('no column for force', text, {'force': '4', 'displacement': '2'})
 
 
 @given(values=st.lists(st.integers(0, 10_000_000), min_size=2, max_size=20),
@@ -375,15 +331,13 @@ def test_no_number_is_read_a_thousand_times_too_large(values, decimals, mark, by
                   for number in numbers)
     column = Column(Path('a.csv'), 'u', 1.0, cells, tuple(range(len(cells))), '.')
     # Programs that separate columns by commas write points, unless they quote.
-    if not quoted and (mark == ',' or by == 'other'):
-        quoted = True
+    quoted |= mark == ',' or by == 'other'
     try:
-        decimal = _decimal([column], ',' if not quoted else ';', [cells])
+        decimal = _decimal([column], ';' if quoted else ',', [cells])
     except MeasurementError as error:
         assert '--decimal' in str(error)
         return
-    read = Column(Path('a.csv'), 'u', 1.0, cells, tuple(range(len(cells))), decimal).numbers()
-    assert read == pytest.approx(np.array(numbers))
+    assert replace(column, decimal=decimal).numbers() == pytest.approx(np.array(numbers))
 
 
 @pytest.mark.parametrize(('unit', 'factor', 'of'), [

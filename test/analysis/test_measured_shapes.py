@@ -7,7 +7,6 @@ import pytest
 
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.measured_shapes import read_shapes, simulate_steps, sliding, Step
-from soft_continuum.analysis.results import write_rows
 from soft_continuum.mechanics import SLACK, Statics, StaticsError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -25,10 +24,11 @@ bow;3;-18;10;Slack;20
 """
 
 
-def read(tmp_path, points=POINTS, pulls=PULLS):
-    for name, text in (('points.csv', points), ('pulls.csv', pulls)):
-        (tmp_path / name).write_text(text, encoding='utf-8')
-    return read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', data.DESCRIBED)
+def read(tmp_path, points=POINTS, pulls=PULLS, arm=data.DESCRIBED):
+    paths = tmp_path / 'points.csv', tmp_path / 'pulls.csv'
+    for path, text in zip(paths, (points, pulls), strict=True):
+        path.write_text(text, encoding='utf-8')
+    return read_shapes(*paths, arm)
 
 
 def test_shapes_are_read_in_si_units(tmp_path):
@@ -51,13 +51,10 @@ def test_angle_and_payload_may_be_left_out(tmp_path):
 
 
 def test_a_shape_may_have_any_name(tmp_path):
-    name = 'bow, "left"'
-    write_rows(tmp_path / 'points.csv', [
-        ['SIMULATED, not measured'], ['shape', 'point', 'x [mm]', 'z [mm]'], [name, 7, 12.5, 280]])
-    write_rows(tmp_path / 'pulls.csv', [
-        ['shape', 'segment', 'right [mm]', 'left [mm]'], [name, 1, 16.5, 'slack']])
-    shape, = read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', data.DESCRIBED)
-    assert shape.name == name
+    shape, = read(tmp_path, 'SIMULATED, not measured\nshape,point,x [mm],z [mm]\n'
+                  '"bow, ""left""",7,12.5,280\n',
+                  'shape,segment,right [mm],left [mm]\n"bow, ""left""",1,16.5,slack\n')
+    assert shape.name == 'bow, "left"'
 
 
 def test_points_of_another_arm_are_refused(tmp_path):
@@ -67,10 +64,9 @@ def test_points_of_another_arm_are_refused(tmp_path):
              'arm.disc_heights', 'arm.disc_masses')
     four = arm_from_parameters({'shape_names': ()} | {n: (*values[n], values[n][-1])
                                                       for n in names})
-    read(tmp_path)
     with pytest.raises(MeasurementError, match=r'no shape has a point above 8, of disc 4; this '
                        r'arm has 5 discs: .*--params-file'):
-        read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', four)
+        read(tmp_path, arm=four)
     for changed, message in (
             ({'arm.disc_heights': (0.03, 0.03, 0.03, 0.05)}, 'points 7 and 8 are 29.61 mm apart, '
              'but disc 4 of this arm is 50 mm long'),
@@ -78,9 +74,7 @@ def test_points_of_another_arm_are_refused(tmp_path):
             ({'arm.segment_lengths': (0.07, 0.07, 0.05)}, '6 and 7 are 70 .* segment 3')):
         points = POINTS.replace('bow;7', 'bow;6;12,5;210\nbow;7')
         with pytest.raises(MeasurementError, match=message):
-            (tmp_path / 'points.csv').write_text(points, encoding='utf-8')
-            read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv',
-                        arm_from_parameters(values | changed))
+            read(tmp_path, points, arm=arm_from_parameters(values | changed))
 
 
 @pytest.mark.parametrize(('old', 'new', 'message'), [
@@ -92,28 +86,21 @@ def test_points_of_another_arm_are_refused(tmp_path):
     ('bow;7;12,5;280\nbow;8;15;309,5\n', '', r'points\.csv: shape .bow. has points of the base'),
     ('x [mm]', 'x', r"points\.csv, line 1: column 'x' has no unit"),
     (';x [mm]', '', r'points\.csv, line 1: no column for x'),
-])
-def test_bad_points_are_refused(tmp_path, old, new, message):
-    assert old in POINTS
-    with pytest.raises(MeasurementError, match=message):
-        read(tmp_path, points=POINTS.replace(old, new))
-
-
-@pytest.mark.parametrize(('old', 'new', 'message'), [
-    ('bow;3', 'bow;4', r'pulls\.csv, line 3: there is no segment 4; this arm has 1 to 3'),
-    ('bow;3', 'arc;3', None),
+    ('bow;3;-18', 'bow;4;-18', r'pulls\.csv, line 3: there is no segment 4; this arm has 1 to 3'),
     ('16,5', '16500', r'pulls\.csv, line 2: a pull of 16.5 m is more than the arm is long'),
     ('slack;20', 'loose;20', r"pulls\.csv, line 2: left \[mm\] is 'loose', not a finite number"),
     ('Slack;20', 'Slack;30', r'pulls\.csv, line 3: the payload of shape .bow. changes'),
-    ('bow', 'bend', r'pulls\.csv: has no rows for shape .bow. of .*points\.csv; it has bend'),
+    ('bow;1;36;16,5;slack;20\nbow;3', 'bend;3', r'pulls\.csv: has no rows for shape .bow. of '
+     r'.*points\.csv; it has bend'),
 ])
-def test_bad_pulls_are_refused(tmp_path, old, new, message):
-    assert old in PULLS
-    if message is None:  # pulls of shapes without points do no harm
-        assert len(read(tmp_path, pulls=PULLS.replace(old, new))[0].steps) == 1
-        return
+def test_bad_points_and_pulls_are_refused(tmp_path, old, new, message):
+    assert (old in POINTS) != (old in PULLS)
     with pytest.raises(MeasurementError, match=message):
-        read(tmp_path, pulls=PULLS.replace(old, new))
+        read(tmp_path, POINTS.replace(old, new), PULLS.replace(old, new))
+
+
+def test_pulls_of_shapes_without_points_do_no_harm(tmp_path):
+    assert len(read(tmp_path, pulls=PULLS.replace('bow;3', 'arc;3'))[0].steps) == 1
 
 
 def test_a_tendon_slides_to_the_base_where_it_is_pulled_and_back_where_it_is_let_out():

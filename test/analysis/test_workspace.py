@@ -49,11 +49,12 @@ def test_the_order_matters_under_gravity_only():
                           reach(data.DESCRIBED, tip_first, 3)) > 1e-3
 
 
-def test_tips_lie_on_both_sides_alike():
-    tips = reach(data.DESCRIBED, (0, 1, 2), 3).tips
-    mirrored = tips * [-1.0, 1.0]
-    for tip in mirrored:
-        assert np.linalg.norm(tips - tip, axis=1).min() < 1e-9
+def test_tips_lie_on_both_sides_alike_and_on_a_line_they_span_no_area():
+    found = reach(data.DESCRIBED, (0, 1, 2), 3)
+    for tip in found.tips * [-1.0, 1.0]:
+        assert np.linalg.norm(found.tips - tip, axis=1).min() < 1e-9
+    assert found.hull > 0.01
+    assert replace(found, tips=np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]])).hull == 0.0
 
 
 def test_shapes_that_no_tendon_holds_are_left_out():
@@ -62,18 +63,8 @@ def test_shapes_that_no_tendon_holds_are_left_out():
     assert len(found.tips) == len(found.bending) < found.asked
 
 
-def test_tips_on_a_line_span_no_area():
-    found = reach(WEIGHTLESS, (0, 1, 2), 2)
-    one = replace(found, tips=np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]))
-    assert one.hull == 0.0
-    assert found.hull > 0.01
-
-
-def test_a_jammed_segment_keeps_the_sag_it_had(sets):
+def test_in_space_tips_fill_a_volume_and_a_jammed_segment_keeps_the_sag_it_had(sets):
     assert furthest_apart(*sets) > 1e-3
-
-
-def test_an_arm_in_space_fills_a_volume_and_one_in_a_plane_does_not(sets):
     assert sets[0].hull > 1e-4
     flat = sets[0].tips * [1.0, 0.0, 1.0]
     assert Reach((0, 1), flat, sets[0].bending, 16).hull == 0.0
@@ -89,17 +80,11 @@ def test_a_segment_is_set_towards_a_tendon_whose_angle_is_rounded():
     assert state.tensions[[0, 2]] == pytest.approx(0.0, abs=1e-5)
 
 
-@pytest.fixture
-def description(tmp_path):
-    """Return a file that describes an arm of one segment, without jamming."""
+def test_the_workspace_of_an_arm_in_space_is_a_table_and_a_figure(capsys, tmp_path):
     path = tmp_path / 'arm.yaml'
     path.write_text(parameters_text(describe(complete(
         {'kind': 'tendons', 'segments': (1.0,)})).values, []), encoding='utf-8')
-    return path
-
-
-def test_the_workspace_of_an_arm_in_space_is_a_table_and_a_figure(capsys, tmp_path, description):
-    assert workspace.main(['--params-file', str(description), '--output', str(tmp_path)]) == 0
+    assert workspace.main(['--params-file', str(path), '--output', str(tmp_path)]) == 0
     output, progress = capsys.readouterr()
     assert '2 times 31 shapes' in progress
     assert 'y from mm' in output and 'hull cm^3' in output

@@ -2,7 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files as testing machines write them."""
 
+from pathlib import Path
+
 import numpy as np
+import pytest
+
+from soft_continuum.analysis.curves import read_curves
+from soft_continuum.analysis.delimited import MeasurementError
 
 SLOPE = 72.0  # N/m, the paper's
 LENGTH, LEVER_ARM = 0.07, 0.025  # m
@@ -35,3 +41,16 @@ def cantilever(law, force, length=LENGTH, lever_arm=LEVER_ARM, steps=2000):
     s = lever_arm + length * (np.arange(steps) + 0.5) / steps
     curvature = np.interp(np.multiply.outer(force, s), law.moments, law.curvatures)
     return (curvature * s).sum(axis=1) * length / steps
+
+
+def read(text, *named, **given):
+    """Return the curves of a file with this text, as read_curves finds them."""
+    path = Path('a.csv')
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return read_curves([path], *named, **given)
+
+
+def refused(message, text, *named, **given):
+    """Check that the file is refused with what matches the message."""
+    with pytest.raises(MeasurementError, match=message):
+        read(text, *named, **given)
