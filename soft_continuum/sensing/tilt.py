@@ -49,7 +49,7 @@ DISAGREE = ('gyroscope and accelerometer disagree; are rates in rad/s, and does 
             'it is mounted?')
 UP, BIAS = slice(3), slice(3, 6)
 TINY = 1e-12  # rad, or m/s^2
-EYE = np.eye(3)
+EYE, EYE6 = np.eye(3), np.eye(6)
 
 
 class SensorError(ValueError):
@@ -210,7 +210,7 @@ class UpFilter:
     def _predict(self, rate: Array, noise: float, step: float) -> None:
         """Let a step, s, pass, with a rate (rad/s) and the deviation of that."""
         turn = (rate - self.bias) * step
-        moves = np.eye(6)
+        moves = EYE6.copy()
         moves[UP, UP] = back = rotation(-turn)
         self.up = back @ self.up
         moves[UP, BIAS] = by_rate = -step * skew(self.up)  # it turns by up x rate
@@ -234,7 +234,7 @@ class UpFilter:
         matrix = rotation(skew(self.up) @ step[UP])
         self.up, self.bias = matrix @ self.up, self.bias + step[BIAS]
         # Joseph's form, which holds for any gain; what is known of up is turned with it.
-        kept = np.eye(6)
+        kept = EYE6.copy()
         kept[:, UP] -= gain
         kept[UP], gain[UP] = matrix @ kept[UP], matrix @ gain[UP]
         self.covariance = kept @ self.covariance @ kept.T + variance * gain @ gain.T
@@ -252,9 +252,13 @@ def turn_between(one: Array, other: Array) -> Array:
 
 def rotation(vector: Array) -> Array:
     """Return the matrix (3, 3) of a rotation vector (3,), rad."""
-    angle, across = max(hypot(*vector.tolist()), TINY), skew(vector)
-    return np.asarray(EYE + sin(angle) / angle * across
-                      + 2.0 * (sin(angle / 2.0) / angle)**2 * across @ across)
+    x, y, z = vector.tolist()
+    angle = max(hypot(x, y, z), TINY)
+    across, twice = sin(angle) / angle, 2.0 * (sin(angle / 2.0) / angle)**2
+    return np.array([
+        [1.0 - twice * (y*y + z*z), twice * x*y - across * z, twice * x*z + across * y],
+        [twice * x*y + across * z, 1.0 - twice * (x*x + z*z), twice * y*z - across * x],
+        [twice * x*z - across * y, twice * y*z + across * x, 1.0 - twice * (x*x + y*y)]])
 
 
 def skew(vector: Array) -> Array:

@@ -43,28 +43,29 @@ def fed(found, record, mounting=0.0):
                      for sample in samples(record)]).T
 
 
-@pytest.mark.parametrize(('mounting', 'rate', 'lean'), [
-    (0.0, 50.0, 0.0), (pi, 50.0, 0.0), (-pi / 2, 100.0, 0.0), (0.4, 25.0, 0.5)])
-def test_the_angle_is_within_its_95_percent_interval_90_to_99_percent_of_the_time(
-        mounting, rate, lean):
-    inside, errors = [], []
+def test_the_angle_is_within_its_95_percent_interval_90_to_99_percent_of_the_time():
+    ways = [(0.0, 50.0, 0.0), (pi, 50.0, 0.0), (-pi / 2, 100.0, 0.0), (0.4, 25.0, 0.5)]
+    inside, errors = [[] for _ in ways], []
     for seed in range(60):  # as many devices
+        way = seed % len(ways)
+        mounting, rate, lean = ways[way]
         rng = np.random.default_rng(seed)
         times = np.arange(int(8.0 * rate)) / rate
         record = imus.record(rng, imus.steps(times, rng), rate, mounting, lean=lean,
                              errors=imus.Errors(offset=OFFSET * np.cos(lean)))
         angle, variance = fed(hinge(), record, mounting)
         error = (angle - record.angles)[times > 1.0]
-        inside.append(error**2 < 1.96**2 * variance[times > 1.0])
-        errors.append(error)
+        inside[way].append(np.mean(error**2 < 1.96**2 * variance[times > 1.0]))
+        errors.append(np.nanmean(np.square(error)))
     assert 0.90 <= np.mean(inside) <= 0.99
-    assert degrees(np.sqrt(np.nanmean(np.square(errors)))) < 0.7
+    assert np.mean(inside, axis=1).min() > 0.8  # 15 devices of each way
+    assert degrees(np.sqrt(np.mean(errors))) < 0.7
 
 
 def test_the_bias_of_the_gyroscope_is_found_at_rest():
     misses = []
     for seed in range(12):
-        record = imus.record(np.random.default_rng(seed), np.zeros(1000))
+        record = imus.record(np.random.default_rng(seed), REST, rate=50.0)
         found = hinge()
         fed(found, record)
         away = found.bias - [0.0, record.biases[-1], 0.0]
