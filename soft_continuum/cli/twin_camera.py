@@ -39,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
     from soft_continuum.sensing.ring_layout import layout_of, RingLayout
-    from soft_continuum.twin.pictures import Pictures, TwinCamera
+    from soft_continuum.twin.optics import Webcam
+    from soft_continuum.twin.pictures import Pictures
     from soft_continuum.twin.ring_camera import RingTwinCamera
     from soft_continuum.twin.tag_camera import TagTwinCamera
     from soft_continuum.user_files import description_file
@@ -49,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             *options.params_file or [description_file()], node=CAMERA,
             namespace=options.namespace))
         model_errors = chosen_model_errors(options)
-        camera: TwinCamera
+        camera: Webcam
         if isinstance(layout, RingLayout):
             direction = DIRECTION if options.direction is None else options.direction
             camera = RingTwinCamera(layout, model_errors, radians(direction))

@@ -58,8 +58,12 @@ class Hinges:
         """Return by how much every joint is turned about its axes, (joints, axes), rad."""
         return np.array(data.qpos[:, None])
 
-    def pull(self, model: Any, data: Any, jam: Array, held: Array) -> None:
-        """Give MuJoCo the springs, and jams (joints, axes) N m/rad that hold angles in rad."""
+    def pull(self, model: Any, data: Any, turned: Array, jam: Array, held: Array) -> None:
+        """
+        Give MuJoCo the springs, and jams (joints, axes) N m/rad that hold angles in rad.
+
+        turned: the present angles.
+        """
         total = self.springs + jam
         model.jnt_stiffness[:] = total[:, 0]
         model.qpos_spring[:] = (jam * held / total)[:, 0]
@@ -106,9 +110,8 @@ class Balls:
         found: Array = (np.copysign(factors, turns[:, 0]))[:, None] * turns[:, 1:]
         return found
 
-    def pull(self, model: Any, data: Any, jam: Array, held: Array) -> None:
+    def pull(self, model: Any, data: Any, turned: Array, jam: Array, held: Array) -> None:
         """Give MuJoCo the springs and jams as Hinges.pull."""
-        turned = self.angles(data)
         total = self.springs + jam
         data.ctrl[:] = -(self.springs * turned + jam * (turned - held)).ravel()
         model.actuator_gear[:, :3] = _inverse_jacobians(turned).reshape(-1, 3)

@@ -1,13 +1,15 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a drawn webcam does with light: rays through its lens, what its sensor adds, paper.
+What a drawn webcam does with light: rays through its lens, what its sensor adds, paper, bars.
 
 It shares no projection with what measures in the pictures: rays go out from the camera,
 undistorted by fixed-point iteration.
 """
 
+from abc import ABC, abstractmethod
 from functools import lru_cache
+from math import ceil, floor
 from typing import Any
 
 import cv2
@@ -26,14 +28,18 @@ WHITE, BLACK, BOARD, SKIN, PLATE = 225.0, 25.0, 150.0, 70.0, 215.0  # grey value
 DARK = 60.0  # grey value of obstacles and occluders
 SAMPLES = 3  # by SAMPLES of each pixel
 SUNK = 0.5  # of the brightness that the darkest corner keeps at light 1
+LENGTHS, WIDTHS = (200.0, 320.0), (50.0, 90.0)  # px, of occluders; a tag of a disc has about 34
+PERIODS = (30.0, 90.0)  # s to and fro
 
 
-class Optics:
+class Webcam(ABC):
     """
-    A lens that looks a little aside; ``lens`` is what its calibration says of it.
+    A webcam that looks a little aside; ``lens`` is what its calibration says of it.
 
     Directions and points are in the axes of a camera that looks straight: right, down, forward.
     """
+
+    sensor: 'Sensor'
 
     def __init__(self, given: ModelErrors, random: np.random.Generator) -> None:
         """Draw where it looks, and how wrong its calibration is."""
@@ -47,6 +53,23 @@ class Optics:
             (WIDTH, HEIGHT),
             [focal * wrong, 0, self._middle[0], 0, focal * wrong, self._middle[1], 0, 0, 1],
             [self._bent * wrong, 0, 0, 0, 0], 'plumb_bob')
+        self.occluders = Occluders(given.occluders, given.seed)
+
+    def picture(self, discs: Array, time: float = 0.0) -> Picture:
+        """
+        Return what it sees.
+
+        discs: (discs, 7), pose of the bottom of each, position (m) and quaternion x, y, z, w.
+        time: s, of what moves before it.
+        """
+        grey = self.drawn(discs)
+        for corners in self.occluders.corners(time):
+            cv2.fillConvexPoly(grey, np.round(corners * 16).astype(np.int32), DARK, cv2.LINE_AA, 4)
+        return self.sensor.exposed(grey)
+
+    @abstractmethod
+    def drawn(self, discs: Array) -> NDArray[np.float32]:
+        """Return the grey values (height, width) of an arm, before light and sensor."""
 
     def seen(self, points: Array) -> Array:
         """Return where points (k, 3) m are in the picture, (k, 2) px."""
@@ -95,6 +118,37 @@ class Sensor:
         lit += self._noise[start:start + WIDTH * HEIGHT].reshape(HEIGHT, WIDTH)
         picture: Picture = np.clip(np.rint(lit), 0, 255).astype(np.uint8)
         return picture
+
+
+class Occluders:
+    """Dark bars, such as hands, that move through a picture; each swings along x and along y."""
+
+    def __init__(self, count: int, seed: int) -> None:
+        """Draw their sizes and ways."""
+        random = np.random.default_rng([seed, 2])
+        self._half_size = np.array([WIDTH, HEIGHT]) / 2.0
+        length, width = (random.uniform(*sizes, count) / 2.0 for sizes in (LENGTHS, WIDTHS))
+        angle = random.uniform(0.0, np.pi, count)
+        along = length[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        across = width[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+        self._corners = np.stack(
+            [along + across, along - across, -along - across, across - along], axis=1)
+        self._rates = 2.0 * np.pi / random.uniform(*PERIODS, (count, 2))
+        self._phases = random.uniform(0.0, 2.0 * np.pi, (count, 2))
+
+    def corners(self, time: float) -> Array:
+        """Return where their corners are at a time, s, (count, 4, 2), px."""
+        middle = self._half_size * (1.0 + np.sin(self._rates * time + self._phases))
+        corners: Array = middle[:, None] + self._corners
+        return corners
+
+
+def box(seen: Array) -> tuple[slice, slice]:
+    """Return the rows and columns that hold all of these pixels (k, 2)."""
+    (u0, v0), (u1, v1) = seen.min(axis=0) - 2.0, seen.max(axis=0) + 3.0
+    rows = [min(HEIGHT, max(0, v)) for v in (floor(v0), ceil(v1))]
+    columns = [min(WIDTH, max(0, u)) for u in (floor(u0), ceil(u1))]
+    return slice(*rows), slice(*columns)
 
 
 def blotched(random: np.random.Generator) -> NDArray[np.float32]:

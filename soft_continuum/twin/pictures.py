@@ -2,8 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The twin's camera on ROS topics, in a process of its own: to draw takes most of a core."""
 
-from typing import Protocol
-
 from geometry_msgs.msg import PoseArray
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
@@ -13,26 +11,16 @@ from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import CAMERA, TWIN
 from soft_continuum.ros.pictures import grey_message
 from soft_continuum.ros.qos import SENSOR, STREAM
-from soft_continuum.sensing.lens import Lens
-from soft_continuum.sensing.pictures import Array, Picture
+from soft_continuum.twin.optics import Webcam
 from soft_continuum.twin.publisher import DISC_POSES, Publisher
 
 FRAME = 'simulated_{}'
 
 
-class TwinCamera(Protocol):
-    """TagTwinCamera or RingTwinCamera; lens: what its calibration says of it."""
-
-    lens: Lens
-
-    def picture(self, discs: Array, time: float = 0.0) -> Picture:
-        """Return what it sees of discs (discs, 7) at a time, s."""
-
-
 class Pictures(Publisher):
     """Publishes the pictures and the calibration of a camera, drawn from twin/disc_poses."""
 
-    def __init__(self, camera: TwinCamera, rate: float, namespace: str = '',
+    def __init__(self, camera: Webcam, rate: float, namespace: str = '',
                  name: str = CAMERA) -> None:
         """
         Make the node twin_NAME, which publishes NAME/image_raw and NAME/camera_info.

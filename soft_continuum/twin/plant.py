@@ -73,14 +73,16 @@ class Plant:
         self._random = np.random.default_rng(model_errors.seed)
         self._jam = np.zeros_like(self._joints.springs)
         self._held = np.zeros_like(self._joints.springs)
+        self._vacuum = np.zeros(len(arm.segments))
         self._stiff = np.zeros(len(arm.segments), dtype=bool)
+        self._part = np.zeros((len(self._jam), 1))  # of full vacuum that jams, at each joint
         self._pulled = np.zeros(tendons)  # by the motors, less the backlash
         self._tightening = np.zeros(tendons)
         self._compliance = model_errors.tendon_compliance + arm.compliance  # m/N
         self._stretched = np.zeros(tendons)  # m
         self._slipped = np.zeros(tendons)  # m, of each tendon in its clamp
         self._acceleration = np.zeros(self._model.nv)  # rad/s^2
-        self._joints.pull(self._model, self._data, self._jam, self._held)
+        self._set_jams(self._vacuum)
 
     # What a sensor could see.
 
@@ -166,9 +168,7 @@ class Plant:
         self._set_jams(np.asarray(vacuum, dtype=float))
         given, tensions = self.model_errors, self.tensions
         before = self._pulled
-        self._pulled = np.clip(before, pulls - given.backlash, pulls)
-        self._sliding = np.clip(
-            self._sliding + (self._pulled - before) / PRESLIDING, -1.0, 1.0)
+        self._pulled = np.minimum(np.maximum(before, pulls - given.backlash), pulls)
         self._slipped += SLIP * (tensions > given.slip_tension)
         self._stretched += STRETCHING * (self._compliance * tensions - self._stretched)
         longest = (self._straight - self._pulled - given.zero_offset + self._slipped
@@ -176,9 +176,11 @@ class Plant:
         excess = self._data.ten_length[self._tendons] - longest
         self._tightening += np.where(tensions > 0.0, TIGHTENING * excess,
                                      -LOOSENING * self._tightening)
-        np.clip(self._tightening, 0.0, MAX_TIGHTENING, out=self._tightening)
+        self._tightening = np.minimum(np.maximum(self._tightening, 0.0), MAX_TIGHTENING)
         self._model.tendon_range[self._tendons, 1] = longest - self._tightening
         if given.guide_friction > 0.0:
+            self._sliding = np.clip(
+                self._sliding + (self._pulled - before) / PRESLIDING, -1.0, 1.0)
             self._data.qfrc_applied[:] = self._friction(tensions)
         speeds = self._data.qvel.copy()
         mujoco.mj_step(self._model, self._data)
@@ -204,14 +206,28 @@ class Plant:
 
     def _set_jams(self, vacuum: Array) -> None:
         """Let the jams follow the vacuum, and creep where they bear too much."""
-        q, given = self._joints.angles(self._data), self.model_errors
+        q = self._joints.angles(self._data)
+        if (vacuum != self._vacuum).any():
+            self._jam_by(vacuum, q)
+        moment = self._jam * (q - self._held)
+        size = np.sqrt((moment * moment).sum(axis=1))
+        beyond = size > self.model_errors.yield_moment * self._part[:, 0]
+        if beyond.any():
+            self._held[beyond] = q[beyond] - (
+                moment[beyond] / size[beyond, None] * self.model_errors.yield_moment
+                * self._part[beyond] / np.where(self._jam > 0.0, self._jam, 1.0)[beyond])
+        self._joints.pull(self._model, self._data, q, self._jam, self._held)
+
+    def _jam_by(self, vacuum: Array, q: Array) -> None:
+        """Let the jams be as stiff as another vacuum makes them, with joints at angles ``q``."""
+        given, self._vacuum = self.model_errors, vacuum.copy()
         held = np.clip((vacuum - given.soft_below) / (1.0 - given.soft_below), 0.0, 1.0)
-        part = np.repeat(held, self._per_segment)[:, None]
-        jam = (given.stiff_ratio - 1.0) * part * self._joints.jams
-        divisor = np.where(jam > 0.0, jam, 1.0)
+        self._part = np.repeat(held, self._per_segment)[:, None]
+        jam = (given.stiff_ratio - 1.0) * self._part * self._joints.jams
         # What grows holds the present angle: the moment of the jam does not change by it.
         grows = jam > self._jam
-        self._held[grows] = (q - self._jam / divisor * (q - self._held))[grows]
+        self._held[grows] = (q - self._jam / np.where(jam > 0.0, jam, 1.0)
+                             * (q - self._held))[grows]
         self._jam = jam
         stiff = held > 0.5
         for segment in np.flatnonzero(stiff & ~self._stiff):
@@ -219,12 +235,6 @@ class Plant:
             joints = slice(segment * self._per_segment, (segment + 1) * self._per_segment)
             self._held[joints] += np.where(jam[joints] > 0.0, shift, 0.0)
         self._stiff = stiff
-        moment = jam * (q - self._held)
-        size = np.linalg.norm(moment, axis=1)
-        beyond = size > given.yield_moment * part[:, 0]
-        self._held[beyond] = (q - moment / np.where(size > 0.0, size, 1.0)[:, None]
-                              * given.yield_moment * part / divisor)[beyond]
-        self._joints.pull(self._model, self._data, self._jam, self._held)
 
     def _disc(self, number: int) -> int:
         """Return the body of a disc above the base."""

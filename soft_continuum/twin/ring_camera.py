@@ -9,31 +9,29 @@ that faces the camera.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import ceil, cos, floor, pi, sin
+from math import cos, pi, sin
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.sensing.layout import QUIET
-from soft_continuum.sensing.pictures import Array, Picture, white_modules
+from soft_continuum.sensing.pictures import Array, white_modules
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.occluders import Occluders
 from soft_continuum.twin.optics import (
     blotched,
-    DARK,
+    box,
     FIELD,
     HEIGHT,
     jacobian,
     MARGIN,
-    Optics,
     PLATE,
     printed,
     SAMPLES,
     Sensor,
     SKIN,
+    Webcam,
     WIDTH,
 )
 
@@ -59,8 +57,8 @@ class _Piece:
     modules: NDArray[np.bool_] | None = None
 
 
-class RingTwinCamera:
-    """A webcam beside a spatial arm; ``lens`` is what its calibration says of it."""
+class RingTwinCamera(Webcam):
+    """A webcam beside a spatial arm."""
 
     def __init__(self, layout: RingLayout, model_errors: ModelErrors, direction: float = FRONT
                  ) -> None:
@@ -72,33 +70,23 @@ class RingTwinCamera:
                               layout.fixed_size) for row in layout.fixed]
         self._rings = [self._ring(n, tags, given.tag_offset) for n in range(len(layout.heights))]
         self._fixed_modules = [white_modules(n) for n in layout.fixed_numbers]
-        self._optics = Optics(given, self._random)
-        self.lens = self._optics.lens
+        super().__init__(given, self._random)
         self._place(direction, given.camera_shift)
-        rays = self._optics.rays()
+        rays = self.rays()
         self._flat = (rays[..., :2] / rays[..., 2:]).astype(np.float32)
         self._changes = jacobian(self._flat)
-        self._still = self._drawn(
+        self._still = self._with(
             blotched(self._random), [_Piece(corners, 0.0, modules) for corners, modules in zip(
                 self._fixed, self._fixed_modules, strict=True)])
-        self.occluders = Occluders(given.occluders, given.seed, (WIDTH, HEIGHT))
-        self._sensor = Sensor(given, self._random)
+        self.sensor = Sensor(given, self._random)
 
-    def picture(self, discs: Array, time: float = 0.0) -> Picture:
-        """
-        Return what it sees.
-
-        discs: (discs, 7), pose of the bottom of each, position (m) and quaternion x, y, z, w.
-        time: s, of what moves before it.
-        """
-        grey = self._drawn(self._still, [*self._rings_at(discs), *self._segments_at(discs)])
-        for corners in self.occluders.corners(time):
-            cv2.fillConvexPoly(grey, np.round(corners * 16).astype(np.int32), DARK, cv2.LINE_AA, 4)
-        return self._sensor.exposed(grey)
+    def drawn(self, discs: Array) -> NDArray[np.float32]:
+        """Return the grey values of the arm before what stands still."""
+        return self._with(self._still, [*self._rings_at(discs), *self._segments_at(discs)])
 
     def project(self, points: Array) -> Array:
         """Return where points (k, 3) m in base_link are in the picture, (k, 2) px."""
-        return self._optics.seen((points - self._eye) @ self._axes.T)
+        return self.seen((points - self._eye) @ self._axes.T)
 
     def _place(self, direction: float, shift: float) -> None:
         """Stand where the arm and the fixed tags that look here are in the picture."""
@@ -165,7 +153,7 @@ class RingTwinCamera:
             for k in range(len(line) - 1):
                 yield _Piece(np.array([left[k], right[k], right[k + 1], left[k + 1]]), SKIN)
 
-    def _drawn(self, still: NDArray[np.float32], pieces: Sequence[_Piece]) -> NDArray[np.float32]:
+    def _with(self, still: NDArray[np.float32], pieces: Sequence[_Piece]) -> NDArray[np.float32]:
         """Return a picture with these pieces before it."""
         grey = still.copy()
         local = [(piece, (piece.corners - self._eye) @ self._axes.T) for piece in pieces]
@@ -173,21 +161,21 @@ class RingTwinCamera:
                  if corners[:, 2].min() > 0.01 and _front(corners) @ corners[0] < 0.0]
         if not local:
             return grey
-        box = _box(np.vstack([self._optics.seen(corners) for _, corners in local]))
-        if not grey[box].size:
+        whole = box(np.vstack([self.seen(corners) for _, corners in local]))
+        if not grey[whole].size:
             return grey
-        rows, columns = grey[box].shape
+        rows, columns = grey[whole].shape
         fine = np.empty((SAMPLES * rows, SAMPLES * columns), dtype=np.float32)
-        fine.reshape(rows, SAMPLES, columns, SAMPLES)[:] = grey[box][:, None, :, None]
+        fine.reshape(rows, SAMPLES, columns, SAMPLES)[:] = grey[whole][:, None, :, None]
         nearest = np.full(fine.shape, np.inf, dtype=np.float32)
         for piece, corners in local:
-            own = _box(self._optics.seen(corners))
+            own = box(self.seen(corners))
             if not grey[own].size:
                 continue
             inner = tuple(slice(SAMPLES * (o.start - b.start), SAMPLES * (o.stop - b.start))
-                          for o, b in zip(own, box, strict=True))
+                          for o, b in zip(own, whole, strict=True))
             self._draw(piece, corners, own, fine[inner], nearest[inner])
-        grey[box] = fine.reshape(rows, SAMPLES, columns, SAMPLES).mean(axis=(1, 3))
+        grey[whole] = fine.reshape(rows, SAMPLES, columns, SAMPLES).mean(axis=(1, 3))
         return grey
 
     def _draw(self, piece: _Piece, corners: Array, own: tuple[slice, slice],
@@ -241,11 +229,3 @@ def _front(corners: Array) -> Array:
     """Return the direction out of a piece, of length 1."""
     front: Array = np.cross(corners[1] - corners[0], corners[2] - corners[1])
     return front / np.linalg.norm(front)
-
-
-def _box(seen: Array) -> tuple[slice, slice]:
-    """Return the rows and columns that hold all of these pixels (k, 2)."""
-    (u0, v0), (u1, v1) = seen.min(axis=0) - 2.0, seen.max(axis=0) + 3.0
-    rows = [min(HEIGHT, max(0, v)) for v in (floor(v0), ceil(v1))]
-    columns = [min(WIDTH, max(0, u)) for u in (floor(u0), ceil(u1))]
-    return slice(*rows), slice(*columns)

@@ -7,7 +7,6 @@ It needs no graphics hardware: rays go out from the camera to the plane of the t
 """
 
 from collections.abc import Callable
-from math import ceil, floor
 from typing import Any
 
 import cv2
@@ -15,29 +14,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.sensing.layout import CORNERS, QUIET, TagLayout
-from soft_continuum.sensing.pictures import Array, Picture, white_modules
+from soft_continuum.sensing.pictures import Array, white_modules
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.occluders import Occluders
 from soft_continuum.twin.optics import (
     blotched,
+    box,
     DARK,
     FIELD,
     HEIGHT,
     jacobian,
     MARGIN,
-    Optics,
     PLATE,
     printed,
     SAMPLES,
     Sensor,
     SKIN,
+    Webcam,
     WIDTH,
 )
 
 
-class TagTwinCamera:
-    """A webcam before the arm, looking along +y; ``lens`` is what its calibration says of it."""
+class TagTwinCamera(Webcam):
+    """A webcam before the arm, looking along +y."""
 
     def __init__(self, layout: TagLayout, model_errors: ModelErrors) -> None:
         """Place the camera where all tags of the fixed board are in the picture."""
@@ -47,9 +46,8 @@ class TagTwinCamera:
         half = (high - low) / 2.0 + layout.fixed_size
         self._distance = float(MARGIN * max(half[0] / FIELD, half[1] / (FIELD * HEIGHT / WIDTH)))
         self._foot = (low + high) / 2.0 + self._random.uniform(-0.5, 0.5, 2) * given.camera_shift
-        self._optics = Optics(given, self._random)
-        self.lens = self._optics.lens
-        rays = self._optics.rays()
+        super().__init__(given, self._random)
+        rays = self.rays()
         self._depth = layout.depth + self._random.normal(0.0, given.depth_offset)
         self._fixed = layout.fixed + self._random.normal(
             0.0, given.fixed_offset, layout.fixed.shape)
@@ -59,20 +57,14 @@ class TagTwinCamera:
         for one in given.obstacles:
             away = np.linalg.norm(self._front - [one.x, one.z], axis=-1)
             self._still[away < one.radius] = DARK
-        self.occluders = Occluders(given.occluders, given.seed, (WIDTH, HEIGHT))
-        self._sensor = Sensor(given, self._random)
+        self.sensor = Sensor(given, self._random)
         self._modules = {n: white_modules(n) for n in range(len(layout.heights))}
         # How each tag is stuck: to the right and up, m, and turned, rad.
         self._offsets = self._random.normal(0.0, given.tag_offset, (len(layout.heights), 3))
         self._offsets[:, 2] /= layout.disc_size
 
-    def picture(self, discs: Array, time: float = 0.0) -> Picture:
-        """
-        Return what it sees.
-
-        discs: (discs, 7), pose of the bottom of each, position (m) and quaternion x, y, z, w.
-        time: s, of what moves before it.
-        """
+    def drawn(self, discs: Array) -> NDArray[np.float32]:
+        """Return the grey values of the arm before the board."""
         grey, discs = self._still.copy(), planar_pose(discs)
         for below, above, height in zip(
                 discs, discs[1:], self._layout.disc_heights, strict=False):
@@ -82,13 +74,11 @@ class TagTwinCamera:
             cv2.line(grey, ends[0].tolist(), ends[1].tolist(), SKIN, 24, cv2.LINE_AA, 4)
         for n, pose in enumerate(discs):
             self._draw_disc(grey, n, pose)
-        for corners in self.occluders.corners(time):
-            cv2.fillConvexPoly(grey, np.round(corners * 16).astype(np.int32), DARK, cv2.LINE_AA, 4)
-        return self._sensor.exposed(grey)
+        return grey
 
     def project(self, points: Array, depth: float) -> Array:
         """Return where points (k, 2) m on a plane before the board are in the picture, px."""
-        return self._optics.seen(np.column_stack([
+        return self.seen(np.column_stack([
             points[:, 0] - self._foot[0], self._foot[1] - points[:, 1],
             np.full(len(points), self._distance - depth)]))
 
@@ -118,13 +108,14 @@ class TagTwinCamera:
         size = self._layout.fixed_size
         for n, centre in zip(self._layout.fixed_numbers, self._fixed, strict=True):
             modules = white_modules(n)
-            box = self._box(centre + 1.6 * size * CORNERS, 0.0)
+            place = box(self.project(centre + 1.6 * size * CORNERS, 0.0))
 
             def shade(points: Array, old: Array, c: Array = centre,
                       m: NDArray[np.bool_] = modules) -> Array:
                 return printed((points - c) / size, m, old)
 
-            grey[box] = _sampled(self._board[box], changes[(slice(None), *box)], grey[box], shade)
+            grey[place] = _sampled(self._board[place], changes[(slice(None), *place)],
+                                   grey[place], shade)
         return np.asarray(grey, dtype=np.float32)
 
     def _draw_disc(self, grey: NDArray[np.float32], n: int, pose: Array) -> None:
@@ -135,8 +126,8 @@ class TagTwinCamera:
         right, up = _directions(pose[2])
         middle = pose[:2] + up * height / 2.0
         reach = np.hypot(width, height) / 2.0
-        box = self._box(middle + 2.0 * reach * CORNERS, self._depth)
-        if not grey[box].size:
+        place = box(self.project(middle + 2.0 * reach * CORNERS, self._depth))
+        if not grey[place].size:
             return
         centre, turned = self._tag_pose(n, pose)
         tag_right, tag_up = _directions(turned)
@@ -149,15 +140,8 @@ class TagTwinCamera:
             flat = np.stack([tag @ tag_right, tag @ tag_up], axis=-1) / size
             return printed(flat, self._modules[n], plate)
 
-        grey[box] = _sampled(self._front[box], self._jacobian[(slice(None), *box)], grey[box],
-                             shade)
-
-    def _box(self, points: Array, depth: float) -> tuple[slice, slice]:
-        """Return the rows and columns that hold all of the points."""
-        seen = self.project(points, depth)
-        (u0, v0), (u1, v1) = seen.min(axis=0) - 2.0, seen.max(axis=0) + 3.0
-        return (slice(max(0, floor(v0)), max(0, min(HEIGHT, ceil(v1)))),
-                slice(max(0, floor(u0)), max(0, min(WIDTH, ceil(u1)))))
+        grey[place] = _sampled(self._front[place], self._jacobian[(slice(None), *place)],
+                               grey[place], shade)
 
 
 def _directions(angle: float) -> tuple[Array, Array]:
