@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.rigid import displacement
 from soft_continuum.sensing.ring_camera import RingCamera
-from soft_continuum.sensing.ring_layout import RingLayout
-from soft_continuum.sensing.straight_corners import at_rest
+from soft_continuum.sensing.ring_layout import at_rest, RingLayout
 from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 

@@ -83,9 +83,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     from soft_continuum.parameters.arm import arm_from_parameters
     from soft_continuum.parameters.files import load_description
-    from soft_continuum.twin.ground_truth import GroundTruth
     from soft_continuum.twin.rig import TwinRig
-    from soft_continuum.twin.sensor_topics import SensorTopics
+    from soft_continuum.twin.topics import GroundTruth, SensorTopics
     from soft_continuum.user_files import description_file
 
     def begin(running: ExitStack) -> None:

@@ -68,8 +68,8 @@ class Estimator:
         self.values = first_values(arm, self.layout, prior)
         self._first = first_covariance(arm, self.layout, prior)
         self.covariance = self._first.copy()
-        self._statics: Any = statics_with(arm, self.layout, self.values, state)
-        self.state: Any = replace(state, chain=self._statics.chain)
+        self.statics: Any = statics_with(arm, self.layout, self.values, state)
+        self.state: Any = replace(state, chain=self.statics.chain)
         for s, stiff in enumerate(state.stiff):
             if not stiff:
                 self._clear_held(s)
@@ -88,12 +88,7 @@ class Estimator:
     @property
     def arm(self) -> Any:
         """The arm as it is estimated to be."""
-        return self._statics.chain.arm
-
-    @property
-    def statics(self) -> Any:
-        """The statics of it."""
-        return self._statics
+        return self.statics.chain.arm
 
     @property
     def offsets(self) -> Array:
@@ -130,7 +125,7 @@ class Estimator:
         """Follow the tendons and valves; raises StaticsError, and then keeps what it was."""
         before = self._past[-1] if self._past else commands
         switched, start = commands.stiff != self.state.stiff, self.state
-        state = self._statics.solve(
+        state = self.statics.solve(
             start, commands.pulls + self.offsets, commands.soft, vacuum=commands.vacuum,
             sliding=commands.sliding)
         if switched:
@@ -172,7 +167,7 @@ class Estimator:
         self.covariance[held] = self.covariance[:, held] = 0.0
 
     def _rates(self) -> Rates:
-        return rates(self._statics, self.layout, self.state)
+        return rates(self.statics, self.layout, self.state)
 
     def _stiff(self) -> NDArray[np.bool_]:
         """Return for each of ``layout.held`` whether its segment is stiff and bends so at all."""
@@ -307,7 +302,7 @@ class Estimator:
         self.state = point.state if past is now else point.statics.solve(
             start, now.pulls + point.unknowns[self.layout.offset],
             [not s for s in start.stiff], vacuum=start.vacuum or None, sliding=now.sliding)
-        self.values, self._statics = point.unknowns, point.statics
+        self.values, self.statics = point.unknowns, point.statics
         gain = told[:, None] * np.linalg.solve(point.covariance(self.covariance),
                                                point.rows @ self.covariance).T
         left = np.eye(self.layout.size) - gain @ point.rows
@@ -358,7 +353,7 @@ class Estimator:
         layout, state = self.layout, self.state
         unknowns = limited(self.values + change, layout)
         unknowns[layout.held] = 0.0  # it is in the held angles
-        statics, start, there = self._statics, state, state
+        statics, start, there = self.statics, state, state
         changed = bool(change.any())
         if changed:
             statics = statics_with(self._described, layout, unknowns, state)

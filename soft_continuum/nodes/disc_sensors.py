@@ -25,8 +25,7 @@ from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
-from soft_continuum.sensing.imu_axes import imu_rotations
-from soft_continuum.sensing.mounted_imus import MountedImus
+from soft_continuum.sensing.mounted_imus import imu_rotations, MountedImus
 from soft_continuum.sensing.tare import mount_of, straight_heights, Window
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sensing.tracker import Tracker

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The IMUs on the discs of an arm: what they say of its poses, and how they are mounted."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import cos, hypot, sin
 from typing import Any, Self
@@ -29,6 +29,9 @@ SETTINGS = ('acceleration_stddev', 'rate_stddev', 'bias_stddev', 'motion_acceler
 MOUNTED = {1: ('mounting_angles', 'one for all or for each of {} discs'),
            3: ('mounting_turns', 'a rotation vector for each of {} discs, or 0.0 for none')}
 """By the number of axes about which a disc turns: parameter imu. of how IMUs are mounted."""
+AXES = {sign + name: float(f'{sign}1') * np.eye(3)[i]
+        for i, name in enumerate('xyz') for sign in '+-'}
+"""By name; with a sign always, since ROS reads y in a parameter file as true."""
 
 
 class MountedImus:
@@ -116,3 +119,26 @@ def pose_of_up(up: Array, covariance: Array, to: Array, unseen: float) -> tuple[
     full = unseen * np.eye(6)
     full[3:, 3:] = lever @ covariance @ lever.T + unseen * np.outer(to, to)
     return np.array([0.0, 0.0, 0.0, *sin(half) / half / 2.0 * vector, cos(half)]), full
+
+
+def imu_rotations(axes: Sequence[str], discs: int) -> tuple[Array, ...]:
+    """
+    Return by disc the rotation (3, 3) from coordinates in its IMU to those in the disc.
+
+    axes: names of those of the IMU along x, y and z of the disc, such as +x, -z, +y; three for all
+    discs, or three for each.  Raises ParameterError for what is no such thing.
+    """
+    if len(axes) not in (3, 3 * discs):
+        raise ParameterError(f'parameter imu.axes has {len(axes)} entries; needed: the axes of '
+                             f'the IMU along x, y and z of the disc, for all or each of {discs}')
+    if unknown := [axis for axis in axes if axis not in AXES]:
+        raise ParameterError(
+            f'parameter imu.axes has {unknown[0]!r}; allowed: {", ".join(AXES)}')
+    found = []
+    for i in range(0, len(axes), 3):
+        rotation = np.array([AXES[axis] for axis in axes[i:i + 3]])
+        if round(float(np.linalg.det(rotation))) != 1:
+            raise ParameterError(f'parameter imu.axes has {list(axes[i:i + 3])}: these are not '
+                                 'the axes of a right-handed frame, in this order')
+        found.append(rotation)
+    return tuple(found) if len(found) == discs else tuple(found * discs)

@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 import numpy as np
@@ -38,9 +39,9 @@ class Page(Figure):
         """Draw a ruler: a printer that scales is found out with a real one."""
         y = BORDER + 0.004
         self.axes_.plot([BORDER, BORDER + RULER], [y, y], 'k', lw=0.6)
-        for k in range(int(RULER * 1e3) + 1):
-            height = 0.004 if k % 10 == 0 else 0.0025 if k % 5 == 0 else 0.0015
-            self.axes_.plot([BORDER + k * 1e-3] * 2, [y, y + height], 'k', lw=0.4)
+        mm = np.arange(round(RULER * 1e3) + 1)
+        heights = np.where(mm % 10 == 0, 0.004, np.where(mm % 5 == 0, 0.0025, 0.0015))
+        self.axes_.vlines(BORDER + mm * 1e-3, y, y + heights, 'k', lw=0.4)
         self.axes_.text(BORDER + RULER + 0.004, y, f'{RULER * 1e3:.0f} mm: print at 100 % and '
                         'measure this', fontsize=8, va='bottom')
 
@@ -55,7 +56,6 @@ class Page(Figure):
             self.axes_.plot([x + dx * near, x + dx * far], [y + dy * near, y + dy * far], 'k',
                             lw=0.4)
         self.axes_.text(x + 0.001, y - frame / 2.0 - 0.001, label, fontsize=7, va='top')
-
 
     def strip(self, numbers: Sequence[int], labels: Sequence[str], x: float, y: float, size: float
               ) -> None:
@@ -81,11 +81,12 @@ class Page(Figure):
 
     def _modules(self, white: NDArray[np.bool_], x: float, y: float, size: float) -> None:
         """Draw the black modules of a tag about (x, y), m."""
-        edge = size / MODULES
-        for row, column in np.argwhere(~white):
-            self.axes_.add_patch(Rectangle(
-                (x - size / 2.0 + column * edge, y + size / 2.0 - (row + 1) * edge), edge, edge,
-                facecolor='k', edgecolor='k', lw=0.05))
+        rows, columns = np.nonzero(~white)
+        lower_left = np.column_stack([columns, MODULES - 1 - rows]) - MODULES / 2.0
+        squares = lower_left[:, None] + [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+        self.axes_.add_collection(PolyCollection(
+            list((x, y) + size / MODULES * squares), facecolor='k', edgecolor='k', lw=0.05),
+            autolim=False)
 
 
 def tag_pages(title: str, numbers: Sequence[int], size: float, labels: Sequence[str]

@@ -18,7 +18,7 @@ from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.sensing.layout import CORNERS, FIRST_FIXED, Layout, of_arm, QUIET, TagLayout
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, FAMILY_SIZE
-from soft_continuum.sensing.straight_corners import as_numbers, at_rest, Corners, from_numbers
+from soft_continuum.sensing.tilt import SensorError
 
 if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
     from soft_continuum.sensing.detections import DiscCamera, TagDetections
@@ -27,6 +27,11 @@ if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
 MIN_FIXED = 3
 MIN_WIDTH = 0.1
 """Of the length of a group of fixed tags: by how much they are off one line at least."""
+MAX_MOTION = 1.0  # px by which tags at rest may move
+NUMBERS = 9  # of a tag that was seen: its own, and u and v of its corners
+
+Corners = Mapping[int, Array]
+"""Corners of each tag that is seen, by its number, (4, 2) px without distortion."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +168,7 @@ class RingLayout(Layout):
 
     def pages(self) -> 'list[Page]':
         """Return strips of tags to fold, and a drawing of where everything goes."""
-        from soft_continuum.sensing.ring_printing import ring_pages
+        from soft_continuum.sensing.printing import ring_pages
         return ring_pages(self)
 
 
@@ -192,3 +197,42 @@ def _upright(direction: float) -> Array:
     """Return the axes of an upright tag that looks along ``direction``, rad about z from x."""
     c, s = cos(direction), sin(direction)
     return np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]])
+
+
+# What a camera saw of the tags around the straight arm, as a parameter keeps it.
+
+def at_rest(seen: Sequence[Corners]) -> dict[int, Array]:
+    """
+    Return the mean corners of the tags that are in more than half of some pictures.
+
+    Raises SensorError when they move.
+    """
+    found: dict[int, list[Array]] = {}
+    for corners in seen:
+        for n, places in corners.items():
+            found.setdefault(n, []).append(places)
+    often = {n: np.array(each) for n, each in found.items() if 2 * len(each) > len(seen)}
+    for n, places in often.items():
+        half = len(places) // 2
+        motion = np.linalg.norm(places[half:].mean(axis=(0, 1)) - places[:half].mean(axis=(0, 1)))
+        if motion > MAX_MOTION:
+            raise SensorError(f'tag {n} moves, by {motion:.1f} px within half a second; wait '
+                              'until the arm rests')
+    return {n: places.mean(axis=0) for n, places in often.items()}
+
+
+def as_numbers(corners: Corners) -> tuple[float, ...]:
+    """Return corners as parameter tags.reference_corners has them."""
+    return tuple(float(value) for n, places in sorted(corners.items())
+                 for value in (n, *places.ravel()))
+
+
+def from_numbers(numbers: Sequence[float]) -> dict[int, Array]:
+    """Return the corners that parameter tags.reference_corners has; raises ParameterError."""
+    if tuple(numbers) == (0.0,):
+        return {}
+    if len(numbers) % NUMBERS:
+        raise ParameterError(f'parameter tags.reference_corners has {len(numbers)} numbers; '
+                             'needed: the number and four corners (u, v) of each tag, as ~/tare '
+                             'prints them, or 0.0 for none')
+    return {int(row[0]): row[1:].reshape(4, 2) for row in np.reshape(numbers, (-1, NUMBERS))}

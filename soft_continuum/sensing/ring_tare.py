@@ -17,8 +17,7 @@ import numpy as np
 
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pose_fit import TagGroup
-from soft_continuum.sensing.ring_layout import RingLayout, Tag
-from soft_continuum.sensing.straight_corners import Corners
+from soft_continuum.sensing.ring_layout import Corners, RingLayout, Tag
 from soft_continuum.sensing.tag_camera import FOCAL_DEVIATION
 from soft_continuum.sensing.tilt import SensorError
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.arm import PLANAR_AXES
-from soft_continuum.sensing.imu_axes import imu_rotations
+from soft_continuum.sensing.mounted_imus import imu_rotations
 from soft_continuum.sensing.tilt import ImuSample, ImuSettings, SensorError, UpFilter
 from support import imus
 
