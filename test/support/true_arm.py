@@ -52,9 +52,10 @@ class TrueArm:
         """Return an arm with the tendons that it has."""
         return arm.with_tendons(axial_stiffness=2e4)
 
-    def follow(self, pulls, soft):
+    def follow(self, pulls, soft, vacuum=None):
         """Let the motors go to ``pulls``."""
-        self.state = self.statics.solve(self.state, np.asarray(pulls) + self.offsets, soft)
+        self.state = self.statics.solve(
+            self.state, np.asarray(pulls) + self.offsets, soft, vacuum=vacuum)
 
     @property
     def discs(self):
