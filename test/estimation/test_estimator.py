@@ -263,7 +263,7 @@ def test_outliers_that_good_measurements_interrupt_change_nothing():
     session, bias = bent(), np.zeros((4, 3))
     bias[2] = 0.03, 0.0, 0.2
     for _ in range(3):
-        for _ in range(PERSISTENT - 1):
+        for _ in range(max(1, PERSISTENT - 1)):
             before = remembered(session.estimator)
             assert not session.measure(bias=bias).used
             assert unchanged(session.estimator, before)
