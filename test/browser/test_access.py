@@ -56,26 +56,20 @@ def assert_refused(server: viser.ViserServer, status: int, **headers: str) -> No
     assert refusal.value.response.status_code == status
 
 
-def test_on_loopback_the_page_and_its_connection_are_open(make_server: Any) -> None:
+def test_on_loopback_the_page_and_its_connection_are_open_to_no_other_site(
+        make_server: Any) -> None:
     server = make_server()
     page = get(server)
     assert page.status == 200
     assert "frame-ancestors 'self'" in page.headers['Content-Security-Policy']
     with websocket(server, Origin=f'http://127.0.0.1:{server.get_port()}') as connection:
         assert connection.recv(timeout=30)
-
-
-def test_a_page_of_another_site_may_not_move_the_arm(make_server: Any) -> None:
-    server = make_server()
-    assert_refused(server, 403, Origin='https://example.org')
-    assert_refused(server, 403, Origin='http://127.0.0.1:1')
-    assert_refused(server, 403, Origin='null')
-
-
-def test_a_site_that_takes_the_address_of_this_machine_is_refused(make_server: Any) -> None:
-    page = get(make_server(), Host='example.org:8080')
+    for other in ('https://example.org', 'http://127.0.0.1:1', 'null'):
+        assert_refused(server, 403, Origin=other)
+    page = get(server, Host='example.org:8080')  # a site that takes the address of this machine
     assert page.status == 403
     assert '127.0.0.1' in page.text
+    assert server.request_share_url() is None  # no browser can put the arm on the internet
 
 
 def test_with_a_token_nothing_is_served_without_it(make_server: Any) -> None:
@@ -147,29 +141,22 @@ def test_what_is_no_request_of_a_browser_is_refused_without_a_traceback(
     assert 'Traceback' not in caplog.text + ''.join(capfd.readouterr())
 
 
-@pytest.mark.parametrize('host', ['0.0.0.0', '::', ''])
-def test_beyond_loopback_a_token_is_needed(host: str) -> None:
-    with pytest.raises(AccessError, match='--token'):
-        open_server(host, 0)
+@pytest.mark.parametrize(('host', 'port', 'token', 'reason'), [
+    ('0.0.0.0', 0, '', '--token'), ('::', 0, '', '--token'), ('', 0, '', '--token'),
+    ('no.such.host.invalid', 0, '', '--token'),
+    ('no.such.host.invalid', 0, TOKEN, 'cannot listen on'),
+    ('127.0.0.1', 99999, '', 'cannot listen on'), ('127.0.0.1', 99999, TOKEN, 'cannot listen on')])
+def test_an_address_that_is_not_to_be_had_without_a_token_or_at_all_is_named(
+        host: str, port: int, token: str, reason: str) -> None:
+    with pytest.raises(AccessError, match=reason):
+        open_server(host, port, token)
 
 
-def test_a_port_that_is_taken_is_named(make_server: Any) -> None:
+def test_a_port_that_is_taken_is_named() -> None:
     with socket.create_server(('127.0.0.1', 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(AccessError, match=f'port {port}.*--port'):
             open_server('127.0.0.1', port)
-
-
-@pytest.mark.parametrize(('host', 'port'), [('no.such.host.invalid', 0), ('127.0.0.1', 99999)])
-def test_an_address_that_is_not_to_be_had_is_named(host: str, port: int) -> None:
-    with pytest.raises(AccessError, match='cannot listen on' if port else '--token'):
-        open_server(host, port)
-    with pytest.raises(AccessError, match='cannot listen on'):
-        open_server(host, port, TOKEN)
-
-
-def test_no_browser_can_put_the_arm_on_the_internet(make_server: Any) -> None:
-    assert make_server().request_share_url() is None
 
 
 def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch: pytest.MonkeyPatch) -> None:

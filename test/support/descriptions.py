@@ -5,9 +5,8 @@
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-import numpy as np
+import mujoco
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -20,35 +19,26 @@ PLANAR, TENDON_ARM, JAMMING = (
     CONFIG / f'{name}.yaml' for name in ('manipulator', 'tendon_arm', 'spatial_jamming'))
 
 
-def forward_kinematics(text, positions):
-    """Return the pose (4, 4) of every link of a URDF, in which each joint turns about its axis."""
-    frames, robot = {}, ElementTree.fromstring(text)
-    joints = robot.findall('joint')
-    root = ({link.get('name') for link in robot.findall('link')}
-            - {joint.find('child').get('link') for joint in joints}).pop()
-    frames[root] = np.eye(4)
-    while joints:
-        joint = next(j for j in joints if j.find('parent').get('link') in frames)
-        joints.remove(joint)
-        step = np.eye(4)
-        step[:3, 3] = [float(x) for x in joint.find('origin').get('xyz').split()]
-        assert joint.find('origin').get('rpy') == '0 0 0'
-        if joint.get('type') == 'revolute':
-            axis = np.array([float(x) for x in joint.find('axis').get('xyz').split()])
-            angle = positions[joint.get('name')]
-            assert abs(angle) <= float(joint.find('limit').get('upper'))
-            step[:3, :3] = Rotation.from_rotvec(angle * axis).as_matrix()
-        frames[joint.find('child').get('link')] = frames[joint.find('parent').get('link')] @ step
-    return frames
+def parsed(urdf: str) -> Any:
+    """Return MuJoCo's model of a URDF, with all its links, also those without a mass."""
+    keep = ('<mujoco><compiler fusestatic="false" discardvisual="false" boundmass="1e-12" '
+            'boundinertia="1e-15"/></mujoco>')
+    return mujoco.MjModel.from_xml_string(urdf.replace('</robot>', keep + '</robot>'))
 
 
-def check_urdf(text, positions, poses):
-    """Compare the links of a URDF with poses (2 * discs, 7)."""
-    frames = forward_kinematics(text, positions)
-    links = ['base_link', *(f'disc_{n}' for n in range(1, len(poses) // 2))]
-    for link, pose in zip([*links, 'tip'], [*poses[::2], poses[-1]], strict=True):
-        assert frames[link][:3, 3] == pytest.approx(pose[:3], abs=1e-9)
-        assert frames[link][:3, :3] == pytest.approx(
+def check_urdf(urdf: str, positions: Mapping[str, float], poses: Any) -> None:
+    """Compare the links of a URDF, as an independent parser has them, with poses (2 discs, 7)."""
+    model = parsed(urdf)
+    assert {model.joint(n).name for n in range(model.njnt)} == positions.keys()
+    data = mujoco.MjData(model)
+    for name, position in positions.items():
+        assert abs(position) <= model.joint(name).range[1]
+        data.joint(name).qpos[0] = position
+    mujoco.mj_kinematics(model, data)
+    links = ['base_link', *(f'disc_{n}' for n in range(1, len(poses) // 2)), 'tip']
+    for link, pose in zip(links, [*poses[::2], poses[-1]], strict=True):
+        assert data.body(link).xpos == pytest.approx(pose[:3], abs=1e-9)
+        assert data.body(link).xmat.reshape(3, 3) == pytest.approx(
             Rotation.from_quat(pose[3:]).as_matrix(), abs=1e-9)
 
 
