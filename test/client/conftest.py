@@ -32,10 +32,10 @@ NAMESPACE = '/arm_under_test'  # of the rigs
 TIMEOUT = 60.0  # s, on a loaded machine
 
 
-# Not so quick that a motion may be over before a busy machine has delivered it, and at a rate that
-# such a machine keeps.
+# Not so quick that a motion may be over before a busy machine has delivered it, and at rates that
+# such a machine keeps; planned in few steps.
 QUICK = {'tendon_speed': 0.03, 'tendon_acceleration': 0.3, 'tendon_rate': 10.0,
-         'jamming_rate': 20.0,
+         'jamming_rate': 10.0, 'angle_step': 0.1, 'reach__states': 1000,
          # What follows the model and is off on purpose, as some tests' trackers, must not lead it.
          'estimation__enabled': False}
 
@@ -74,10 +74,13 @@ def estimated_of_module(module_domain: int) -> Iterator[EstimatedArm]:
 
 
 @pytest.fixture
-def new_arm(rig: Any, settling: None) -> Any:
-    """Return the four nodes of a quick arm of its own, straight and stiff."""
-    rig.start_arm(**QUICK)
-    return rig
+def straight(arm: Any) -> Any:
+    """Return the shared arm, whose present pulls count as those of the straight arm."""
+    for service in ('tendon_actuation/reference', 'kinematics/reset'):  # which may ask back
+        arm.wait_for(lambda service=service: arm.trigger(service).success, service)
+        arm.wait_for(lambda: arm.pulls == (0.0, 0.0), 'pulls of 0')
+    arm.wait_for(lambda: not any(arm.joints.last.position), 'a straight arm')
+    return arm
 
 
 @pytest.fixture
@@ -117,9 +120,10 @@ def client(arm: Any, here: None, client_of_module: Arm) -> Arm:
 
 
 @pytest.fixture
-def new_client(new_arm: Any, connect: Callable[..., Arm]) -> Arm:
-    """Return a client of a quick arm of its own, straight and stiff."""
-    return connect()
+def straight_client(straight: Any, client: Arm) -> Arm:
+    """Return a client of the shared arm, which knows that it counts as straight."""
+    client.wait_for(lambda state: state.pulls == (0.0, 0.0) and not any(state.joint_angles))
+    return client
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from io import StringIO
 from itertools import pairwise
 from math import inf, nan
 import sys
-import threading
 from time import monotonic, sleep
 from typing import Any
 
@@ -57,9 +56,12 @@ def moves_or_has_moved(running):
 
 # State.
 
-def test_the_state_of_a_straight_and_stiff_arm_is_complete(new_client):
-    wait_until(lambda: new_client.state.tip and None not in new_client.state.pressures)
-    state = new_client.state
+def test_a_client_knows_the_state_the_shapes_and_the_description_of_a_new_arm(
+        rig, settling, connect):
+    rig.start_arm(shape_names=['c_form', 'lean'], shapes__lean=list(LEAN), arm__payload=0.0125)
+    arm = connect()
+    wait_until(lambda: arm.state.tip and None not in arm.state.pressures)
+    state = arm.state
     assert state.pulls == state.speeds == (0.0, 0.0)
     assert state.stiff == (True, True, True)
     assert all(0.0 < pressure < 60e3 for pressure in state.pressures)
@@ -70,17 +72,17 @@ def test_the_state_of_a_straight_and_stiff_arm_is_complete(new_client):
     assert [node.level for node in state.nodes] == ['ok'] * 4
     assert all(node.running and node.age < DEADLINE for node in state.nodes)
     assert state.node('jamming_valves').values['stiff'] == 'true true true'
+    with pytest.raises(KeyError, match='jaming; the nodes are tendon_actuation, '):
+        state.node('jaming')
+    c_form = tuple(load_description(description_file())['shapes.c_form'])
+    assert dict(arm.shapes) == {'c_form': c_form, 'lean': LEAN}
+    assert arm.description.payload == 0.0125
 
 
 def test_a_client_works_where_stderr_is_no_file_as_in_notebooks(arm, here, monkeypatch):
     monkeypatch.setattr(sys, 'stderr', StringIO())
     with Arm(arm.namespace, timeout=DEADLINE) as client:
         assert client.state.stiff == (True, True, True)
-
-
-def test_an_unknown_node_is_named_with_the_known_ones(client):
-    with pytest.raises(KeyError, match='jaming; the nodes are tendon_actuation, '):
-        client.state.node('jaming')
 
 
 def test_what_is_stale_is_not_known(rig, connect):
@@ -92,14 +94,6 @@ def test_what_is_stale_is_not_known(rig, connect):
     wait_until(lambda: arm.state.stiff == (None, None, None))
     wait_until(lambda: arm.state.pressures == (None, None, None))
     assert arm.state.pulls is arm.state.tip is arm.state.bending_angles is None
-
-
-def test_the_shape_library_and_the_description_are_those_of_the_nodes(rig, connect):
-    rig.start_arm(shape_names=['c_form', 'lean'], shapes__lean=list(LEAN), arm__payload=0.0125)
-    arm = connect()
-    c_form = tuple(load_description(description_file())['shapes.c_form'])
-    assert dict(arm.shapes) == {'c_form': c_form, 'lean': LEAN}
-    assert arm.description.payload == 0.0125
 
 
 def test_a_plot_and_a_notebook_show_the_shape_that_the_arm_has(client):
@@ -135,12 +129,8 @@ def test_a_sequence_reaches_its_shapes_and_reports_its_progress(client):
 
 
 @pytest.mark.parametrize(('shapes', 'reason'), [
-    (['no_form'], "unknown shape 'no_form'; known: c_form, "),
-    ([(0.1, 0.2)], '3'),
-    ([(nan, 0.0, 0.0)], 'nan'),
-    ([(2.0, 0.0, 0.0)], 'segment 1'),
-    ([], 'the sequence is empty'),
-])
+    (['no_form'], "unknown shape 'no_form'; known: c_form, "), ([(nan, 0.0, 0.0)], 'nan'),
+    ([], 'the sequence is empty')])
 def test_what_the_sequencer_rejects_is_refused_with_its_reason(client, shapes, reason):
     before = client.state.pulls
     for _ in range(2):  # the second time for the same reason
@@ -155,10 +145,14 @@ def alone(work):
         return pool.submit(asyncio.run, work).result(DEADLINE)
 
 
+async def awaited(running):
+    return await running
+
+
 def test_a_sequence_can_be_awaited_while_others_work(client):
     async def work():
         running = client.start(LEAN, hold=600.0)
-        waiting = asyncio.ensure_future(_awaited(running))
+        waiting = asyncio.ensure_future(awaited(running))
         for _ in range(3):  # a wait that blocks the others leaves them none
             await asyncio.sleep(0.01)
         assert not waiting.done()
@@ -167,30 +161,26 @@ def test_a_sequence_can_be_awaited_while_others_work(client):
             await waiting
         return await client.start(LEAN)
 
-    async def _awaited(running):
-        return await running
-
     assert alone(work()).outcome == 'SUCCESSFUL'
 
 
-def test_a_task_that_no_longer_awaits_leaves_the_sequence_running(client):
+def test_a_sequence_runs_on_when_no_task_awaits_it_until_a_newer_one_ends_it(client, connect):
     async def work():
-        running = client.start(LEAN, hold=600.0)
+        running = client.start('c_form', hold=600.0)
         with pytest.raises(TimeoutError):
-            await asyncio.wait_for(_awaited(running), 0.01)
+            await asyncio.wait_for(awaited(running), 0.01)
         return running
 
-    async def _awaited(running):
-        return await running
-
-    running = alone(work())
-    assert client.run(LEAN).outcome == 'SUCCESSFUL'
+    older = alone(work())
+    assert connect().run(LEAN).outcome == 'SUCCESSFUL'
     with pytest.raises(SequenceError, match='PREEMPTED'):  # not CANCELED before
-        running.result(DEADLINE)
+        older.result(DEADLINE)
 
 
 def test_a_canceled_sequence_ends_stiff(client):
     running = client.start('c_form', hold=600.0)
+    with pytest.raises(NoAnswerError, match='still runs after 0.01 s'):
+        running.result(0.01)
     wait_until(lambda: moves_or_has_moved(running))
     running.cancel()
     with pytest.raises(SequenceError, match='CANCELED') as raised:
@@ -199,20 +189,6 @@ def test_a_canceled_sequence_ends_stiff(client):
     assert raised.value.result.shapes_completed == 0
     assert running.done
     wait_until(lambda: client.state.stiff == (True, True, True))
-
-
-def test_waiting_too_briefly_says_that_it_still_runs(client):
-    running = client.start('c_form', hold=600.0)
-    with pytest.raises(NoAnswerError, match='still runs after 0.01 s'):
-        running.result(0.01)
-
-
-def test_a_newer_sequence_ends_the_older_one(client, connect):
-    older = client.start('c_form', hold=600.0)
-    result = connect().run(LEAN)
-    assert result.outcome == 'SUCCESSFUL'
-    with pytest.raises(SequenceError, match='PREEMPTED'):
-        older.result(DEADLINE)
 
 
 def test_a_progress_callback_that_fails_cancels_the_sequence(client, arm):
@@ -269,15 +245,22 @@ def test_a_sequencer_that_dies_does_not_keep_its_client_waiting(rig, connect, mo
 
 # Stop.
 
-def test_a_stop_of_another_client_ends_the_sequence_and_lasts_until_resumed(client, connect):
+def test_what_is_done_by_hand_waits_for_the_sequence_which_a_stop_of_another_client_ends(
+        client, connect):
     other = connect()
     running = client.start('c_form', hold=600.0)
     wait_until(lambda: moves_or_has_moved(running))
+    for by_hand in (lambda: client.soften(1), client.stiffen, lambda: client.jog(right=0.001)):
+        with pytest.raises(RefusedError, match='a sequence is running .*; cancel or stop it'):
+            by_hand()
+    assert not running.done
     assert 'nothing moves before' in other.stop()
     with pytest.raises(SequenceError, match='STOPPED'):
         running.result(DEADLINE)
-    with pytest.raises(RefusedError, match='call tendon_actuation/resume first'):
-        client.run('c_form')
+    for work, reason in ((lambda: client.run('c_form'), 'call tendon_actuation/resume first'),
+                         (client.home, 'motion is stopped: .*; resume it first')):
+        with pytest.raises(RefusedError, match=reason):
+            work()
     other.resume()
     wait_until(lambda: not client.state.node('tendon_actuation').values['stopped'])
     client.stiffen()
@@ -296,15 +279,15 @@ def test_a_softened_segment_is_full_of_air_and_a_stiffened_one_evacuated(client)
     wait_until(lambda: client.state.pressures[1] < 60e3)  # it comes on another topic
 
 
-@pytest.mark.parametrize('segment', [0, 4, -1])
-def test_an_unknown_segment_is_refused(client, segment):
-    with pytest.raises(RefusedError, match=f'no segment {segment}; the segments are 1 to 3'):
-        client.soften(segment)
+def test_an_unknown_segment_is_refused(client):
+    for segment in (0, 4, -1):
+        with pytest.raises(RefusedError, match=f'no segment {segment}; the segments are 1 to 3'):
+            client.soften(segment)
     assert client.state.stiff == (True, True, True)
 
 
-def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(new_client):
-    client = new_client
+def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(straight_client):
+    client = straight_client
     with pytest.raises(RefusedError, match='tendon_actuation: every segment is stiff'):
         client.jog(right=0.001, left=-0.0015)
     client.soften(3)
@@ -321,76 +304,46 @@ def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(new_client):
     assert state.pulls == pytest.approx((0.0, -0.0015), abs=2e-5)
 
 
-def test_a_stopped_jog_is_refused_with_the_reason(new_client, connect):
-    new_client.soften(3)
+def test_a_jog_is_replaced_by_a_newer_one_and_ended_by_a_stop_of_another_client(
+        straight_client, connect):
+    straight_client.soften(3)
     other = connect()
-    caught = []
-
-    def jog():
-        try:
-            new_client.jog(left=-0.05)
-        except ClientError as error:
-            caught.append(error)
-
-    thread = threading.Thread(target=jog)
-    thread.start()
-    try:
-        wait_until(lambda: other.state.pulls[1] < -0.001)
-        other.stop()
-    finally:
-        thread.join(DEADLINE)
-    assert isinstance(caught[0], RefusedError) and 'stop was called' in str(caught[0])
-    assert other.state.pulls[1] > -0.05
+    for end, kind, reason in (
+            (lambda: other.jog(left=0.001), MotionEndedError, 'newer trajectory'),
+            (other.stop, RefusedError, 'stop was called')):
+        begin = other.state.pulls[1]
+        with ThreadPoolExecutor(1) as pool:
+            older = pool.submit(straight_client.jog, left=-0.03)
+            other.wait_for(lambda state, begin=begin: state.pulls[1] < begin - 0.001)
+            end()
+            with pytest.raises(kind, match=reason) as ended:
+                older.result(DEADLINE)
+        assert other.state.pulls[1] > begin - 0.03
+        assert kind is RefusedError or ended.value.reason == MotionRequest.REPLACED
 
 
-def test_of_two_jogs_at_once_the_newer_one_replaces_the_older(new_client, connect):
-    new_client.soften(3)
-    other = connect()
-    with ThreadPoolExecutor(1) as pool:
-        older = pool.submit(new_client.jog, left=-0.05)
-        other.wait_for(lambda state: state.pulls[1] < -0.001)
-        other.jog(left=0.001)
-        with pytest.raises(MotionEndedError, match='newer trajectory') as ended:
-            older.result(DEADLINE)
-    assert ended.value.reason == MotionRequest.REPLACED
-
-
-def test_nothing_is_done_by_hand_while_a_sequence_runs(client):
-    running = client.start('c_form', hold=600.0)
-    wait_until(lambda: client.state.node('shape_sequencer').values.get('phase') == 'holding')
-    for by_hand in (lambda: client.soften(1), client.stiffen, lambda: client.jog(right=0.001)):
-        with pytest.raises(RefusedError, match='a sequence is running .*; cancel or stop it'):
-            by_hand()
-    assert not running.done
-
-
-def test_reference_and_reset_are_answered(new_client):
-    assert 'straight' in new_client.reference()
-    assert 'straight' in new_client.reset()
-    new_client.run(LEAN)
+def test_reference_and_reset_are_answered(client):
+    client.run(LEAN)
     with pytest.raises(RefusedError, match='kinematics/reset: pulls are'):
-        new_client.reset()
+        client.reset()
+    assert 'straight' in client.reference(sure=True)
+    wait_until(lambda: client.state.pulls == (0.0, 0.0))
+    assert 'straight' in client.reset(sure=True)
 
 
 @pytest.mark.parametrize('plan', [True, False], ids=['by a sequence', 'without a plan'])
-def test_from_any_shape_there_is_a_way_home(new_client, monkeypatch, plan):
-    new_client.run(LEAN)
+def test_from_any_shape_there_is_a_way_home(straight_client, monkeypatch, plan):
+    client = straight_client
+    client.run(LEAN)
     if not plan:
         def refused(*_):
             raise RefusedError('no plan')
-        monkeypatch.setattr(new_client, 'run', refused)
-    assert 'the arm is straight' in new_client.home()
-    state = new_client.state
+        monkeypatch.setattr(client, 'run', refused)
+    assert 'the arm is straight' in client.home()
+    state = client.state
     assert state.stiff == (True, True, True)
     assert state.pulls == pytest.approx((0.0, 0.0), abs=1e-4 if plan else 1e-9)
     assert state.bending_angles == pytest.approx(STRAIGHT, abs=0.02)
-
-
-def test_what_was_stopped_does_not_go_home_before_it_is_resumed(new_client):
-    new_client.stop()
-    with pytest.raises(RefusedError, match='motion is stopped: .*; resume it first'):
-        new_client.home()
-    assert new_client.state.stiff == (True, True, True)
 
 
 def test_where_nothing_looks_at_the_arm_nothing_is_tared(connect, arm):
@@ -431,21 +384,18 @@ def test_only_the_nodes_that_are_missing_are_named(rig, connect):
     assert 'tendon_actuation, jamming_valves, shape_sequencer do not run' in _why(arm.stop)
 
 
-@pytest.mark.parametrize('call', [
-    lambda arm: arm.run('c_form', hold=-1.0), lambda arm: arm.run('c_form', hold=nan),
-    lambda arm: arm.jog(right=nan), lambda arm: arm.jog(left=inf)])
-def test_a_number_that_is_not_finite_is_an_error_before_anything_is_sent(connect, call):
-    with pytest.raises(ValueError, match='nan|inf|-1'):
-        call(connect(timeout=0.5))
+def test_a_number_that_is_not_finite_is_an_error_before_anything_is_sent(connect):
+    arm = connect(timeout=0.5)
+    for call in (lambda: arm.run('c_form', hold=-1.0), lambda: arm.run('c_form', hold=nan),
+                 lambda: arm.jog(right=nan), lambda: arm.jog(left=inf)):
+        with pytest.raises(ValueError, match='nan|inf|-1'):
+            call()
 
 
-@pytest.mark.parametrize('timeout', [0.0, -1.0, nan])
-def test_a_timeout_has_to_be_positive(timeout):
-    with pytest.raises(ValueError, match='must be positive'):
-        Arm(timeout=timeout)
-
-
-def test_an_invalid_namespace_is_named(here):
+def test_what_no_arm_can_have_is_named(here):
+    for timeout in (0.0, -1.0, nan):
+        with pytest.raises(ValueError, match='must be positive'):
+            Arm(timeout=timeout)
     with pytest.raises(ClientError, match="'a b' is not one that ROS takes"):
         Arm('a b')
 
