@@ -13,11 +13,12 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.cli.operate import bendings
 from soft_continuum.cli.up import nodes_of
 from soft_continuum.client.sequence import goal
-from soft_continuum.client.state import Pose, Reached, reached_text
+from soft_continuum.client.state import _model_pose_text, Pose, Reached, reached_text
 from soft_continuum.hardware.grbl.motion import Motors
-from soft_continuum.mechanics import Arm, Chain, Statics
+from soft_continuum.mechanics import Chain
 from soft_continuum.mechanics.arm import ArmError, Tendon
 from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes.prediction import TensionPrediction
@@ -32,13 +33,7 @@ from soft_continuum.parameters.shapes import (
     PAPER_SHAPES,
     shapes_from_parameters,
 )
-from soft_continuum.ros.urdf import arm_urdf, joint_names
-from support.descriptions import (
-    check_urdf,
-    JAMMING,
-    PLANAR,
-    TENDON_ARM,
-)
+from support.descriptions import JAMMING, PLANAR, TENDON_ARM
 from support.spatial_arms import in_space
 
 TWO = {'arm__tendon_names': ('a', 'b')}
@@ -62,7 +57,6 @@ def refusal(**changes):
 
 def test_the_shipped_tendon_arm_has_three_tendons_for_each_segment():
     arm = load_arm(TENDON_ARM)
-    assert isinstance(arm, Arm)
     assert [tendon.end for tendon in arm.tendons] == [1, 1, 1, 2, 2, 2, 3, 3, 3]
     angles = np.array([tendon.angle for tendon in arm.tendons]).reshape(3, 3)
     assert np.diff(angles, axis=1) == pytest.approx(2.0 * pi / 3.0, abs=1e-5)
@@ -88,18 +82,11 @@ def test_the_shipped_jamming_arm_is_that_of_the_paper_with_round_springs():
     assert all(t.offset == (0.025, 0.025, 0.02125, 0.02125, 0.0175, 0.0175) for t in arm.tendons)
 
 
-def test_what_is_left_out_is_that_of_a_planar_arm():
-    assert isinstance(arm_from_parameters({}), Arm)
+def test_what_is_left_out_is_that_of_a_planar_arm_or_the_same_for_all_tendons():
     assert arm_from_parameters({}) == arm_from_parameters({'arm.tendon_names': []})
-    assert load_arm(PLANAR) == load_arm(PLANAR)
-
-
-def test_one_value_counts_for_all_tendons_and_zero_is_the_last_disc():
     arm = described(arm__tendon_twists=(3.0,))
-    assert [(t.end, t.twist) for t in arm.tendons] == [(3, 3.0)] * 3
-
-
-def test_a_leaf_spring_bends_about_one_axis():
+    assert [(t.end, t.twist) for t in arm.tendons] == [(3, 3.0)] * 3  # the last disc
+    # A leaf spring bends about one axis.
     arm = described(arm__lateral_bending_stiffnesses=(17.0,), arm__torsional_stiffnesses=(0.1,))
     assert [s.stiffness_x for s in arm.segments] == [17.0] * 3
     assert [s.torsional_stiffness for s in arm.segments] == [0.1] * 3
@@ -154,13 +141,10 @@ def test_what_is_no_spatial_arm_is_refused(changes, words):
     assert words in refusal(**changes)
 
 
-def test_tendons_without_an_axis_of_the_controller_are_refused():
+def test_tendons_without_an_axis_of_the_controller_and_hinges_in_space_are_refused():
     with pytest.raises(ParameterError, match='9 tendons; .* at most 4: give the ports of 3'):
         Motors.of_boards({**load_description(TENDON_ARM), 'grbl.port': '/dev/ttyUSB0',
                           'grbl.steps_per_mm': (200.0,) * 9, 'grbl.signs': (1.0,) * 9})
-
-
-def test_hinges_refuse_an_arm_in_space():
     with pytest.raises(ArmError, match='a spatial one'):
         PlaneStatics(load_arm(TENDON_ARM))
 
@@ -244,16 +228,10 @@ def test_bendings_have_the_angle_and_direction_they_were_made_of():
 # Both kinds of arms say the same of a planar one.
 
 
-def bent():
-    """Return a planar arm, and the same as a spatial one, bent alike."""
-    flat = load_arm(PLANAR)
-    angles = np.array([0.4, -0.3, 0.7])
-    return (Chain(flat).uniform(angles), SpaceChain(flat).uniform(
-        np.column_stack([np.zeros(3), angles])))
-
-
 def test_a_planar_arm_is_drawn_where_the_spatial_one_is():
-    one, other = bent()
+    flat, angles = load_arm(PLANAR), np.array([0.4, -0.3, 0.7])
+    one = Chain(flat).uniform(angles)
+    other = SpaceChain(flat).uniform(np.column_stack([np.zeros(3), angles]))
     assert one.poses == pytest.approx(other.poses, abs=1e-12)
     assert one.backbone == pytest.approx(other.backbone, abs=1e-12)
     for guides, there in zip(one.tendon_points, other.tendon_points, strict=True):
@@ -274,38 +252,9 @@ def test_a_state_is_made_again_of_its_coordinates(path):
     assert again.stiff == (True, False, True)
 
 
-# The URDF.
-
-
-@pytest.mark.parametrize('path, pulls, soft', [
-    (JAMMING, (0.006, -0.004, -0.004), (False, False, True)),
-    (TENDON_ARM, (-0.02,) * 6 + (0.006, 0.004, -0.02), (True, True, True)),
-    (PLANAR, (0.006, -0.007), (False, True, False))], ids=lambda p: getattr(p, 'stem', ''))
-def test_the_joints_of_the_urdf_give_the_poses(path, pulls, soft):
-    arm = load_arm(path)
-    statics = Statics(arm)
-    state = statics.solve(statics.chain.straight(), pulls, soft)
-    assert np.abs(state.bending_angles).max() > 0.1
-    names = joint_names(statics.chain)
-    check_urdf(arm_urdf(arm), dict(zip(names, state.joint_positions, strict=True)), state.poses)
-    assert statics.chain.at(state.joint_positions).poses == pytest.approx(state.poses, abs=1e-9)
-
-
-def test_a_twisted_arm_has_the_poses_of_its_urdf():
-    # Also where a bend about one axis goes on about the other: then discs turn about z.
-    chain = Chain(load_arm(TENDON_ARM))
-    turns = np.random.default_rng(1).uniform(-0.2, 0.2, chain.coordinate_count)
-    state = chain.state_of(turns, turns, (False,) * 3)
-    names = joint_names(chain)
-    check_urdf(arm_urdf(chain.arm), dict(zip(names, state.joint_positions, strict=True)),
-               state.poses)
-    assert chain.at(state.joint_positions).poses == pytest.approx(state.poses, abs=1e-9)
-
-
 @pytest.mark.parametrize('turn', [(0.0, 0.0, 0.0), (3.1, 0.2, 0.0), (0.0, 0.0, 3.14159),
                                   (0.1, 3.0, 0.5), (-2.0, 2.0, 0.3)])
 def test_orientations_of_every_size_are_quaternions(turn):
-    from soft_continuum.mechanics.orientations import quaternions
     wanted = Rotation.from_rotvec(turn).as_quat(canonical=True)
     assert quaternions(Rotation.from_rotvec(turn).as_matrix()[None])[0] == pytest.approx(wanted)
 
@@ -337,16 +286,12 @@ def test_degrees_on_the_command_line_have_directions_behind_an_at():
             bendings(text)
 
 
-def test_what_was_reached_in_space_has_directions():
+def test_what_was_reached_and_a_pose_out_of_the_plane_are_told_in_space():
     reached = Reached(False, (0.5, 0.25), (0.0,) * 6, (), (), nan, 0, (1.0, -2.0))
     assert reached_text(reached) == (
         'predicted: nothing was measured; angles +28.6@57.3 +14.3@-114.6 deg')
-
-
-def test_a_pose_out_of_the_plane_is_told_in_space():
-    from soft_continuum.client.state import _model_pose_text as text
     turned = Rotation.from_rotvec([-pi / 6, 0.0, 0.0]).as_quat()
-    assert text(Pose((0.01, 0.02, 0.3), tuple(turned))) == (
+    assert _model_pose_text(Pose((0.01, 0.02, 0.3), tuple(turned))) == (
         'x   +10.0 mm, y   +20.0 mm, z  +300.0 mm,   30.0 deg from the z axis')
-    assert text(Pose((0.01, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))) == (
+    assert _model_pose_text(Pose((0.01, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))) == (
         'x   +10.0 mm, z  +300.0 mm,   +0.0 deg')

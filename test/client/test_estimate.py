@@ -73,6 +73,11 @@ def test_the_status_says_it_in_a_line_each(arm: EstimatedArm, call: Callable[...
     assert 'learned    stiffness factor, segment 1: 1.25 +- 0.05' in output
     assert 'payload' not in output  # of which nothing is known
     assert 'ALARM      not stiff (segment 2): look at its valve' in output
+    document = json.loads(call('status', '--json')[1])
+    assert document['estimate']['measured'] is True
+    assert document['estimate']['parameters'][0]['name'] == 'stiffness_factor_1'
+    arm.age = None  # no disc was ever seen
+    assert 'shape      estimated from measured tensions; tip +-0.5 mm' in call('status')[1]
 
 
 def test_without_measurements_it_is_a_prediction_and_no_more_is_said(
@@ -97,11 +102,6 @@ def test_what_was_measured_long_ago_is_predicted_everywhere(age: float, text: st
     assert state_line(state).split(' | ')[3] == line
     chip = re.sub('<[^>]*>', '', source_html(state, History(3, 2, 1e5)))
     assert line.upper() in chip and f'last measured {age:.0f} s ago' in chip
-
-
-def test_measured_tensions_are_a_source_too(arm: EstimatedArm, call: Callable[..., Any]) -> None:
-    arm.age = None  # no disc was ever seen
-    assert 'shape      estimated from measured tensions; tip +-0.5 mm' in call('status')[1]
 
 
 def test_a_sequence_has_an_aim_and_its_result_says_where_it_ended(
@@ -167,9 +167,3 @@ def test_the_loop_is_opened_and_closed(arm: EstimatedArm, client: Arm) -> None:
     client.closed_loop = False
     assert client.closed_loop is False and arm.closed_loop is False
     client.closed_loop = True
-
-
-def test_json_has_all_of_it(arm: EstimatedArm, call: Callable[..., Any]) -> None:
-    document = json.loads(call('status', '--json')[1])
-    assert document['estimate']['measured'] is True
-    assert document['estimate']['parameters'][0]['name'] == 'stiffness_factor_1'

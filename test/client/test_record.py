@@ -171,21 +171,6 @@ def test_a_disk_that_is_full_ends_it_and_keeps_what_there_is(recorder: RecordPro
 
 
 @pytest.fixture
-def record(call: Callable[..., tuple[int, str, str]], tmp_path: Path
-           ) -> Callable[..., tuple[int, str, str]]:
-    """Return a function that runs the command in this process: exit status, stdout, stderr."""
-    return lambda *options: call(
-        'record', '--output', str(tmp_path), '--duration', '0.2', *options, timeout=None)
-
-
-def test_without_nodes_it_says_how_to_start_them(
-        record: Callable[..., tuple[int, str, str]]) -> None:
-    status, _, err = record()
-    assert status == 1
-    assert './run up' in err
-
-
-@pytest.fixture
 def ask(arm: Rig, tmp_path: Path) -> Iterator[Callable[[bool], SetBool.Response]]:
     """Start the node; return a call of its service."""
     node, = arm.start('recorder', ready=False, recorder__directory=str(tmp_path))
@@ -235,12 +220,13 @@ def test_a_type_of_the_network_is_never_imported_as_a_program(
     assert message_class('std_msgs/msg/String').__name__ == 'String'
 
 
-def test_without_force_nothing_is_overwritten_and_with_it_not_before_there_is_an_arm(
-        record: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
-    before = tmp_path / BAG
+def test_without_force_nothing_is_overwritten_and_with_it_not_before_there_are_nodes(
+        call: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    before, record = tmp_path / BAG, (
+        'record', '--output', str(tmp_path), '--duration', '0.2')
     before.write_text('precious')
-    assert record()[0] == 2
-    status, _, err = record('--force')
+    assert call(*record, timeout=None)[0] == 2
+    status, _, err = call(*record, '--force', timeout=None)
     assert status == 1 and './run up' in err
     assert before.read_text() == 'precious'
 

@@ -10,10 +10,7 @@ import pytest
 
 from soft_continuum.cli.save_estimate import estimated_parameters, FILE
 from soft_continuum.client.estimate import LearnedParameter
-from soft_continuum.parameters.files import (
-    load_arm,
-    write_parameters,
-)
+from soft_continuum.parameters.files import load_arm, write_parameters
 from soft_continuum.parameters.overrides import Overrides
 from soft_continuum.ros.estimates import model_from_ros, parameter_names
 from soft_continuum.user_files import description_file
@@ -102,12 +99,6 @@ def test_a_value_that_is_not_plausible_is_written_with_a_warning(
     assert '# NOT PLAUSIBLE: K, segment 2 4.1' in (tmp_path / FILE).read_text(encoding='utf-8')
 
 
-def written(arm: Any, parameters: list[EstimatedParameter], path: Path) -> None:
-    """Write what a description takes of them."""
-    known = [LearnedParameter(p.name, p.value, p.deviation, p.determined) for p in parameters]
-    write_parameters(path, estimated_parameters(known, arm).values, [])
-
-
 def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> None:
     files = description_file().with_name('spatial_jamming.yaml'), tmp_path / 'leaf_springs.yaml'
     write_parameters(files[1], {'arm.lateral_bending_stiffnesses': (0.05, 0.0, 0.01),
@@ -117,7 +108,8 @@ def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> No
         'stiffness_factor_1': 1.25, 'stiffness_factor_2': 0.9, 'stiffness_factor_3': 1.1,
         'stiff_ratio_1': 20.0, 'stiff_ratio_2': 30.0, 'stiff_ratio_3': 40.0, 'payload': 0.02}
     parameters = [learned(name, value, 1e-4) for name, value in estimated.items()]
-    written(arm, parameters, tmp_path / FILE)
+    known = [LearnedParameter(p.name, p.value, p.deviation, p.determined) for p in parameters]
+    write_parameters(tmp_path / FILE, estimated_parameters(known, arm).values, [])
     loaded = load_arm(*files, tmp_path / FILE)
     model = model_from_ros(parameters, arm).chain.arm
     assert loaded.payload == pytest.approx(model.payload)

@@ -45,7 +45,7 @@ def ask(capsys):
     return run
 
 
-def test_a_sound_rig_passes_every_check(rig, ask):
+def test_a_sound_rig_passes_every_check_and_nothing_is_moved_or_switched(rig, ask):
     reference(rig)
     for _ in range(5):  # a busy computer may miss a reply
         status, found = ask(rig.file)
@@ -58,6 +58,9 @@ def test_a_sound_rig_passes_every_check(rig, ask):
         'analog board',
         'modbus round trip', 'pump and valves', 'segment 1', 'segment 2', 'segment 3']
     assert {step: s for step, (s, _) in found.items() if s != 'OK'} == {}
+    assert rig.grbl.motors == (0, 0, 0)
+    assert rig.modbus.requests
+    assert not any(request[1] == WRITE_COIL for request in rig.modbus.requests)
 
 
 def test_threads_that_may_have_to_wait_are_named_on_a_rig_alone(rig, ask, monkeypatch):
@@ -65,13 +68,6 @@ def test_threads_that_may_have_to_wait_are_named_on_a_rig_alone(rig, ask, monkey
     status, message = ask(rig.file)[1]['control threads']
     assert status == 'WARN' and ' - rtprio 20"' in message
     assert ask()[1]['control threads'][0] == 'OK'
-
-
-def test_nothing_is_moved_or_switched(rig, ask):
-    ask(rig.file)
-    assert rig.grbl.motors == (0, 0, 0)
-    assert rig.modbus.requests
-    assert not any(request[1] == WRITE_COIL for request in rig.modbus.requests)
 
 
 def test_a_simulated_rig_is_called_simulated(ask):
@@ -103,65 +99,42 @@ def test_options_that_there_are_not_or_do_not_go_together_are_a_usage_error(
     assert named in capsys.readouterr().err
 
 
-def test_a_parameter_file_that_is_missing_or_wrong_is_named(rig, ask, tmp_path):
+def test_parameters_that_are_missing_wrong_or_read_differently_are_named(rig, ask, tmp_path):
     status, found = ask(tmp_path / 'nowhere.yaml')
     assert status == 1
     assert 'nowhere.yaml: cannot be read' in found['parameters'][1]
-    rig.parameters(grbl__prot='x')
-    assert 'did you mean grbl.port?' in ask(rig.file)[1]['parameters'][1]
-
-
-def test_parameters_that_two_nodes_read_differently_are_named(rig, ask, tmp_path):
     other = tmp_path / 'other.yaml'
     other.write_text('kinematics:\n  ros__parameters:\n    arm:\n      gravity: 0.0\n')
     status, found = ask(rig.file, other)
     assert status == 1
     assert 'arm.gravity is 9.80665 for tendon_actuation and 0.0 for kinematics' in (
         found['parameters'][1])
+    rig.parameters(grbl__prot='x')
+    assert 'did you mean grbl.port?' in ask(rig.file)[1]['parameters'][1]
 
 
-def run_doctor(tmp_path, numba='', **environment):
-    """Return what doctor prints with a numba in ``tmp_path``, while nothing is built yet."""
-    if numba:
-        (tmp_path / 'numba.py').write_text(numba)
+@pytest.mark.parametrize(('numba', 'environment', 'status', 'said'), [
+    ({'numba.py': 'raise RuntimeError("of another NumPy")\n'}, {}, 1,
+     ['FAIL  model: does not compile: RuntimeError: of another NumPy']),
+    ({'numba.py': 'raise ImportError("none here")\n'}, {}, 0,
+     ['WARN  model: works, but numba is not installed']),
+    ({'numba/__init__.py': 'class config:\n    CACHE_DIR = ""\n\n\n'
+                           'def njit(**options):\n    return lambda function: function\n',
+      'numba/core/__init__.py': '',
+      'numba/core/cpu.py': 'class CPUTargetOptions:\n    pass\n'}, {'PATH': ''}, 0,
+     ['WARN  model: works, but every start takes seconds longer', 'there is no C++ compiler'])])
+def test_a_model_that_does_not_compile_or_is_slow_is_a_diagnosis_not_a_traceback(
+        tmp_path, numba, environment, status, said):
+    for name, text in numba.items():  # while nothing is built yet
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
     done = subprocess.run(
         [sys.executable, '-m', 'soft_continuum', 'doctor'], capture_output=True, text=True,
         env={**os.environ, 'PYTHONPATH': f'{tmp_path}:{os.environ.get("PYTHONPATH", "")}',
              'XDG_CACHE_HOME': str(tmp_path), **environment}, check=False)
     assert 'Traceback' not in done.stderr
-    return done
-
-
-def test_a_model_that_does_not_compile_is_a_diagnosis_not_a_traceback(tmp_path):
-    done = run_doctor(tmp_path, 'raise RuntimeError("of another NumPy")\n')
-    assert done.returncode == 1
-    assert 'FAIL  model: does not compile: RuntimeError: of another NumPy' in done.stdout
-
-
-def test_a_model_without_numba_is_called_slow(tmp_path):
-    done = run_doctor(tmp_path, 'raise ImportError("none here")\n')
-    assert done.returncode == 0, done.stderr
-    assert 'WARN  model: works, but numba is not installed' in done.stdout
-
-
-def test_a_model_that_could_not_be_built_is_called_slow_to_start(tmp_path):
-    numba = """
-class config:
-    CACHE_DIR = ''
-
-
-def njit(**options):
-    return lambda function: function
-"""
-    package = tmp_path / 'numba'
-    (package / 'core').mkdir(parents=True)
-    (package / '__init__.py').write_text(numba)
-    (package / 'core' / '__init__.py').touch()
-    (package / 'core' / 'cpu.py').write_text('class CPUTargetOptions:\n    pass\n')
-    done = run_doctor(tmp_path, PATH='')
-    assert done.returncode == 0, done.stderr
-    assert 'WARN  model: works, but every start takes seconds longer' in done.stdout
-    assert 'there is no C++ compiler' in done.stdout
+    assert done.returncode == status, done.stderr
+    assert all(words in done.stdout for words in said)
 
 
 @pytest.mark.parametrize(('parameter', 'step'), [

@@ -49,20 +49,20 @@ def module(name):
     return defined, imported
 
 
+@cache
 def find(place, name, seen=()):
-    """Yield module and name of a definition, through the modules that pass it on."""
+    """Return module and name of each definition of a name, through modules that pass it on."""
     if (place, name) in seen or module(place) is None:
-        return
+        return ()
     defined, imported = module(place)
     if name in defined:
-        yield place, name
-    elif name in imported:
-        yield from find(*imported[name], seen=(*seen, (place, name)))
-    elif (PACKAGE / place.replace('.', '/')).is_dir():  # a package that loads lazily
-        for path in (PACKAGE / place.replace('.', '/')).glob('*.py'):
-            inner = module(f'{place}.{path.stem}'.lstrip('.'))
-            if path.stem != '__init__' and inner and name in inner[0]:
-                yield f'{place}.{path.stem}'.lstrip('.'), name
+        return ((place, name),)
+    if name in imported:
+        return find(*imported[name], seen=(*seen, (place, name)))
+    folder = PACKAGE / place.replace('.', '/')
+    inner = [f'{place}.{path.stem}'.lstrip('.') for path in folder.glob('*.py')
+             if path.stem != '__init__']  # of a package that loads lazily
+    return tuple((one, name) for one in inner if module(one) and name in module(one)[0])
 
 
 @cache
@@ -102,7 +102,8 @@ def texts(place, name):
             else:
                 text = node.value
             if isinstance(text, str) and ' ' in text.strip():
-                named.append((node.lineno, text))
+                if '--' in text:
+                    named.append((node.lineno, text))
             elif isinstance(text, str) and isinstance(node, ast.Constant):
                 added.update(OPTION.findall(text) if name in GROUPS_OF_OPTIONS else ())
     return added, named

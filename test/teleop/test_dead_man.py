@@ -34,11 +34,8 @@ def joystick():
     return Sender()
 
 
-def test_nothing_moves_without_the_button(joystick):
-    assert joystick.show(REST, Controls((1.0, 0.0, 0.0))) is None
-
-
 def test_it_moves_while_the_button_is_held_and_not_a_message_longer(joystick):
+    assert joystick.show(REST, Controls((1.0, 0.0, 0.0))) is None
     assert joystick.show(REST, GRIP, PUSH) == PUSH.stick
     assert joystick.show(Controls(PUSH.stick)) is None
 
@@ -82,10 +79,7 @@ def test_a_message_that_was_on_its_way_for_long_ends_it(joystick):
     assert '0.40 s late' in joystick.dead_man.problem
     assert joystick.show(PUSH) is None
     assert joystick.show(REST, GRIP, PUSH) == PUSH.stick
-
-
-def test_when_the_clock_of_the_sender_is_set_it_can_be_pressed_again(joystick):
-    joystick.show(REST, GRIP, PUSH)
+    # When the clock of the sender was set, it can be pressed again.
     assert joystick.show(PUSH, delay=3600.0) is None
     assert joystick.show(REST, GRIP, PUSH, delay=3600.0) == PUSH.stick
 

@@ -42,12 +42,9 @@ def typist():
     return typist
 
 
-def test_a_key_that_is_hit_once_nudges(typist):
+def test_a_key_that_is_hit_once_nudges_and_one_that_is_held_goes_on_and_ends_soon_after(typist):
     typist.keyboard.press('right', typist.now)
     assert 0.1 < typist.wait(2.0) <= 0.2
-
-
-def test_a_key_that_is_held_goes_on_and_ends_soon_after(typist):
     assert typist.hold('left', 2.0) > 1.8
     assert typist.wait(1.0) <= 0.22
 
