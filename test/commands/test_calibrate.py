@@ -118,25 +118,24 @@ def test_an_answer_that_makes_no_sense_is_asked_for_again(rig, answer):
     assert not rig.file.with_name('calibration_steps.yaml').exists()
 
 
-def test_travel_measured_before_moves_nothing(rig, run):
-    status, output, _ = run('steps', '--yes', '--measured', 5, 4)
-    assert status == 0
-    assert 'the zero must be set again' in output
-    assert rig.grbl.motors == (0, 0, 0)
-
-
-def test_steps_that_change_take_the_zero_with_them(rig, run):
+def test_steps_measured_before_move_nothing_and_take_the_zero_with_them_if_they_change(rig, run):
     reference(rig)
     assert run('steps', '--yes', '--measured', 5, 5)[0] == 0
     assert is_referenced(rig)
-    assert run('steps', '--yes', '--measured', 5, 4, '--force')[0] == 0
+    status, output, _ = run('steps', '--yes', '--measured', 5, 4, '--force')
+    assert status == 0
+    assert 'the zero must be set again' in output
     assert not is_referenced(rig)
+    assert rig.grbl.motors == (0, 0, 0)
 
 
 # Signs
 
 
-def test_a_tendon_that_was_paid_out_gets_the_other_sign(rig, answer):
+SIGNS_SEEN = [('Ready?', 'yes'), ('right tendon', 'pulled-in'), ('left tendon', 'pulled-in')]
+
+
+def test_a_tendon_that_was_paid_out_gets_the_other_sign_and_no_zero_is_left(rig, answer):
     assert answer([
         ('Ready?', 'yes'),
         ('Was the right tendon pulled in, or paid out?', 'again'),
@@ -144,6 +143,10 @@ def test_a_tendon_that_was_paid_out_gets_the_other_sign(rig, answer):
         ('Was the left tendon pulled in, or paid out?', 'pulled-in')], 'signs')[0] == 0
     assert with_results(rig, 'calibration_signs.yaml')['grbl.signs'] == (-1.0, 1.0)
     assert standing(rig) == (0, 0)
+    assert not is_referenced(rig)  # it had one for as long as it moved
+    reference(rig)
+    assert answer(SIGNS_SEEN, 'signs', '--force')[0] == 0
+    assert is_referenced(rig)  # one that was known before is kept
 
 
 def test_signs_seen_before_change_those_that_are_configured(rig, run):
@@ -169,16 +172,13 @@ def test_jogging_takes_up_the_slack_and_sets_the_zero(rig, answer):
     assert is_referenced(rig)
 
 
-def test_slack_known_before_is_taken_up_without_asking(rig, run):
+def test_slack_known_before_is_taken_up_without_asking_also_of_a_board_that_keeps_no_zero(
+        rig, run, monkeypatch):
     status, output, _ = run('zero', '--yes', '--take-up', 1, 0.5)
     assert status == 0
     assert 'The straight arm is zero' in output
     assert rig.grbl.motors[:2] == (200, 100)
     assert is_referenced(rig)
-
-
-def test_a_board_that_is_reset_when_its_port_is_opened_is_told_from_one_that_is_not(
-        rig, run, monkeypatch):
     sleep = STEADY.sleep
 
     def reset(seconds):
@@ -186,7 +186,7 @@ def test_a_board_that_is_reset_when_its_port_is_opened_is_told_from_one_that_is_
         if seconds == calibrate.MARK_TIME:
             rig.grbl.reset()
     monkeypatch.setattr(STEADY, 'sleep', reset)
-    status, output, _ = run('zero', '--yes', '--take-up', 1, 0.5)
+    status, output, _ = run('zero', '--yes', '--take-up', 0, 0)
     assert status == 0
     assert 'does not keep it, because opening its port resets it' in output
 
@@ -210,21 +210,7 @@ def test_tendons_move_only_once_a_segment_is_soft(rig, run):
     assert rig.modbus.coils == (True, True, True, False)
 
 
-SIGNS_SEEN = [('Ready?', 'yes'), ('right tendon', 'pulled-in'), ('left tendon', 'pulled-in')]
-
-
-def test_a_provisional_zero_is_forgotten_at_the_end(rig, answer):
-    assert answer(SIGNS_SEEN, 'signs')[0] == 0
-    assert not is_referenced(rig)
-
-
-def test_a_zero_that_was_known_before_is_kept(rig, answer):
-    reference(rig)
-    assert answer(SIGNS_SEEN, 'signs')[0] == 0
-    assert is_referenced(rig)
-
-
-@pytest.mark.parametrize('how', [CTRL_C, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize('how', [CTRL_C, signal.SIGTERM])
 def test_an_interrupt_in_motion_brings_the_motors_to_rest(rig, on_terminal, how):
     with on_terminal('steps', '--distance', '10') as terminal:
         terminal.answer('Ready?', 'yes')
@@ -321,12 +307,12 @@ def test_a_valve_that_stays_open_does_not_keep_the_others_and_the_pump_on(rig, r
     assert rig.modbus.coils == (False, True, False, False)
 
 
-def test_an_interrupt_while_the_pump_runs_switches_it_off(rig, on_terminal):
+def test_a_terminal_that_is_closed_while_the_pump_runs_switches_it_off(rig, on_terminal):
     interrupts = []
 
     def interrupt(reply):
         if rig.modbus.coils == (True, True, False, False) and not interrupts:
-            interrupts.append(terminal.type(CTRL_C))
+            interrupts.append(terminal.process.send_signal(signal.SIGHUP))
         return reply
 
     with on_terminal('vacuum') as terminal:
