@@ -230,7 +230,7 @@ def test_in_space_positions_and_orientations_are_averaged() -> None:
 def test_shapes_in_space_are_read_by_identify_as_they_were(
         rig: Rig, settling: None, call: Callable[..., Any], tmp_path: Path) -> None:
     rig.start('kinematics', 'tendon_actuation', 'shape_sequencer',
-              **given(TENDON_ARM, tendon_rate=10.0, estimation__enabled=False))
+              **given(TENDON_ARM, tendon_rate=10.0, angle_step=0.2, estimation__enabled=False))
     Tracker(rig, IN_SPACE).spoil = lambda message: None
     status, _, error = call('measure', 'c_form', '--output', str(tmp_path), '--duration', '0.5')
     assert status == 0, error
