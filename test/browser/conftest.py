@@ -32,17 +32,29 @@ FLAGS = ('--no-sandbox', '--disable-gpu', '--enable-unsafe-swiftshader', '--disa
          '--disable-sync')
 # Frames are rendered in software: a few a second are enough to see what is there, without smooth
 # edges, and with a rougher reflection of the surroundings, which take 10 s to prepare otherwise.
+# While nobody looks at a page, nothing of its scene is drawn: see Page.
 DRAW_LITTLE = """
+window.drawing = %s;
 window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 250);
 window.cancelAnimationFrame = clearTimeout;
 const {getContext} = HTMLCanvasElement.prototype;
-const {shaderSource} = WebGL2RenderingContext.prototype;
+const webgl = WebGL2RenderingContext.prototype;
+const {shaderSource} = webgl;
 HTMLCanvasElement.prototype.getContext = function (kind, options) {
     return getContext.call(this, kind, {...options, antialias: false});
 };
-WebGL2RenderingContext.prototype.shaderSource = function (shader, source) {
+webgl.shaderSource = function (shader, source) {
     shaderSource.call(this, shader, source.replace(/(#define GGX_SAMPLES) [0-9]+/, '$1 16'));
 };
+for (const name of ['drawArrays', 'drawElements', 'drawArraysInstanced',
+                    'drawElementsInstanced']) {
+    const draw = webgl[name];
+    webgl[name] = function (...all) {
+        if (!window.drawing) return;
+        window.drawn = true;
+        draw.apply(this, all);
+    };
+}
 """
 
 
@@ -75,11 +87,11 @@ def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
         # Playwright gives it a user data directory of its own.
         chromium = driver.chromium.launch(executable_path=nice, headless=True, args=list(FLAGS))
 
-        def open_at(address: str) -> Page:
+        def open_at(address: str, drawing: bool = True) -> Page:
             # A quarter of the pixels: they are rendered in software.
             context = chromium.new_context(viewport={'width': 900, 'height': 600},
                                            device_scale_factor=0.5)
-            context.add_init_script(DRAW_LITTLE)
+            context.add_init_script(DRAW_LITTLE % str(drawing).lower())
             page = context.new_page()
             page.goto(address, timeout=DEADLINE * 1e3)
             return Page(page)

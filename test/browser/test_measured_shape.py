@@ -103,7 +103,7 @@ def test_without_measurements_the_page_says_that_it_shows_a_prediction(
     page.wait_for_text('PREDICTED')
     page.wait_for_text('never measured')
     page.wait_for_text('nothing is learned without a sensor')
-    page.wait_for_pixels(brown, 0, 0, 'brown, though nothing is estimated')
+    page.wait_for_pixels((brown, 0, 0, 'brown, though nothing is estimated'))
     expect(page.page.locator('#alarm')).to_be_hidden()
 
 
@@ -114,7 +114,7 @@ def test_the_prediction_is_drawn_beside_the_estimate_and_its_distance_is_said(
     page.wait_for_text('ESTIMATED')
     page.wait_for_text('tip ±0.5 mm')
     page.wait_for_text('from the estimate')
-    page.wait_for_pixels(brown, 40, 10**6, 'brown, as the prediction is')
+    page.wait_for_pixels((brown, 40, 10**6, 'brown, as the prediction is'))
     page.wait_for_text('+17.2° ±0.1°')  # the angle of segment 1
 
 
@@ -204,11 +204,11 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
     for text in ('REACHABLE', 'softenings: 2', 'tension up to 12.5 N', '9 s of motion',
                  '23 mm from <post>', '0.4 mm from its goal'):
         page.wait_for_text(text)
-    page.wait_for_pixels(green, 25, 10**6, 'green, as the shape that would be taken is')
+    page.wait_for_pixels((green, 25, 10**6, 'green, as the shape that would be taken is'))
     tip = CHAIN.points(joint_angles(arm.angles))[-1]
     assert place(arm.planned[-1]) == pytest.approx((tip[0], 0.0, tip[1]), abs=1e-6)
     before = len(arm.planned)
-    page.wait_for_pixels(pink, 1, 10**6, 'pink, as the handle is')
+    page.wait_for_pixels((pink, 1, 10**6, 'pink, as the handle is'))
     page.drag(page.place_of(pink), (60.0, 0.0))
     page.wait_for(lambda: len(arm.planned) > before and arm.planned[-1].states == 0,
                   'a plan for where the handle was left')
@@ -244,7 +244,7 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
         page.wait_for_text(text)
     expect(page.button('Go')).to_be_disabled(timeout=DEADLINE * 1e3)
     page.switch('Drag the tip', False)
-    page.wait_for_pixels(green, 0, 5, 'green, though no tip is dragged')
+    page.wait_for_pixels((green, 0, 5, 'green, though no tip is dragged'))
 
 
 def test_the_loop_is_switched_and_another_client_is_followed(
@@ -273,7 +273,8 @@ def test_alarms_are_prominent_and_never_cover_stop(page: Page, arm: EstimatedArm
 
         def is_below() -> bool:
             box, stop = alarm.bounding_box(), page.button('STOP').bounding_box()
-            return box['y'] >= stop['y'] + stop['height'] and box['height'] <= 120
+            return bool(box) and (  # it is away while the page waits for the view
+                box['y'] >= stop['y'] + stop['height'] and box['height'] <= 120)
         page.wait_for(is_below, f'an alarm below STOP at {width} x {height}')
         page.wait_for(lambda: page.view.locator(
             'canvas').first.bounding_box()['height'] > 200, 'a scene')

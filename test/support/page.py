@@ -118,15 +118,23 @@ class Page:
 
     def picture(self, path: Path | None = None) -> Any:
         """Return the middle of the scene as colours (rows, columns, 3), 0 to 255."""
-        if path is not None:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self.page.screenshot(path=path, timeout=DEADLINE * 1e3)
-        colours = self._screenshot()
+        colours = self._screenshot(path)
         rows, columns, _ = colours.shape
         return colours[rows // 5:, columns * 20 // 100:columns * 42 // 100]
 
-    def _screenshot(self) -> Any:
+    def _screenshot(self, path: Path | None = None) -> Any:
+        """Return what is seen once the scene was drawn; nothing is drawn from then on."""
+        body = self.view.locator('body')
+        body.evaluate("""() => new Promise(done => {
+            [window.drawing, window.drawn] = [true, false];
+            const look = () => window.drawn ? done() : setTimeout(look, 50);
+            look();
+        })""")
         data = self.page.screenshot(timeout=DEADLINE * 1e3)
+        body.evaluate('() => { window.drawing = false; }')
+        if path is not None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
         return np.asarray(Image.open(io.BytesIO(data)).convert('RGB')).astype(int)
 
     def place_of(self, has_colour: Callable[[Any], Any]) -> tuple[float, float]:
@@ -156,16 +164,17 @@ class Page:
             assert time.monotonic() < deadline, f'never: {what}'
             self.page.wait_for_timeout(100.0)
 
-    def wait_for_pixels(self, has_colour: Callable[[Any], Any], low: int, high: int,
-                        what: str) -> None:
-        """Wait until so many pixels of the middle of the scene have a colour."""
+    def wait_for_pixels(self, *wanted: tuple[Callable[[Any], Any], int, int, str]) -> None:
+        """Wait until the middle of the scene has from so many to so many pixels of each colour."""
         deadline = time.monotonic() + DEADLINE
         while True:
-            count = int(has_colour(self.picture()).sum())
-            if low <= count <= high:
+            picture = self.picture()
+            wrong = [f'{count} pixels are {what}; expected: {low} to {high}'
+                     for has_colour, low, high, what in wanted
+                     if not low <= (count := int(has_colour(picture).sum())) <= high]
+            if not wrong:
                 return
-            assert time.monotonic() < deadline, (
-                f'{count} pixels are {what}; expected: {low} to {high}')
+            assert time.monotonic() < deadline, wrong
 
 
 def dark(colours: Any) -> Any:
@@ -189,7 +198,13 @@ def teal(colours: Any) -> Any:
     return (greens > red + 60) & (blue > red + 60) & (abs(greens - blue) < 40)
 
 
-OpenPage = Callable[[str], Page]
+def olive(colours: Any) -> Any:
+    """Whether pixels are as olive as obstacles."""
+    return (abs(colours[..., 0] - colours[..., 1]) < 12) & (
+        colours[..., 2] < colours[..., 1] - 15)
+
+
+OpenPage = Callable[..., Page]
 
 
 def start_view(processes: Processes, verb: str, *options: str) -> NodeProcess:
