@@ -3,25 +3,23 @@
 """
 What a person asks for at the start is what the nodes run with, by ``ros2 launch`` and by ``up``.
 
-Each claim is made by a node that is started with the command line, and asked for its values.
+That a node is given what is read here from its command line is claimed in test_overrides.py.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
-import rclpy
-from rclpy.context import Context
 
 from soft_continuum.cli import up
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.nodes.parameter_table import default_frame
 from soft_continuum.nodes.runtime import check_parameter_files
+from soft_continuum.parameters.overrides import full_name_of
 from support.descriptions import section
 from support.launch_stand_in import DeclareLaunchArgument, description, launched
-from support.ros_rig import destroy, make
 
-Ask = Callable[..., dict[str, Any]]
 BOARDS = ['grbl.port: /dev/a_port', 'modbus.port: /dev/b_port']
 NAMES = ['/**', '/*', '/*/*', '/**/**', '{node}', '/{node}', '/**/{node}', '{space}{node}',
          '{space}*', '{space}**']
@@ -45,33 +43,18 @@ def by_up(node: str, files: Sequence[Path], **asked: str) -> list[str]:
         return up.with_asked(options, parameters)
 
 
-@pytest.fixture
-def ask(domain: int) -> Iterator[Ask]:
-    """Return a function that starts a node and asks it for parameters."""
-    contexts = []
-
-    def start(node: str, arguments: Sequence[str], *names: str) -> dict[str, Any]:
-        check_parameter_files(arguments, [node])  # as run does
-        contexts.append(Context())
-        rclpy.init(args=list(arguments), context=contexts[-1], domain_id=domain)
-        started = make(node, context=contexts[-1])
-        found = {name: started.get_parameter(name).value for name in names}
-        found['name'] = started.get_fully_qualified_name()
-        started.quit()  # its threads would keep it, and its ROS domain, for ever
-        destroy(started)
-        contexts[-1].shutdown()
-        return found
-
-    yield start
-    for context in contexts:
-        context.try_shutdown()
+def given(node: str, arguments: Sequence[str]) -> dict[str, Any]:
+    """Return the full name of a node that is started like this, and its parameters."""
+    name = full_name_of(arguments, node)
+    found = check_parameter_files(arguments, [node]).of(name)
+    return {'name': name} | {key: value for key, (value, _) in found.items()}
 
 
 @pytest.mark.parametrize('starter', [by_launch, by_up])
 @pytest.mark.parametrize('namespace', ['', 'left', 'lab/left'])
 @pytest.mark.parametrize('order', [1, -1])
 def test_a_driver_that_is_asked_for_wins_over_every_section(
-        ask: Ask, tmp_path: Path, starter: Any, namespace: str, order: int) -> None:
+        tmp_path: Path, starter: Any, namespace: str, order: int) -> None:
     node, space = 'tendon_actuation', f'/{namespace}/' if namespace else '/'
     forms = [form.format(node=node, space=space) for form in NAMES][::order]
     first, second = tmp_path / 'first.yaml', tmp_path / 'second.yaml'
@@ -81,13 +64,12 @@ def test_a_driver_that_is_asked_for_wins_over_every_section(
     second.write_text(section(f'{space}{node}', 'tendon_driver: simulated', 'speed_limit: 0.02'),
                       encoding='utf-8')
     arguments = starter(node, [first, second], namespace=namespace, tendon_driver='grbl')
-    values = ask(node, arguments, 'tendon_driver', 'grbl.port', 'speed_limit', 'tendon_rate')
+    values = given(node, arguments)
     assert values['name'] == f'{space}{node}'
     assert values['tendon_driver'] == 'grbl'
     # All else is as the files say.
     assert (values['grbl.port'], values['speed_limit']) == ('/dev/a_port', 0.02)
-    plain = ask(node, starter(node, [first, second], namespace=namespace),
-                'tendon_driver', 'tendon_rate')
+    plain = given(node, starter(node, [first, second], namespace=namespace))
     assert plain['tendon_driver'] == 'simulated'
     assert values['tendon_rate'] == plain['tendon_rate'] > 20.0
 
@@ -96,16 +78,16 @@ def test_a_driver_that_is_asked_for_wins_over_every_section(
 @pytest.mark.parametrize('form', NAMES)
 @pytest.mark.parametrize('namespace', ['', 'left'])
 def test_a_driver_that_is_asked_for_wins_over_a_section_of_each_form(
-        ask: Ask, tmp_path: Path, starter: Any, namespace: str, form: str) -> None:
+        tmp_path: Path, starter: Any, namespace: str, form: str) -> None:
     node = 'jamming_valves'
     name = form.format(node=node, space=f'/{namespace}/' if namespace else '/')
     path = tmp_path / 'rig.yaml'
     path.write_text(section(name, 'jamming_driver: simulated') + section('/**', *BOARDS),
                     encoding='utf-8')
     arguments = starter(node, [path], namespace=namespace, jamming_driver='modbus')
-    assert ask(node, arguments, 'jamming_driver', 'modbus.port') == {
-        'jamming_driver': 'modbus', 'modbus.port': '/dev/b_port',
-        'name': f'{"/left" if namespace else ""}/{node}'}
+    values = given(node, arguments)
+    assert (values['jamming_driver'], values['modbus.port'], values['name']) == (
+        'modbus', '/dev/b_port', f'{"/left" if namespace else ""}/{node}')
 
 
 @pytest.mark.parametrize('starter', [by_launch, by_up])
@@ -131,28 +113,28 @@ def test_every_driver_can_be_asked_for(tmp_path: Path, starter: Any, node: str, 
     ('left', section('/left/kinematics', 'frame_id: a') + section('/**', 'frame_id: b'), 'b'),
     ('left', section('/**', 'frame_id: b') + section('/left/kinematics', 'frame_id: a'), 'a')])
 def test_the_frame_is_that_of_the_files_or_of_the_namespace(
-        ask: Ask, tmp_path: Path, starter: Any, namespace: str, text: str, frame: str) -> None:
+        tmp_path: Path, starter: Any, namespace: str, text: str, frame: str) -> None:
     path = tmp_path / 'arm.yaml'
     path.write_text(text, encoding='utf-8')
     arguments = starter('kinematics', [path], namespace=namespace)
-    assert ask('kinematics', arguments, 'frame_id')['frame_id'] == frame
+    values = given('kinematics', arguments)
+    assert values.get('frame_id', default_frame(namespace)) == frame
 
 
-def test_a_second_file_wins_over_the_first(ask: Ask, tmp_path: Path) -> None:
+def test_a_second_file_wins_over_the_first(tmp_path: Path) -> None:
     files = [tmp_path / 'first.yaml', tmp_path / 'second.yaml']
     for number, path in enumerate(files, 1):
         path.write_text(section('/**', f'tension_limit: {number}0.0'), encoding='utf-8')
-    arguments = by_launch('kinematics', files)
-    assert ask('kinematics', arguments, 'tension_limit')['tension_limit'] == 20.0
+    assert given('kinematics', by_launch('kinematics', files))['tension_limit'] == 20.0
 
 
 def test_a_mistake_in_a_section_for_another_namespace_keeps_nothing_from_starting(
-        ask: Ask, tmp_path: Path) -> None:
+        tmp_path: Path) -> None:
     path = tmp_path / 'arms.yaml'
     path.write_text(section('/right/**', 'spede_limit: fast', 'arm: {payload: heavy}')
                     + section('/left/**', 'arm: {payload: 0.2}'), encoding='utf-8')
     arguments = by_launch('kinematics', [path], namespace='left')
-    assert ask('kinematics', arguments, 'arm.payload')['arm.payload'] == 0.2
+    assert given('kinematics', arguments)['arm.payload'] == 0.2
     with pytest.raises(RuntimeError, match='nothing was started: .*spede_limit'):
         by_launch('kinematics', [path], namespace='right')
 

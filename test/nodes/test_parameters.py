@@ -7,16 +7,19 @@ from collections.abc import Callable, Iterator, Sequence
 import os
 from pathlib import Path
 import signal
+import sys
 import threading
 from typing import Any
 
 import pytest
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.parameter import parameter_value_to_python
 
+from soft_continuum.cli.main import main
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.runtime import run
+from soft_continuum.nodes.runtime import check_parameter_files, run
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import (
@@ -37,7 +40,7 @@ from soft_continuum.parameters.shapes import (
 )
 from soft_continuum.user_files import description_file
 from support.documented_commands import kept_signal_handlers
-from support.processes import module_command, Processes
+from support.processes import Processes
 from support.ros_rig import ALL, Rig
 
 GOOD = description_file().read_text(encoding='utf-8')
@@ -207,20 +210,10 @@ def test_a_number_out_of_range_is_not_reported_as_a_missing_decimal_point(start:
     assert 'write 5.0 rather than 5' not in text
 
 
-def test_parameters_that_every_ros_node_has_may_stand_in_the_file(
-        processes: Processes, rig: Rig, file: Any) -> None:
-    path = file('ros__parameters:', 'ros__parameters:\n    use_sim_time: false')[1]
-    node = processes.node('kinematics', files=[Path(path)])
-    rig.wait_for(lambda: len(rig.statuses['kinematics']) or not node.running, 'the node')
-    assert node.running, node.output
-
-
-def test_every_node_starts_without_any_parameter(processes: Processes, rig: Rig) -> None:
-    # As `ros2 run soft_continuum NODE` does.
-    started = {node: processes.node(node, installed=True, files=[]) for node in ALL}
-    for node, process in started.items():
-        rig.wait_for(lambda: len(rig.statuses[node]) or not process.running, node)  # noqa: B023
-        assert process.running, process.output
+def test_parameters_that_every_ros_node_has_may_stand_in_the_file(file: Any) -> None:
+    arguments = file('ros__parameters:', 'ros__parameters:\n    use_sim_time: false')
+    values = check_parameter_files(['--ros-args', *arguments], ['kinematics']).of('/kinematics')
+    assert values['use_sim_time'][0] is False
 
 
 def test_a_refusal_is_one_line_and_exit_status_2_of_the_executable(
@@ -234,38 +227,35 @@ def test_a_refusal_is_one_line_and_exit_status_2_of_the_executable(
     assert 'arm.segment_lengths' in node.output
 
 
-def test_four_nodes_in_one_process_refuse_as_one(processes: Processes, tmp_path: Path) -> None:
-    path = tmp_path / 'arm.yaml'
-    path.write_text(GOOD.replace('gravity: 9.80665', 'gravity: heavy'), encoding='utf-8')
-    up = processes.start([*module_command('up'), '--params-file', str(path)])
-    assert up.wait() == 2
-    assert len(up.output.splitlines()) == 1, up.output
-    assert 'arm.gravity' in up.output
+def test_the_four_nodes_refuse_as_one(
+        file: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
+    with kept_signal_handlers():
+        status = main(['up', *file('gravity: 9.80665', 'gravity: heavy')])
+    assert_refused((status, capfd.readouterr().err), 'arm.gravity')
 
 
 # At run time.
 
 
-BAD_VALUES = [
-    ('tendon_actuation', 'tension_limit', 1e6, '10000'),
-    ('tendon_actuation', 'tension_limit', -1.0, '0.1'),
-    ('tendon_actuation', 'tension_limit', float('nan'), 'nan'),
-    ('tendon_actuation', 'tension_limit', 'much', 'DOUBLE'),
-    ('tendon_actuation', 'tension_limit', 60, 'DOUBLE'),
-    ('shape_sequencer', 'tendon_speed', 0.0, '0.0001'),
-    ('shape_sequencer', 'antagonist_slack', float('inf'), 'antagonist_slack'),
-]
-
-
-@pytest.mark.parametrize('node', ['tendon_actuation', 'shape_sequencer'])
-def test_a_bad_value_is_refused_at_run_time_with_the_reason(rig: Rig, node: str) -> None:
-    rig.start(node)
-    for name, value, reason in (case[1:] for case in BAD_VALUES if case[0] == node):
-        before, = present_values(rig, node, [name])
-        result = rig.set_parameter(node, name, value)
+@pytest.mark.parametrize(('node', 'cases'), [
+    ('tendon_actuation', [
+        ('tension_limit', 1e6, '10000'), ('tension_limit', -1.0, '0.1'),
+        ('tension_limit', float('nan'), 'nan'), ('tension_limit', 'much', 'DOUBLE'),
+        ('tension_limit', 60, 'DOUBLE')]),
+    ('shape_sequencer', [
+        ('tendon_speed', 0.0, '0.0001'),
+        ('antagonist_slack', float('inf'), 'antagonist_slack')])])
+def test_a_bad_value_is_refused_at_run_time_with_the_reason(
+        module_rig: Rig, node: str, cases: list[tuple[str, Any, str]]) -> None:
+    started, = module_rig.start(node)
+    for name, value, reason in cases:
+        before, = present_values(module_rig, node, [name])
+        result = module_rig.set_parameter(node, name, value)
         assert not result.successful, (name, value)
         assert reason in result.reason
-        assert present_values(rig, node, [name]) == [before]
+        assert present_values(module_rig, node, [name]) == [before]
+    module_rig.end(started)
 
 
 def present_values(rig: Rig, node: str, names: Sequence[str]) -> list[Any]:
@@ -290,11 +280,16 @@ def changed(parameter: Parameter) -> Any:
     raise AssertionError(parameter)
 
 
-@pytest.mark.parametrize('node', ALL)
-def test_the_parameters_of_a_node_are_those_of_its_table(rig: Rig, node: str) -> None:
+@pytest.mark.parametrize('node', NODE_PARAMETERS)
+def test_the_parameters_of_a_node_are_those_of_its_table(module_rig: Rig, node: str) -> None:
     """Names, meaning, bounds, choices, and whether they can be set while the node runs."""
-    started, = rig.start(node)
+    rig = module_rig
+    started, = rig.start(node, ready=node in ALL)
     listed = rig.call(ListParameters, f'{node}/list_parameters').result.names
+    # As `ros2 param dump` asks for them: one without a value empties the whole answer.
+    values = rig.call(GetParameters, f'{node}/get_parameters', names=listed).values
+    assert len(values) == len(listed)
+    assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
     own = {name for name in listed if not name.startswith((
         'qos_overrides.', 'use_sim_time', 'start_type_description_service'))}
     table = {p.name: p for p in NODE_PARAMETERS[node]}
@@ -303,32 +298,26 @@ def test_the_parameters_of_a_node_are_those_of_its_table(rig: Rig, node: str) ->
                   for parameter in (shape_parameter, direction_parameter, vacuum_parameter)}
     assert own == set(table)
     answer = rig.call(DescribeParameters, f'{node}/describe_parameters', names=list(table))
-    for parameter, descriptor in zip(table.values(), answer.descriptors, strict=True):
+    results = rig.call(SetParameters, f'{node}/set_parameters', parameters=[
+        RosParameter(p.name, value=changed(p)).to_parameter_msg() for p in table.values()]).results
+    for parameter, descriptor, result in zip(
+            table.values(), answer.descriptors, results, strict=True):
         assert_described(parameter, descriptor)
-        result = rig.set_parameter(node, parameter.name, changed(parameter))
         assert result.successful != parameter.read_only, (parameter.name, result.reason)
         if parameter.read_only:
             assert 'read-only' in result.reason or 'read only' in result.reason
         else:
             assert started.parameters[parameter.name] == changed(parameter)
-
-
-@pytest.mark.parametrize('node', NODE_PARAMETERS)
-def test_all_parameters_of_a_node_are_answered_at_once(rig: Rig, node: str) -> None:
-    """Claim what `ros2 param dump` needs: one without a value empties the whole answer."""
-    rig.start(node, ready=node in ALL)
-    names = rig.call(ListParameters, f'{node}/list_parameters').result.names
-    values = rig.call(GetParameters, f'{node}/get_parameters', names=names).values
-    assert len(values) == len(names) >= len(NODE_PARAMETERS[node])
-    assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
+    rig.end(started)
 
 
 def test_a_shape_without_angles_of_its_own_has_an_empty_list_and_that_is_read_again(
-        rig: Rig, start: Any, tmp_path: Path) -> None:
-    rig.start('shape_sequencer')
+        module_rig: Rig, tmp_path: Path) -> None:
+    started, = module_rig.start('shape_sequencer')
     names = [f'{prefix}c_form' for prefix in (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)]
     described = shape_parameter('c_form').default
-    angles, *others = present_values(rig, 'shape_sequencer', names)
+    angles, *others = present_values(module_rig, 'shape_sequencer', names)
+    module_rig.end(started)
     assert list(angles) in ([], list(described)) and [list(one) for one in others] == [[], []]
     path = tmp_path / 'dump.yaml'
     path.write_text(''.join(

@@ -144,15 +144,3 @@ def test_up_starts_the_twin_and_a_camera_too_and_both_end_with_it(
     assert 'Traceback' not in up.output, up.output
     assert 'did not end within' not in up.output, up.output
     assert not list(tmp_path.glob('soft_continuum_*'))
-
-
-@pytest.mark.parametrize(('arguments', 'named'), [
-    (['--twin', 'perfect'], 'ideal, typical, severe'),
-    (['--twin', '--tendon-driver', 'simulated'], 'it has those for grbl, dynamixel'),
-])
-def test_a_twin_that_cannot_be_is_refused_before_anything_starts(
-        processes: Processes, arguments: list[str], named: str) -> None:
-    up = processes.start([*module_command('up'), *arguments])
-    assert up.wait() == 2
-    assert named in up.output
-    assert 'Traceback' not in up.output, up.output
