@@ -121,13 +121,6 @@ def test_the_frame_is_that_of_the_files_or_of_the_namespace(
     assert values.get('frame_id', default_frame(namespace)) == frame
 
 
-def test_a_second_file_wins_over_the_first(tmp_path: Path) -> None:
-    files = [tmp_path / 'first.yaml', tmp_path / 'second.yaml']
-    for number, path in enumerate(files, 1):
-        path.write_text(section('/**', f'tension_limit: {number}0.0'), encoding='utf-8')
-    assert given('kinematics', by_launch('kinematics', files))['tension_limit'] == 20.0
-
-
 def test_a_mistake_in_a_section_for_another_namespace_keeps_nothing_from_starting(
         tmp_path: Path) -> None:
     path = tmp_path / 'arms.yaml'

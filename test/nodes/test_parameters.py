@@ -19,7 +19,7 @@ from rclpy.parameter import parameter_value_to_python
 
 from soft_continuum.cli.main import main
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.runtime import check_parameter_files, run
+from soft_continuum.nodes.runtime import run
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import (
@@ -88,50 +88,20 @@ def assert_refused(answer: tuple[int, str], *reasons: str) -> None:
 
 LENGTHS = 'segment_lengths: [0.070, 0.070, 0.070]'
 C_FORM = ' c_form: [0.6283185307179586, 0.6283185307179586, 0.6283185307179586]'
+# What no file may say is in test_parameter_files.py and test_description.py.
 BAD_DESCRIPTIONS = {
     'lengths in millimetres':
         (LENGTHS, 'segment_lengths: [70.0, 70.0, 70.0]', ['arm.segment_lengths', '0.001 to 10']),
-    'lengths in kilometres':
-        (LENGTHS, 'segment_lengths: [7.0e-5, 7.0e-5, 7.0e-5]',
-         ['arm.segment_lengths', '0.001 to 10']),
-    'negative length':
-        (LENGTHS, 'segment_lengths: [-0.07, 0.07, 0.07]', ['arm.segment_lengths', '0.001 to 10']),
-    'length that is not a number':
-        (LENGTHS, 'segment_lengths: [.nan, 0.07, 0.07]', ['arm.segment_lengths', 'finite']),
-    'text instead of a number':
-        ('gravity: 9.80665', 'gravity: down', ['arm.gravity', "'down'"]),
-    'diameters in millimetres':
-        ('outer_diameters: [0.050, 0.0425, 0.035]', 'outer_diameters: [50.0, 42.5, 35.0]',
-         ['arm.outer_diameters', '10']),
-    'no leaf spring':
-        ('leaf_thicknesses: [0.00050,', 'leaf_thicknesses: [0.0,', ['arm.leaf_thicknesses']),
-    'no bodies': ('bodies_per_segment: 12', 'bodies_per_segment: 0',
-                  ['arm.bodies_per_segment', '1 to 1000']),
-    'half a body': ('bodies_per_segment: 12', 'bodies_per_segment: 12.5',
-                    ['arm.bodies_per_segment', 'whole number']),
     'too few masses':
         ('segment_masses: [0.069, 0.050, 0.034]', 'segment_masses: [0.069, 0.050]',
          ['arm.segment_masses has 2 values', '3']),
-    'too few discs':
-        ('disc_heights: [0.030, 0.030, 0.030, 0.030]', 'disc_heights: [0.03, 0.03, 0.03]',
-         ['arm.disc_heights has 3 values', '4']),
-    'pressure in kilopascals':
-        ('ambient_pressure: 101325.0', 'ambient_pressure: 101.325',
-         ['ambient_pressure', '10000 to 200000']),
     'unknown key': ('segment_lengths:', 'segment_length:',
                     ['unknown parameter arm.segment_length', 'did you mean arm.segment_lengths']),
-    'key without a value': ('gravity: 9.80665', 'gravity:', ['arm.gravity', 'no value']),
     'unknown driver': ('tendon_driver: simulated', 'tendon_driver: gbrl',
                        ['tendon_driver', "'gbrl'", 'simulated']),
-    'shape without angles':
-        ('shape_names: [c_form,', 'shape_names: [d_form, c_form,', ['d_form', 'shapes.d_form']),
     'shape in degrees': (C_FORM, ' c_form: [36.0, 36.0, 36.0]',
                          ['shapes.c_form', 'segment 1', '36 rad', '-1.047 to 1.047 rad']),
-    'shape with too few angles': (C_FORM, ' c_form: [0.6, 0.6]',
-                                  ['shapes.c_form', '2 bending angles', '3 segments']),
     'not YAML': ('arm:\n', 'arm: {\n', ['line', 'not valid YAML']),
-    'tabs': ('    arm:\n', '\tarm:\n', ['line', 'not valid YAML']),
-    'no ros__parameters': ('ros__parameters:', 'parameters:', ['/**', 'ros__parameters']),
     'whole numbers among others':
         (LENGTHS, 'segment_lengths: [1, 0.07, 0.07]', ['arm.segment_lengths']),
     'whole number for a measure': ('gravity: 9.80665', 'gravity: 10', ['arm.gravity', '10.0']),
@@ -167,25 +137,12 @@ def test_a_bad_description_is_refused_at_the_start_naming_file_and_key(
 
 
 @pytest.mark.parametrize('section', ['/arm/*', '/arm/kinematics', '/**/kinematics'])
-@pytest.mark.parametrize(('line', 'reason'), [
-    ('straight_tolerence: 0.001', 'straight_tolerence'),
-    ('straight_tolerance: 1.0', 'straight_tolerance'),
-])
 def test_what_a_file_says_for_one_node_only_is_checked_as_well(
-        start: Any, tmp_path: Path, section: str, line: str, reason: str) -> None:
+        start: Any, tmp_path: Path, section: str) -> None:
     path = tmp_path / 'more.yaml'
-    path.write_text(f'{section}:\n  ros__parameters:\n    {line}\n', encoding='utf-8')
+    path.write_text(f'{section}:\n  ros__parameters:\n    straight_tolerence: 0.001\n')
     assert_refused(start('kinematics', '-r', '__ns:=/arm', '--params-file', str(path)),
-                   'kinematics', str(path), reason)
-
-
-@pytest.mark.parametrize(('name', 'reason'), [
-    ('nowhere.yaml', 'cannot be read'), ('.', 'cannot be read'), ('no_text.yaml', 'UTF-8')])
-def test_a_file_that_cannot_be_read_is_named(
-        start: Any, tmp_path: Path, name: str, reason: str) -> None:
-    (tmp_path / 'no_text.yaml').write_bytes(b'/**:\n  ros__parameters: \xff\xfe\n')
-    path = str(tmp_path / name)
-    assert_refused(start('kinematics', '--params-file', path), path, reason)
+                   'kinematics', str(path), 'straight_tolerence')
 
 
 @pytest.mark.parametrize(('node', 'value', 'reasons'), [
@@ -208,12 +165,6 @@ def test_a_number_out_of_range_is_not_reported_as_a_missing_decimal_point(start:
     assert status == 2
     assert '100' in text
     assert 'write 5.0 rather than 5' not in text
-
-
-def test_parameters_that_every_ros_node_has_may_stand_in_the_file(file: Any) -> None:
-    arguments = file('ros__parameters:', 'ros__parameters:\n    use_sim_time: false')
-    values = check_parameter_files(['--ros-args', *arguments], ['kinematics']).of('/kinematics')
-    assert values['use_sim_time'][0] is False
 
 
 def test_a_refusal_is_one_line_and_exit_status_2_of_the_executable(
