@@ -106,15 +106,22 @@ def test_without_dds_security_or_keys_nothing_starts_and_the_reason_is_said(
     assert 'Traceback' not in node.output + client.output
 
 
-@pytest.mark.parametrize('given', [{}, {RANGE: 'LOCALHOST'}, {'ROS_LOCALHOST_ONLY': '1'},
-                                   {RANGE: 'SYSTEM_DEFAULT'}])
-def test_the_network_is_closed_unless_the_user_opens_it(given: dict[str, str]) -> None:
+# With any other range ROS adds transports that listen on every interface.
+CLOSED = {RANGE: 'SYSTEM_DEFAULT', **dict.fromkeys(PROFILES, str(CONFIG / 'fastdds.xml'))}
+CYCLONE = {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}
+
+
+@pytest.mark.parametrize(('given', 'chosen'), [
+    *((given, CLOSED) for given in ({}, {RANGE: 'LOCALHOST'}, {'ROS_LOCALHOST_ONLY': '1'},
+                                    {RANGE: 'SYSTEM_DEFAULT'})),
+    *(({name: 'my.xml', RANGE: 'LOCALHOST'},) * 2 for name in PROFILES),  # a user's profile stays
+    (CYCLONE, {**CYCLONE, RANGE: 'LOCALHOST'})])  # limited as far as ROS can
+def test_the_network_is_closed_unless_the_user_opens_it(
+        given: dict[str, str], chosen: dict[str, str]) -> None:
+    assert (CONFIG / 'fastdds.xml').is_file()
     environment = dict(given)
     choose_network(environment, CONFIG)
-    # With any other range ROS adds transports that listen on every interface.
-    profile = str(CONFIG / 'fastdds.xml')
-    assert environment == {RANGE: 'SYSTEM_DEFAULT', **dict.fromkeys(PROFILES, profile)}
-    assert Path(profile).is_file()
+    assert environment == chosen
 
 
 def test_what_the_user_chose_is_known_afterwards() -> None:
@@ -122,19 +129,6 @@ def test_what_the_user_chose_is_known_afterwards() -> None:
         environment = dict(given)
         choose_network(environment, CONFIG)
         assert given_network(environment) == given
-
-
-@pytest.mark.parametrize('name', PROFILES)
-def test_a_profile_of_the_user_stays(name: str) -> None:
-    environment = {name: 'my.xml', RANGE: 'LOCALHOST'}
-    choose_network(environment, CONFIG)
-    assert environment == {name: 'my.xml', RANGE: 'LOCALHOST'}
-
-
-def test_another_middleware_is_limited_as_far_as_ros_can() -> None:
-    environment = {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}
-    choose_network(environment, CONFIG)
-    assert environment == {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp', RANGE: 'LOCALHOST'}
 
 
 LATE = """
