@@ -29,6 +29,12 @@ RVIZ_TYPES = {'RobotModel': 'std_msgs/msg/String',
 VALUE = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\d\])?)*)')
 
 
+@pytest.fixture
+def arm(shared_arm: Rig) -> Rig:
+    """Return an arm that all of these tests only look at, but for one goal."""
+    return shared_arm
+
+
 def topics(rig: Rig) -> dict[str, str]:
     """Return the type of each topic by its name as it is without a namespace."""
     return {name.removeprefix(rig.namespace): types[0]
@@ -84,8 +90,10 @@ def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(
         request(**json.loads(panel['requestPayload']))
 
 
-def test_a_ghost_stands_where_the_arm_goes_until_it_is_there(arm: Rig) -> None:
+def test_a_ghost_stands_where_the_arm_goes_and_the_published_robot_where_the_poses_are(
+        arm: Rig) -> None:
     heard = arm.record(MarkerArray, 'target_markers', LATCHED)
+    robot = arm.record(String, 'robot_description', LATCHED)
     angles = (0.3, -0.2, 0.25)
     assert arm.goal(angles).result()[0] == 'SUCCEEDED'
     arm.wait_for(lambda: len(heard) > 1 and heard.last.markers[0].action == Marker.DELETE,
@@ -98,11 +106,6 @@ def test_a_ghost_stands_where_the_arm_goes_until_it_is_there(arm: Rig) -> None:
     x, z, _ = chain.points(chain.uniform(angles).joint_angles)[-1]
     assert (ghost.points[-1].x, ghost.points[-1].z) == pytest.approx((x, z), abs=1e-6)
     assert 0.0 < ghost.color.a < 1.0
-
-
-def test_the_published_robot_stands_where_the_poses_are(arm: Rig) -> None:
-    robot = arm.record(String, 'robot_description', LATCHED)
-    assert arm.goal((0.3, -0.2, 0.25)).result()[0] == 'SUCCEEDED'
     arm.assert_rests()
     arm.wait_for(lambda: len(robot), 'robot_description')
     keep = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></robot>'
