@@ -147,11 +147,6 @@ def without(field: str, count: int) -> Callable[[JointState], JointState]:
     return show
 
 
-def degrees_per_second(message: JointState) -> JointState:
-    message.velocity = [57.3 * v for v in message.velocity]
-    return message
-
-
 FAULTS = {
     'a topic that stops': (lambda m: None, 'nothing new on /joint_state_broadcaster'),
     'stamps that stand still': (frozen(), 'its stamps stand still'),
@@ -187,14 +182,6 @@ def test_states_that_cannot_be_true_end_the_motion(make: Make, fault: str) -> No
     assert controllers.commands <= sent + 1  # one may have been on its way
     targets = [controllers.targets[name] for name in JOINTS]
     until(lambda: [controllers.positions[name] for name in JOINTS] == targets)
-
-
-def test_velocities_in_another_unit_end_a_motion(make: Make) -> None:
-    driver, controllers = ready(make)
-    controllers.message = degrees_per_second
-    with pytest.raises(HardwareError, match='by the velocities'):
-        move(driver, 0.058)
-    controllers.message = lambda message: message
 
 
 @pytest.mark.parametrize('parameters', [

@@ -3,7 +3,7 @@
 
 """The node servo moves the soft segment after a target, and stops whenever anything interferes."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from math import degrees, nan, radians
 import time
 from typing import Any
@@ -199,31 +199,26 @@ def test_when_it_ends_the_arm_stops(follower: Follower, killed: bool) -> None:
     assert abs(follower.angle) < 25.0
 
 
-@pytest.mark.parametrize(('send', 'reason'), [
-    (lambda f: f.target(degrees(nan)), 'finite number'),
-    (lambda f: f.target(80.0), 'allowed by bending_angle_limits'),
-    (lambda f: f.tip(0.1, 0.3, 'map'), "a tip in frame 'map'; needed: 'base_link'"),
-    (lambda f: f.tip(nan, 0.3), 'finite numbers'),
-])
-def test_a_bad_target_changes_nothing_and_is_reported(
-        follower: Follower, send: Callable[[Follower], None], reason: str) -> None:
-    follower.enabled()
-    send(follower)
-    follower.wait_for_status(reason)
-    follower.rig.assert_rests(5)
-
-
-def test_what_is_no_message_changes_nothing(follower: Follower) -> None:
-    follower.enabled()
-
-    def send() -> None:
+def test_a_bad_target_or_what_is_none_changes_nothing_and_is_reported(follower: Follower) -> None:
+    def no_messages() -> None:
         targets, now = follower.node._targets, time.monotonic()
         targets[Float64] = now, b'no message'
         targets[PointStamped] = now, serialize_message(PointStamped()) * 99
 
-    follower.node.executor.create_task(send)
+    follower.enabled()
+    pulls = follower.rig.pulls
+    for send, reason in (
+            (lambda: follower.target(degrees(nan)), 'finite number'),
+            (lambda: follower.target(80.0), 'allowed by bending_angle_limits'),
+            (lambda: follower.tip(0.1, 0.3, 'map'), "a tip in frame 'map'; needed: 'base_link'"),
+            (lambda: follower.tip(nan, 0.3), 'finite numbers')):
+        send()
+        follower.wait_for_status(reason)
+    follower.target(None)
+    follower.node.executor.create_task(no_messages)
     follower.wait_for_status('a message of')
     follower.rig.assert_rests(5)
+    assert follower.rig.pulls == pulls
 
 
 def test_a_flood_of_targets_is_read_once_a_cycle(
