@@ -75,40 +75,55 @@ def children(process: NodeProcess) -> dict[str, int]:
     return found
 
 
-def test_a_node_that_is_killed_is_reported_and_the_others_go_on_until_all_are_killed(
-        make_rig: Callable[..., Rig], processes: Processes) -> None:
-    rig = make_rig(namespace='/')
-    up = processes.start(module_command('up'))
+def test_up_starts_the_four_nodes_under_a_namespace_and_reports_one_that_is_killed(
+        make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path) -> None:
+    patient = tmp_path / 'patient.yaml'
+    patient.write_text('/**:\n  ros__parameters:\n    stale_timeout: 10.0\n')
+    rig = make_rig(namespace='/lab/left')
+    up = processes.start([
+        *module_command('up'), '--namespace', '/lab/left/',
+        '--params-file', str(description_file()), '--params-file', str(patient)])
     rig.wait_until_ready(*ALL)
-    topics = {'/tendon_states', '/segment_1/stiff', '/segment_poses', '/joint_states'}
-    rig.wait_for(lambda: topics <= {
-        name for name, _ in rig.observer.get_topic_names_and_types()}, 'topics at the root')
-    nodes = children(up)
-    assert sorted(nodes) == sorted(ALL)
+    names = {f'{rig.namespace}/{name}' for name in (*ALL, 'observer')}
+    rig.wait_for(lambda: names == {f'{space.rstrip("/")}/{name}' for name, space in
+                                   rig.observer.get_node_names_and_namespaces()},
+                 'the four nodes and no other in the graph')
     # One of them says it for all.
     rig.wait_for(lambda: up.output.count('can command this arm') == 1, 'who commands')
-    ends = [os.pidfd_open(pid) for pid in nodes.values()]
+    assert rig.goal_when_heard((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
+    # Two arms share one TF tree.
+    assert rig.segment_poses.last.header.frame_id == 'lab/left/base_link'
+    nodes = children(up)
+    assert sorted(nodes) == sorted(ALL)
     os.kill(nodes['kinematics'], signal.SIGKILL)
     rig.wait_for(lambda: 'kinematics was killed by SIGKILL' in up.output, 'a line')
     rig.wait_for_more(rig.tendons, 5)
     rig.wait_for_more(rig.pressures[0], 5)
-    up.kill()  # as by kill -9: no orphan is left
-    for end in ends:
-        assert select.select([end], [], [], DEADLINE)[0]
-        os.close(end)
+    up.send(signal.SIGTERM)  # in test_twin.py it is SIGINT
+    assert_ended_in_peace(up)
 
 
-@pytest.mark.parametrize('number', [signal.SIGTERM, signal.SIGKILL])
-def test_a_node_ends_with_the_process_that_the_launch_file_names(
-        rig: Rig, processes: Processes, number: signal.Signals) -> None:
-    start = ('import os, subprocess, sys\n'
-             f'subprocess.run(sys.argv[1:], env={{**os.environ, "{PARENT}": str(os.getpid())}})')
-    launch = processes.start([sys.executable, '-c', start, *module_command('kinematics'),
-                              '--ros-args', '-r', f'__ns:={rig.namespace}'])
+BY_LAUNCH = f"""\
+import os, subprocess, sys
+subprocess.run(sys.argv[1:], env={{**os.environ, {PARENT!r}: str(os.getpid())}})
+"""
+BY_UP = """\
+import sys
+from soft_continuum.cli.processes import Child
+Child('kinematics', sys.argv[5:], 'alone')._process.wait()
+"""
+
+
+@pytest.mark.parametrize(('start', 'number'), [
+    (BY_LAUNCH, signal.SIGTERM), (BY_UP, signal.SIGKILL)], ids=['launch', 'up'])
+def test_a_node_ends_with_the_process_that_started_it(
+        rig: Rig, processes: Processes, start: str, number: signal.Signals) -> None:
+    starter = processes.start([sys.executable, '-c', start, *module_command('kinematics'),
+                               '--ros-args', '-r', f'__ns:={rig.namespace}'])
     rig.wait_for(lambda: len(rig.statuses['kinematics']), 'words of the node')
-    node, = launch.children
+    node, = starter.children
     end = os.pidfd_open(node)
-    launch.send(number)
+    starter.send(number)
     assert select.select([end], [], [], DEADLINE)[0]
     os.close(end)
 
