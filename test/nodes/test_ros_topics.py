@@ -93,7 +93,7 @@ def test_pressures_that_stop_end_the_goal_and_nothing_is_switched(
     bench = make('trajectory', '/trajectory_controller/joint_trajectory', Regulators,
                  stale_timeout=2.0, jamming_timeout=3.0)
     rig, board = bench.rig, bench.board
-    goal = rig.goal_when_heard(BEND, (0.0, 0.0, -0.2))
+    goal = rig.goal_when_heard((0.0, 0.0, -0.2))
     assert goal.result()[0] == 'SUCCEEDED'
     rig.assert_stiff_since(goal)
     rig.assert_stiff_only_by_pressure()

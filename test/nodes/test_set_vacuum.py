@@ -92,7 +92,7 @@ def test_a_goal_is_planned_from_the_full_vacuum_however_late_the_model_has_it(
     monkeypatch.setattr(planning, 'plan', planned)
     goal = regulated.goal((0.2, 0.1, 0.0)).wait_for_phase('preparing')
     regulated.wait_for(lambda: vacuum(regulated, 1) > 79e3, 'the full vacuum')
-    regulated.wait_for_more(states, 50)
+    regulated.wait_for_more(states, 20)
     assert not begins
     late.clear()
     assert goal.result()[0] == 'SUCCEEDED'

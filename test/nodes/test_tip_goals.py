@@ -12,6 +12,7 @@ import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.nodes import planning
+from soft_continuum.sequencing.plans import PlanError
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, TipGoal
 from soft_continuum_interfaces.srv import PlanShapes
@@ -54,12 +55,6 @@ def known(rig: Rig) -> list[Marker]:
     return [m for m in last.markers if m.action == Marker.ADD] if last else []
 
 
-def tip_of(rig: Rig) -> Point:
-    """Return where the tip is, as kinematics publishes it: top of the last disc."""
-    rig.wait_for_more(rig.disc_poses, 1)
-    return rig.disc_poses.last.poses[-1].position
-
-
 @pytest.fixture(scope='module')
 def watched(shared_arm: Rig) -> Rig:
     """Return the shared arm with its obstacles recorded."""
@@ -73,27 +68,6 @@ def arm(watched: Rig) -> Iterator[Rig]:
     assert watched.goal((0.0, 0.0, 0.0)).result()[0] == 'SUCCEEDED'
     yield watched
     clear(watched)
-
-
-def test_the_tip_arrives_within_its_tolerance(arm: Rig) -> None:
-    goal = arm.goal(at(*PLACE))
-    result = goal.assert_ended('SUCCEEDED')
-    tip = tip_of(arm)
-    assert hypot(tip.x - PLACE[0], tip.z - PLACE[1]) <= TOLERANCE
-    assert result.tip_error <= TOLERANCE
-    assert goal.feedback[-1][1].shape == 'tip at (150, 220) mm'
-    assert goal.feedback[-1][1].aim == RunShapeSequence.Goal.TIP
-    arm.assert_rests_stiff(goal)
-
-
-def test_a_sequence_may_have_angles_and_tips(arm: Rig) -> None:
-    goal = arm.goal((0.2, 0.1, 0.1), at(-0.1, 0.28), (0.0, 0.0, 0.0))
-    status, result = goal.result()
-    assert (status, result.shapes_completed) == ('SUCCEEDED', 3), result.error_string
-    # Feedback comes by a topic, the result by a service: neither waits for the other.
-    arm.wait_for(lambda: goal.feedback[-1][1].progress == 1.0, 'the last feedback')
-    fractions = [feedback.progress for _, feedback in goal.feedback]
-    assert fractions == sorted(fractions) and fractions[-1] == 1.0
 
 
 def test_a_plan_says_what_would_be_done_and_moves_nothing(arm: Rig) -> None:
@@ -115,12 +89,7 @@ def test_a_plan_says_what_would_be_done_and_moves_nothing(arm: Rig) -> None:
     assert arm.pulls == pulls and arm.all_stiff
 
 
-def softened(goal: Any) -> list[int]:
-    """Return the segments that a goal has softened, in their order."""
-    return [segment for _, segment, phase in goal.phases if phase == 'softening']
-
-
-def test_what_was_planned_and_shown_is_run_and_not_planned_once_more(
+def test_a_sequence_of_a_tip_and_angles_that_was_planned_and_shown_is_run_as_it_was_shown(
         arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     ball(arm, 'lamp', -0.2, 0.3, 0.04)
     shapes = at(*PLACE), Shape(name='c_form')
@@ -135,33 +104,37 @@ def test_what_was_planned_and_shown_is_run_and_not_planned_once_more(
         shape.hold_time.nanosec = 1000  # which is no part of the plan
     goal = arm.goal(*shapes)
     result = goal.assert_ended('SUCCEEDED')
-    assert softened(goal) == [step.segment for step in answer.steps]
-    tip = tip_of(arm)
+    arm.assert_rests_stiff(goal)
+    assert [segment for _, segment, phase in goal.phases if phase == 'softening'] == [
+        step.segment for step in answer.steps]
     assert list(result.bending_angles) == pytest.approx(
-        list(answer.steps[-1].bending_angles), abs=2e-3), tip
+        list(answer.steps[-1].bending_angles), abs=2e-3)
+    # Feedback comes by a topic, the result by a service: neither waits for the other.
+    arm.wait_for(lambda: goal.feedback[-1][1].progress == 1.0, 'the last feedback')
+    fractions = [feedback.progress for _, feedback in goal.feedback]
+    assert fractions == sorted(fractions)
 
 
-@pytest.mark.parametrize('change', ['an obstacle', 'a stop', 'a parameter', 'the arm'])
 def test_what_was_planned_is_planned_again_when_something_has_changed(
-        arm: Rig, monkeypatch: pytest.MonkeyPatch, change: str) -> None:
-    assert plan(arm, at(*PLACE)).success
-    if change == 'an obstacle':
-        ball(arm, 'lamp', -0.2, 0.3, 0.04)
-    elif change == 'a stop':
+        arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop() -> None:
         stops = arm.states['tendon_actuation'].last.stops
         arm.trigger('tendon_actuation/stop')
         arm.trigger('tendon_actuation/resume')
         arm.wait_for(lambda: arm.states['tendon_actuation'].last.stops > stops, 'a stop')
-    elif change == 'a parameter':
-        arm.set_parameter('shape_sequencer', 'reach.seed', 1)
-    else:
-        assert arm.goal((0.1, 0.0, 0.0)).result()[0] == 'SUCCEEDED'
-    planned = []
-    search = planning.plan_shapes
-    monkeypatch.setattr(planning, 'plan_shapes',
-                        lambda *given: planned.append(given) or search(*given))
-    assert arm.goal(at(*PLACE)).result()[0] == 'SUCCEEDED'
-    assert planned
+
+    def again(*_: Any) -> None:
+        raise PlanError('planned again')
+
+    for change in (
+            lambda: arm.set_parameter('shape_sequencer', 'reach.seed', 1), stop,
+            lambda: arm.goal((0.1, 0.0, 0.0)).assert_ended('SUCCEEDED'),
+            lambda: ball(arm, 'lamp', -0.2, 0.3, 0.04)):
+        assert plan(arm, at(*PLACE), states=2000).success
+        change()
+        with monkeypatch.context() as patch:
+            patch.setattr(planning, 'plan_shapes', again)
+            arm.goal(at(*PLACE)).assert_rejected('planned again')
     arm.set_parameter('shape_sequencer', 'reach.seed', 0)
 
 

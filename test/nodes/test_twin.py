@@ -22,7 +22,7 @@ from support.descriptions import given_in
 from support.processes import module_command, NodeProcess, Processes
 from support.ros_rig import Recording, Rig, STREAM, trajectory
 
-BEND = (0.0, 0.3, -0.2)
+BEND = (0.0, 0.0, -0.3)
 START_TIMEOUT = 120.0  # s for eight processes to import what they need, on a busy machine
 
 
