@@ -4,7 +4,6 @@
 """What moves the tendons, what does not, and what stops them."""
 
 from collections.abc import Callable
-from dataclasses import replace
 import threading
 from typing import Any
 
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 from trajectory_msgs.msg import JointTrajectory
 
-from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.nodes import reported_arm, tendon_control
 from soft_continuum.nodes.kinematics import Kinematics
 from soft_continuum.nodes.prediction import TensionPrediction
@@ -90,7 +88,7 @@ def refused(rig: Rig, message: JointTrajectory, *reasons: str, motion: str = '')
     """Claim that a trajectory is refused with all of the reasons, and that nothing moves."""
     before, said = rig.pulls, len(rig.statuses['tendon_actuation'])
     rig.send(message, motion)
-    text = rig.wait_for_status('tendon_actuation', 'refused', after=said)
+    text = rig.wait_for_status('tendon_actuation', 'refused', reasons[0], after=said)
     for reason in reasons:
         assert reason in text
     rig.assert_rests()
@@ -137,8 +135,6 @@ def points_from(second: int) -> JointTrajectory:
 
 BAD_TRAJECTORIES = {
     'not a number': (points((NAN, 0.0)), ['finite']),
-    'infinite': (points((0.001, -INFINITE)), ['finite']),
-    'not a number at a later point': (points((0.001, -0.002), (0.002, NAN)), ['finite']),
     'one position': (points((0.001,)), ['point 1', '1 positions', 'left_tendon']),
     'three positions':
         (points((0.001, -0.002), (0.002, -0.003, 0.0)), ['point 2', '3 positions']),
@@ -156,14 +152,9 @@ BAD_TRAJECTORIES = {
     'no joints': (trajectory([(0.3, (0.001, 0.001))], names=()), ['left_tendon']),
     'beyond the travel': (points((0.061, -0.06)), ['0.061', 'pull_limits: -0.06 to 0.06 m']),
     'millimetres instead of metres': (points((4.0, -5.0)), ['pull_limits: -0.06 to 0.06 m']),
-    'let out beyond the travel': (points((0.0, -0.061)), ['-0.061', 'pull_limits']),
     'too fast': (trajectory([(0.01, (0.03, -0.03))]), ['m/s', 'speed_limit: 1 m/s']),
-    'too fast at a later point':
-        (trajectory([(0.3, (0.001, -0.002)), (0.301, (0.006, -0.007))]), ['speed_limit']),
     'times that do not increase':
         (trajectory([(0.3, (0.001, -0.002)), (0.3, (0.002, -0.003))]), ['time_from_start']),
-    'times that decrease':
-        (trajectory([(0.3, (0.001, -0.002)), (0.2, (0.002, -0.003))]), ['time_from_start']),
     'both tendons against each other': (points((0.008, 0.008)), ['tension']),
     'the past': (points_from(1), ['ago', 'header.stamp']),
     'far in the future': (points_from(2**31 - 1), ['from now', 'allowed: 60 s']),
@@ -176,20 +167,22 @@ BAD_TRAJECTORIES = {
 }
 
 
-@pytest.mark.parametrize('case', BAD_TRAJECTORIES)
-def test_a_bad_trajectory_is_refused_with_the_reason_and_moves_nothing(
-        tendons: Rig, case: str) -> None:
-    message, reasons = BAD_TRAJECTORIES[case]
-    refused(tendons, message, *reasons)
-    pulls = (0.001, -0.001) if tendons.pulls[0] < 5e-4 else (0.0, 0.0)
-    tendons.send(trajectory([(0.1, pulls)]))  # and the node lives on
-    arrives(tendons, pulls)
-    tendons.wait_for(lambda: not tendons.status_value('tendon_actuation', 'refused'), 'no refusal')
+def test_a_bad_trajectory_is_refused_with_the_reason_and_moves_nothing(tendons: Rig) -> None:
+    state = tendons.states['tendon_actuation']
+    for case, (message, reasons) in BAD_TRAJECTORIES.items():
+        tendons.send(message, case)
+        tendons.wait_for(lambda c=case: state.last.refused.id == c, f'refusal: {case}')
+        text = state.last.refused.message
+        assert all(reason in text for reason in reasons), (case, text)
+    tendons.assert_rests()
+    assert {tuple(m.position) for m in tendons.tendons} == {(0.0, 0.0)}
+    pull(tendons)  # and the node lives on
 
 
 @pytest.mark.parametrize('how', ['stop', 'hold'])
 def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
-        rig: Rig, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+        tendons: Rig, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+    rig, node = tendons, tendons.node('tendon_actuation')
     judging, go = threading.Event(), threading.Event()
 
     def slow(*_: object) -> None:
@@ -197,7 +190,6 @@ def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
         assert go.wait(30.0)
 
     monkeypatch.setattr('soft_continuum.nodes.prediction.TensionPrediction.check', slow)
-    node = soft_arm(rig)
     rig.send(PULL)
     assert judging.wait(30.0)
     before = node._control.revocations
@@ -213,7 +205,8 @@ def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(
 
 
 def test_tensions_are_predicted_from_a_shape_with_the_jams_that_there_are(
-        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+        tendons: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, node = tendons, tendons.node('tendon_actuation')
     judged: list[tuple[bool, ...]] = []
     check, has_read = TensionPrediction.check, threading.Event()
 
@@ -223,7 +216,6 @@ def test_tensions_are_predicted_from_a_shape_with_the_jams_that_there_are(
 
     monkeypatch.setattr(TensionPrediction, 'check', noted)
     monkeypatch.setattr(reported_arm, 'MAX_DISAGREEMENT', 600.0)
-    node = soft_arm(rig)
     due = Kinematics._stiffness_due.fget
     assert due is not None
     monkeypatch.setattr(Kinematics, '_stiffness_due',
@@ -236,6 +228,10 @@ def test_tensions_are_predicted_from_a_shape_with_the_jams_that_there_are(
     has_read.set()
     arrives(rig, (0.004, -0.005))
     assert set(judged) == {(True, False, False)}
+    rig.send(trajectory([(0.3, (0.0, 0.0))]))  # straight before the jam holds it
+    arrives(rig, (0.0, 0.0))
+    assert rig.set_stiff(2, True).success
+    rig.wait_for_status('kinematics', 'soft', '3')
 
 
 def test_a_motion_that_was_stopped_takes_no_further_parts(tendons: Rig) -> None:
@@ -261,13 +257,12 @@ def test_a_motion_that_was_replaced_takes_no_further_parts(tendons: Rig) -> None
 
 
 def test_a_control_cycle_that_comes_late_ends_the_motion(
-        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    node = soft_arm(rig)
-    pull_slowly(rig)
+        tendons: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    pull_slowly(tendons)
     monkeypatch.setattr(tendon_control, 'MAX_LATENESS', 0.5)
-    node.loop.call(threading.Event().wait, 1.0)
-    assert 'late' in rig.wait_for_status('tendon_actuation', 'ended')
-    rig.come_to_rest()
+    tendons.node('tendon_actuation').loop.call(threading.Event().wait, 1.0)
+    assert 'late' in tendons.wait_for_status('tendon_actuation', 'ended')
+    tendons.come_to_rest()
 
 
 def test_a_jump_of_ros_time_ends_only_a_motion_that_follows_it(
@@ -305,33 +300,26 @@ def test_a_bad_trajectory_leaves_the_running_one_alone(tendons: Rig) -> None:
     arrives(tendons, (0.004, -0.005))
 
 
-def test_no_tendon_moves_while_every_segment_is_stiff(rig: Rig) -> None:
-    rig.start('tendon_actuation', *OTHERS)
-    rig.wait_for_more(rig.joints, 3)
-    refused(rig, PULL, 'every segment is stiff', 'set_stiff')
-
-
-def test_no_tendon_moves_while_kinematics_is_silent(rig: Rig) -> None:
-    rig.start('tendon_actuation', 'jamming_valves')
+def test_no_tendon_moves_before_all_others_were_heard_nor_while_every_segment_is_stiff(
+        rig: Rig) -> None:
+    rig.start('tendon_actuation')
+    refused(rig, PULL, 'jamming_valves')
+    rig.start('jamming_valves')
     rig.soften(3)
     refused(rig, PULL, 'kinematics', 'shape')
-
-
-def test_no_tendon_moves_before_the_valves_were_heard(rig: Rig) -> None:
-    rig.start('tendon_actuation', 'kinematics')
-    refused(rig, PULL, 'jamming_valves')
+    rig.start('kinematics')
+    rig.wait_for_shape()
+    assert rig.set_stiff(3, True).success
+    refused(rig, PULL, 'every segment is stiff', 'set_stiff')
 
 
 @pytest.mark.parametrize(('disturb', 'named'), [
     (lambda rig: rig.end(rig.node('kinematics')), 'kinematics'),  # falls silent
-    (lambda rig: rig.transitions('jamming_valves', 'deactivate'), 'jamming_valves'),
-    (lambda rig: rig.set_stiff(3, True), 'segment'),
-    (lambda rig: rig.set_stiff(1, False), 'segment')],
-    ids=['kinematics', 'valves', 'stiffened', 'softened'])
-def test_a_disturbance_in_mid_motion_ends_the_motion(
+    (lambda rig: rig.transitions('jamming_valves', 'deactivate'), 'jamming_valves')],
+    ids=['kinematics', 'valves'])
+def test_another_node_that_falls_silent_in_mid_motion_ends_the_motion(
         rig: Rig, disturb: Callable[[Rig], object], named: str) -> None:
-    silent = named != 'segment'
-    rig.start('tendon_actuation', 'jamming_valves', **{'stale_timeout': 1.5} if silent else {})
+    rig.start('tendon_actuation', 'jamming_valves', stale_timeout=1.5)
     rig.start('kinematics')
     make_soft(rig, 3)
     pull_slowly(rig)
@@ -339,8 +327,22 @@ def test_a_disturbance_in_mid_motion_ends_the_motion(
     rig.wait_for_status('tendon_actuation', 'ended', named)
     rig.come_to_rest()
     assert 0.0 < rig.pulls[0] < 0.009
-    if silent:
-        refused(rig, PULL, named)
+    refused(rig, PULL, named)
+
+
+@pytest.mark.parametrize(('segment', 'stiff'), [(3, True), (1, False)])
+def test_a_segment_that_is_switched_in_mid_motion_ends_the_motion(
+        tendons: Rig, segment: int, stiff: bool) -> None:
+    pull_slowly(tendons)
+    tendons.set_stiff(segment, stiff)
+    tendons.wait_for_status('tendon_actuation', 'ended', 'segment')
+    tendons.come_to_rest()
+    assert 0.0 < tendons.pulls[0] < 0.009
+    make_soft(tendons, 3)
+    tendons.send(trajectory([(0.3, (0.0, 0.0))]))
+    arrives(tendons, (0.0, 0.0))
+    assert tendons.set_stiff(1, True).success
+    tendons.wait_for_status('kinematics', 'soft', '3')
 
 
 def test_a_trajectory_without_points_brakes_and_holds(tendons: Rig) -> None:
@@ -361,39 +363,32 @@ def test_a_stop_brakes_and_lasts_until_resume(tendons: Rig) -> None:
     assert tendons.soft_segments() == [3]
     refused(tendons, PULL, 'stopped', '~/resume')
 
-    assert tendons.trigger('tendon_actuation/resume').success
+    for service in ('stop', 'resume', 'resume'):  # each may be repeated
+        assert tendons.trigger(f'tendon_actuation/{service}').success
     tendons.assert_rests()
     assert tendons.pulls == stopped_at
     pull(tendons)
 
 
-def test_stop_and_resume_may_be_repeated(tendons: Rig) -> None:
-    for service in ('stop', 'stop', 'resume', 'resume'):
-        assert tendons.trigger(f'tendon_actuation/{service}').success
-    pull(tendons)
-
-
-def test_a_stop_outlasts_a_new_connection(tendons: Rig) -> None:
-    assert tendons.trigger('tendon_actuation/stop').success
-    tendons.transitions('tendon_actuation', 'deactivate', 'cleanup', 'configure', 'activate')
-    tendons.wait_for_more(tendons.tendons)
+@pytest.mark.parametrize('away', [('deactivate',), ('deactivate', 'cleanup')])
+@pytest.mark.parametrize('before', [True, False])
+def test_a_stop_before_or_while_the_node_does_not_work_counts_when_it_does(
+        tendons: Rig, away: tuple[str, ...], before: bool) -> None:
+    if before:
+        assert tendons.trigger('tendon_actuation/stop').success
+    tendons.transitions('tendon_actuation', *away)
+    if not before:
+        assert tendons.trigger('tendon_actuation/stop').success
+    tendons.transitions('tendon_actuation', *('configure', 'activate')[2 - len(away):])
+    tendons.wait_for_more(tendons.tendons, 3)
     refused(tendons, PULL, 'stopped', '~/resume')
     assert tendons.trigger('tendon_actuation/resume').success
     pull(tendons)
 
 
-@pytest.mark.parametrize('away', [('deactivate',), ('deactivate', 'cleanup')])
-def test_a_stop_that_comes_while_the_node_does_not_work_counts_when_it_does(
-        tendons: Rig, away: tuple[str, ...]) -> None:
-    tendons.transitions('tendon_actuation', *away)
-    assert tendons.trigger('tendon_actuation/stop').success
-    tendons.transitions('tendon_actuation', *('configure', 'activate')[2 - len(away):])
-    tendons.wait_for_more(tendons.tendons)
-    refused(tendons, PULL, 'stopped', '~/resume')
-
-
 def test_reference_takes_the_present_position_as_zero(tendons: Rig) -> None:
     pull(tendons)
+    tendons.wait_for_more(tendons.joints, 3)  # of the arm that is bent
     states = tendons.states['tendon_actuation']
     before = len(states)
     asked = tendons.trigger('tendon_actuation/reference')
@@ -446,11 +441,10 @@ def test_deactivating_in_mid_motion_holds_and_activating_moves_nothing(tendons: 
     assert 0.0 < tendons.pulls[0] < 0.009
 
 
-@pytest.mark.parametrize('name', ['configure', 'activate', 'cleanup'])
-def test_a_transition_that_is_not_valid_now_is_answered_and_changes_nothing(
-        tendons: Rig, name: str) -> None:
-    assert not tendons.transition('tendon_actuation', name)
-    assert tendons.lifecycle_state('tendon_actuation') == 'active'
+def test_a_transition_that_is_not_valid_now_is_answered_and_changes_nothing(tendons: Rig) -> None:
+    for name in ('configure', 'activate', 'cleanup'):
+        assert not tendons.transition('tendon_actuation', name), name
+        assert tendons.lifecycle_state('tendon_actuation') == 'active'
     pull(tendons)
 
 
@@ -464,9 +458,8 @@ def test_without_autostart_the_node_waits_to_be_configured(rig: Rig) -> None:
     assert rig.lifecycle_state('tendon_actuation') == 'finalized'
 
 
-def test_diagnostics_name_the_driver(rig: Rig) -> None:
-    heard = rig.record(DiagnosticArray, '/diagnostics', RELIABLE)
-    rig.start('tendon_actuation', *OTHERS)
+def test_diagnostics_name_the_driver(tendons: Rig) -> None:
+    rig, heard = tendons, tendons.record(DiagnosticArray, '/diagnostics', RELIABLE)
 
     def named() -> dict[str, str]:
         return {s.name: s.hardware_id for m in heard for s in m.status}
@@ -475,30 +468,3 @@ def test_diagnostics_name_the_driver(rig: Rig) -> None:
     prefix = rig.namespace.lstrip('/')
     assert named()[f'{prefix}/tendon_actuation'] == 'simulated tendon motors'
     assert named()[f'{prefix}/jamming_valves'] == 'simulated jamming valves'
-
-
-@pytest.mark.parametrize('tendon', [0, 1])
-def test_a_measured_tension_beyond_the_limit_ends_the_motion_and_letting_go_is_allowed(
-        tendons: Rig, monkeypatch: pytest.MonkeyPatch, tendon: int) -> None:
-    read = SimulatedTendons.read
-
-    def measured(driver: SimulatedTendons) -> Any:
-        """Return what load cells show of a tendon that is caught at 4 mm."""
-        found = read(driver)
-        tensions = [5.0, 5.0]
-        tensions[tendon] += 2e4 * max(0.0, found.pulls[tendon] - 0.004)
-        return replace(found, tensions=tuple(tensions))
-
-    monkeypatch.setattr(SimulatedTendons, 'read', measured)
-    goal = [-0.008, -0.008]
-    goal[tendon] = 0.008
-    tendons.send(trajectory([(2.0, tuple(goal))]))
-    name = ('right_tendon', 'left_tendon')[tendon]
-    text = tendons.wait_for_status('tendon_actuation', 'ended', f'measured tension of {name}')
-    assert 'tension_limit: 60 N' in text
-    tendons.wait_for(lambda: tendons.at_rest, 'rest')
-    assert 0.0066 < tendons.pulls[tendon] < 0.0078  # 60 N at 6.75 mm
-    goal[tendon] = 0.0
-    tendons.send(trajectory([(1.0, tuple(goal))]))
-    arrives(tendons, (goal[0], goal[1]))
-    assert list(tendons.tendons.last.effort) == pytest.approx([5.0, 5.0])
