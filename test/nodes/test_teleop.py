@@ -4,8 +4,8 @@
 """The node teleop moves the arm while the dead-man button of a joystick is held, no longer."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from math import nan
-from pathlib import Path
 from time import sleep
 
 import pytest
@@ -18,15 +18,30 @@ from support.processes import Processes
 from support.ros_rig import LATCHED, Rig
 
 
-@pytest.fixture
-def joystick(shared_arm: Rig) -> Iterator[Joystick]:
-    """Return a joystick at rest, and segment 2 soft."""
-    rig = shared_arm
-    rig.soften(2)
-    joystick = Joystick(rig)
-    joystick.wait_for('ready to move segment 2', connected=True)
+@pytest.fixture(scope='module')
+def plugged(shared_arm: Rig) -> Iterator[Joystick]:
+    """Return a joystick that stays plugged in, a teleop and a servo."""
+    joystick = Joystick(shared_arm)
     yield joystick
     joystick.close()
+
+
+@pytest.fixture
+def joystick(plugged: Joystick) -> Iterator[Joystick]:
+    """Return that joystick at rest, segment 2 soft and chosen, bending angles steered."""
+    rig = plugged.rig
+    rig.clear()
+    rig.soften(2)
+    # The first segment that is soft is chosen by itself.
+    rig.wait_for(lambda: plugged.states.last and plugged.states.last.segment, 'a segment')
+    while (segment := plugged.states.last.segment) != 2:
+        plugged.press(RB, '', segment=segment % 3 + 1)
+    if plugged.states.last.mode == TeleopState.TIP:
+        plugged.press(BACK, '', mode=TeleopState.BENDING)
+    plugged.wait_for('ready to move segment 2', connected=True)
+    yield plugged
+    plugged.show()
+    plugged.wait_for('', enabled=False)
     rig.trigger('tendon_actuation/resume')
     rig.stiffen()
 
@@ -73,20 +88,14 @@ def test_it_rests_when_a_message_is_not_one_of_the_pad(
     joystick.assert_rests()
 
 
-def test_it_rests_when_teleop_is_killed(
-        shared_arm: Rig, tmp_path: Path) -> None:
-    rig = shared_arm
-    rig.soften(3)
-    processes = Processes(rig.domain, tmp_path)
-    teleop = processes.node('teleop_node', namespace=rig.namespace, parameters=PATIENT)
-    joystick = Joystick(rig, teleop=False)
-    joystick.wait_for('ready to move segment 3')
-    joystick.steer(LEFT)
-    teleop.kill()
-    joystick.assert_rests()
-    joystick.close()
-    processes.close()
-    assert rig.set_stiff(3, True).success
+def test_it_rests_when_teleop_is_killed(arm: Rig, processes: Processes) -> None:
+    arm.soften(3)
+    teleop = processes.node('teleop_node', parameters=PATIENT)
+    with closing(Joystick(arm, teleop=False)) as joystick:
+        joystick.wait_for('ready to move segment 3')
+        joystick.steer(LEFT)
+        teleop.kill()
+        joystick.assert_rests()
 
 
 def test_the_emergency_stop_stays_until_it_is_reset_and_nothing_moves_before_a_resume(
