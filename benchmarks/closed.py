@@ -117,7 +117,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
                 future.set_result(work(described))
             else:
                 slack = settings.with_slack_for(
-                    estimator.deviations()[estimator.layout.offset])
+                    estimator.stddevs()[estimator.layout.offset])
                 future.set_result(work(Planner(
                     estimator.arm, slack, offsets=estimator.offsets.tolist())))
         except Exception as error:

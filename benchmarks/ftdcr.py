@@ -38,14 +38,14 @@ def run(quick: bool) -> Section:
     train, val = (read(name).part(0, QUICK if quick else None) for name in ('train', 'val'))
     single, pairs = train.part(0, V4.single), train if quick else train.part(V4.single)
     process, wall = time.process_time(), time.perf_counter()
-    known = IDENTIFIED.deviations(train)
+    known = IDENTIFIED.stddevs(train)
     process, wall = time.process_time() - process, time.perf_counter() - wall
-    test = IDENTIFIED.deviations(val)
-    without = MEMORYLESS.deviations(train)
-    rows = [_row('one segment moves', 'two segments move', SINGLES.deviations(single),
-                 SINGLES.deviations(pairs)), _row('`train.csv`', '`val.csv`', known, test),
+    test = IDENTIFIED.stddevs(val)
+    without = MEMORYLESS.stddevs(train)
+    rows = [_row('one segment moves', 'two segments move', SINGLES.stddevs(single),
+                 SINGLES.stddevs(pairs)), _row('`train.csv`', '`val.csv`', known, test),
             _row('`train.csv`, without friction', '`val.csv`', without,
-                 MEMORYLESS.deviations(val)), *_second(quick)]
+                 MEMORYLESS.stddevs(val)), *_second(quick)]
     head = ('identified on', 'tested on', 'poses', 'RMSE where identified, mm',
             '**RMSE of the test, mm**', 'mean', 'median', 'worst', 'RMSE, frame as identified')
     if not quick:
@@ -65,13 +65,13 @@ def _second(quick: bool) -> list[tuple[str, ...]]:
     """Return the rows of FTDCR v6, and draw its test."""
     train, val = (read(name, V6).part(0, QUICK if quick else None) for name in ('train', 'val'))
     pairs = train if quick else train.part(V6.single)
-    test = IDENTIFIED_V6.deviations(val)
+    test = IDENTIFIED_V6.stddevs(val)
     if not quick:
         _draw(val, test, IMAGES / 'measured_arm_v6.svg')
     return [
         _row('v6, one segment moves', 'two segments move',
-             SINGLES_V6.deviations(train.part(0, V6.single)), SINGLES_V6.deviations(pairs)),
-        _row('v6, `train.csv`', 'v6, `val.csv`', IDENTIFIED_V6.deviations(train), test)]
+             SINGLES_V6.stddevs(train.part(0, V6.single)), SINGLES_V6.stddevs(pairs)),
+        _row('v6, `train.csv`', 'v6, `val.csv`', IDENTIFIED_V6.stddevs(train), test)]
 
 
 def _row(known: str, other: str, at: Array, test: Array) -> tuple[str, ...]:
@@ -105,10 +105,10 @@ def _by_pattern(val: Recording, test: Array) -> str:
     return table(('motion in `val.csv`', 'poses', 'RMSE, mm'), rows)
 
 
-def _draw(recording: Recording, deviations: Array, path: Path) -> None:
+def _draw(recording: Recording, stddevs: Array, path: Path) -> None:
     """Draw measured and computed tips from above and from the side."""
     measured = 1e3 * recording.tips
-    computed = measured - 1e3 * aligned(deviations)
+    computed = measured - 1e3 * aligned(stddevs)
     figure = Figure(figsize=(9.0, 4.6), layout='constrained')
     for axes, (i, j) in zip(figure.subplots(1, 2), ((0, 1), (0, 2)), strict=True):
         between = np.stack([measured, computed, np.full_like(measured, np.nan)], 1).reshape(-1, 3)
@@ -125,11 +125,11 @@ def _draw(recording: Recording, deviations: Array, path: Path) -> None:
     figure.savefig(path)
 
 
-def _draw_errors(deviations: dict[str, Array], path: Path) -> None:
+def _draw_errors(stddevs: dict[str, Array], path: Path) -> None:
     """Draw the error of each pose of recordings, one after the other."""
     figure = Figure(figsize=(9.0, 3.2), layout='constrained')
     axes, begin = figure.subplots(), 0
-    for (name, found), colour in zip(deviations.items(), ('0.5', 'tab:orange'), strict=True):
+    for (name, found), colour in zip(stddevs.items(), ('0.5', 'tab:orange'), strict=True):
         axes.plot(begin + np.arange(len(found)), 1e3 * np.linalg.norm(aligned(found), axis=1),
                   color=colour, linewidth=0.8,
                   label=f'{name}: RMSE {number(1e3 * rms(aligned(found)))} mm')

@@ -145,8 +145,8 @@ def _row(name: str, stamps: Sequence[float], period: float, seconds: float) -> l
     if len(stamps) < 2:
         return [name, '0', *['none'] * 4]
     gaps = np.diff(stamps)  # at rest of several periods: ten readings a second are published
-    deviations = np.sort(np.abs(gaps - period * np.maximum(np.round(gaps / period), 1))) * 1e3
-    found = [deviations[min(int(part * len(deviations)), len(deviations) - 1)]
+    stddevs = np.sort(np.abs(gaps - period * np.maximum(np.round(gaps / period), 1))) * 1e3
+    found = [stddevs[min(int(part * len(stddevs)), len(stddevs) - 1)]
              for part in (0.5, 0.99, 0.999, 1.0)]
     return [name, f'{len(stamps) / seconds:.1f}', *(number(float(v)) for v in found)]
 

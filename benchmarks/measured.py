@@ -131,7 +131,7 @@ class MeasuredArm:
         found: Array = path.tips + self.marker * path.configurations[:, -1, :, 1]
         return found
 
-    def deviations(self, recording: Recording) -> Array:
+    def stddevs(self, recording: Recording) -> Array:
         """Return measured minus computed tips (n, 3), m; the frames' origins differ."""
         return recording.tips - self.tips(recording)
 
@@ -155,15 +155,15 @@ def repeats(recording: Recording, within: float = WITHIN, apart: float = APART
     return first[chosen], second[chosen]
 
 
-def aligned(deviations: Array) -> Array:
+def aligned(stddevs: Array) -> Array:
     """Return them (n, 3) less their mean: the recordings do not say where the base is."""
-    found: Array = deviations - deviations.mean(axis=0)
+    found: Array = stddevs - stddevs.mean(axis=0)
     return found
 
 
-def rms(deviations: Array) -> float:
+def rms(stddevs: Array) -> float:
     """Return the root mean square of their lengths, m; (n, 3) m."""
-    return float(np.sqrt((deviations**2).sum(axis=1).mean()))
+    return float(np.sqrt((stddevs**2).sum(axis=1).mean()))
 
 
 def identify(recording: Recording, begin: MeasuredArm, steps: int = 5) -> MeasuredArm:
@@ -182,7 +182,7 @@ def identify(recording: Recording, begin: MeasuredArm, steps: int = 5) -> Measur
         return replace(begin, **dict(zip(names, values.tolist(), strict=True)))
 
     def residuals(steps_of: Array) -> Array:
-        return 1e3 * aligned(found(steps_of).deviations(recording)).ravel()
+        return 1e3 * aligned(found(steps_of).stddevs(recording)).ravel()
 
     def jacobian(steps_of: Array) -> Array:
         at, unit = residuals(steps_of), np.eye(len(names))

@@ -27,8 +27,8 @@ SETTINGS = ServoSettings()
 AMPLITUDE, FREQUENCY = radians(15.0), 0.1  # rad, Hz: of the goal
 SINE_TIME, SINE_BEGIN = 32.0, 2.0  # s followed, and from which on it counts
 NOISE = radians(0.1)  # of the measured angles
-SOURCES = (('predicted', None), ('camera, 100 ms late', Measuring(0.1, deviation=NOISE)),
-           ('camera, 150 ms late', Measuring(0.15, deviation=NOISE)))
+SOURCES = (('predicted', None), ('camera, 100 ms late', Measuring(0.1, stddev=NOISE)),
+           ('camera, 150 ms late', Measuring(0.15, stddev=NOISE)))
 SMALL = radians(2.0)  # rad, amplitude of the frequency response
 FREQUENCIES = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.4)  # Hz
 STIFFNESS, DELAYS = (0.5, 0.71, 1.0, 1.41, 2.0), (0.0, 0.05, 0.1, 0.15)

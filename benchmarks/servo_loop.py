@@ -111,7 +111,7 @@ class Measuring:
 
     delay: float = 0.1
     stamp_error: float = 0.0
-    deviation: float = 0.0
+    stddev: float = 0.0
     period: float = MEASURING_PERIOD
 
 
@@ -163,7 +163,7 @@ def follow(arm: Arm, plant: Simulated, segment: int, target: Callable[[float], f
             next_picture += measuring.period
             taken = max(0.0, now - measuring.delay)
             seen = next(angles for time, angles in reversed(past) if time <= taken + 1e-9)
-            noise = random.normal(0.0, measuring.deviation / chain.joints_per_segment**0.5,
+            noise = random.normal(0.0, measuring.stddev / chain.joints_per_segment**0.5,
                                   chain.bodies)
             stamp = taken + measuring.stamp_error
             servo.observe(state(seen + noise), stamp, stamp, now)

@@ -39,6 +39,7 @@ for state, progress in looks:
     axes.set_title(f'{phase} segment {progress.segment}' if progress and progress.segment
                    else phase, parse_math=False)
     canvas.draw()
+    figure.set_layout_engine('none')  # the room that the first one takes is kept
     images.append(Image.fromarray(np.asarray(canvas.buffer_rgba())).convert('RGB').quantize(24))
 images[0].save('run.gif', save_all=True, append_images=images[1:], loop=0, optimize=True,
                duration=1e3 * PERIOD / FASTER)

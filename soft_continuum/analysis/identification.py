@@ -44,7 +44,7 @@ class Identification:
 
     unknowns: tuple[Unknown, ...]
     values: Array
-    deviations: Array
+    stddevs: Array
     half_widths: Array
     correlations: Array
     noise: float
@@ -146,11 +146,11 @@ def _judged(described: Values, unknowns: tuple[Unknown, ...], values: Array,
                 'either the points do not belong to these pulls, or something that is not among '
                 f'the unknowns is described wrongly; else {unknown.remedy}')
     inverse = (directions.T / singular) * noise
-    deviations = np.linalg.norm(inverse, axis=1)
-    correlations = inverse @ inverse.T / np.outer(deviations, deviations)
+    stddevs = np.linalg.norm(inverse, axis=1)
+    correlations = inverse @ inverse.T / np.outer(stddevs, stddevs)
     return Identification(
-        unknowns, values, deviations * scales,
-        scipy.special.stdtrit(spare, 0.975) * deviations * scales, correlations, noise,
+        unknowns, values, stddevs * scales,
+        scipy.special.stdtrit(spare, 0.975) * stddevs * scales, correlations, noise,
         with_values(described, unknowns, values))
 
 

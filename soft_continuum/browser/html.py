@@ -118,13 +118,13 @@ def _bending(state: ArmState, segment: int) -> str:
     """Return how much a segment (from 0) bends, how well that is known, and towards where."""
     angles, directions = state.bending_angles or (), state.bending_directions
     estimate = state.estimate
-    deviations = estimate.angle_deviations if estimate and estimate.measured else ()
-    each = len(deviations) // len(angles)  # in space about x and y
+    stddevs = estimate.angle_stddevs if estimate and estimate.measured else ()
+    each = len(stddevs) // len(angles)  # in space about x and y
     angle = angles[segment]
     text = _number(degrees(angle), '.1f' if directions else '+.1f', '°')
-    if each * len(angles) == len(deviations) > 0:
-        deviation = max(deviations[each * segment:each * (segment + 1)])
-        text += f' ±{_number(degrees(deviation), ".1f", "°")}'
+    if each * len(angles) == len(stddevs) > 0:
+        stddev = max(stddevs[each * segment:each * (segment + 1)])
+        text += f' ±{_number(degrees(stddev), ".1f", "°")}'
     if directions and angle >= TELLING_ANGLE:
         text += f' @ {_number(degrees(directions[segment]), "z.0f", "°")}'
     return text
@@ -212,8 +212,8 @@ def _plot(what: str, unit: str, samples: Sequence[float], colour: Colour) -> str
 
 
 def _within(estimate: Estimate) -> str:
-    deviation = estimate.tip_deviation
-    return '' if deviation is None else f'; tip ±{millimetres(deviation)} mm'
+    stddev = estimate.tip_stddev
+    return '' if stddev is None else f'; tip ±{millimetres(stddev)} mm'
 
 
 def parameters_html(estimate: Estimate | None) -> str:
@@ -231,7 +231,7 @@ def parameters_html(estimate: Estimate | None) -> str:
 
 def _parameter_rows(parameter: LearnedParameter) -> list[tuple[str, ...]]:
     text = parameter_text(parameter)
-    value = (f'<b>{_text(text.value)}</b>&nbsp;±&nbsp;{_text(text.deviation)}&nbsp;{text.unit}'
+    value = (f'<b>{_text(text.value)}</b>&nbsp;±&nbsp;{_text(text.stddev)}&nbsp;{text.unit}'
              if parameter.determined else
              '<span style="color:#667">not&nbsp;determined</span>')
     rows: list[tuple[str, ...]] = [(_text(text.label), value)]

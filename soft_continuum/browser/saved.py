@@ -60,12 +60,13 @@ class SavedShapes:
 
     def _change(self, change: Callable[[], str]) -> None:
         try:
-            self._tell(self._session.notify, TITLE, change())
+            done = change()
+            self._read()  # first: what a notice says is done is seen, too
+            self._tell(self._session.notify, TITLE, done)
         except OwnShapesError as error:
             self._tell(self._problem, str(error))
         except Exception:
             LOG.exception('what was saved could not be changed')
-        self._read()
 
     def _take(self, saved: Saved) -> None:
         self._all = saved

@@ -37,7 +37,7 @@ class Shown:
     """What a load cell shows, in its own unit: the mean and the standard deviation."""
 
     mean: float
-    deviation: float
+    stddev: float
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -83,7 +83,7 @@ def _run(options: argparse.Namespace) -> None:
         connection.close()
     print('\n' + text_table(
         ('', 'zero', 'noise', 'scale'),
-        [(name, f'{slack[name].mean:.6g}', f'{slack[name].deviation:.2g}', f'{scale:.6g}')
+        [(name, f'{slack[name].mean:.6g}', f'{slack[name].stddev:.2g}', f'{scale:.6g}')
          for name, scale in scales.items()]))
     write_parameters(path, {
         'load_cells.enabled': True,
@@ -100,7 +100,7 @@ def _scale(requests: 'Requests', tendon: str, slack: Shown, mass: float | None) 
         mass = ask('Which mass, in kg?', lambda text: number(text, *MASSES, 'kg'))
     loaded = _read(requests, (tendon,))[tendon]
     change = loaded.mean - slack.mean
-    if abs(change) <= MIN_SIGNAL * max(loaded.deviation, slack.deviation):
+    if abs(change) <= MIN_SIGNAL * max(loaded.stddev, slack.stddev):
         raise CalibrationError(
             f'the load cell of {tendon} shows {loaded.mean:g} with {mass:g} kg and '
             f'{slack.mean:g} without; is it the cell of this tendon, does the mass hang freely?')

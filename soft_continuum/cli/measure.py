@@ -138,9 +138,9 @@ def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'mechanics.Arm'
     rows = []
     axes = arm.pose_axes[:3]
     for n, disc in discs.items():
-        deviation = float(np.linalg.norm(disc.deviation[:3])) * 1e3
+        stddev = float(np.linalg.norm(disc.stddev[:3])) * 1e3
         for point, place in enumerate(disc.points(arm.discs[n].height)[:, axes], 2 * n + 1):
             if np.isfinite(place).all():
                 rows.append([name, str(point), *(f'{p * 1e3:.4f}' for p in place),
-                             f'{deviation:.4f}'])
+                             f'{stddev:.4f}'])
     return rows

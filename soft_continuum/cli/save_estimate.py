@@ -76,8 +76,8 @@ def _run(options: argparse.Namespace) -> None:
     write_parameters(path, learned.values, [
         title, f'Shape at that time: {source_text(estimate)}.',
         'Standard deviations of what is learned:',
-        *(f'  {label}: {now} +- {deviation} {unit}, described: {before}'.replace(' ,', ',')
-          for label, before, now, deviation, unit in learned.rows),
+        *(f'  {label}: {now} +- {stddev} {unit}, described: {before}'.replace(' ,', ',')
+          for label, before, now, stddev, unit in learned.rows),
         *(f'As described: {text}' for text in learned.left_out),
         *(f'NOT PLAUSIBLE: {text}' for text in learned.problems),
         *(f'Not written: {text}' for text in learned.offsets)])
@@ -198,6 +198,6 @@ def _take(learned: Learned, parameter: LearnedParameter, text: ParameterText, sc
     before = scale if described is None else described
     label = text.label.replace('stiffness factor', 'E I')
     learned.rows.append((label, 'rigid' if before == inf else f'{before:.4g}', f'{value:.4g}',
-                         f'{scale * parameter.deviation:.2g}', unit))
+                         f'{scale * parameter.stddev:.2g}', unit))
     if parameter.problem:
         learned.problems.append(f'{label} {value:.4g}: {parameter.problem}')

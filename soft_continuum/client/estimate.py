@@ -23,7 +23,7 @@ class LearnedParameter:
 
     name: str
     value: float
-    deviation: float
+    stddev: float
     determined: bool
     problem: str = ''
 
@@ -69,7 +69,7 @@ class Estimate:
     Where the shape of the arm comes from, and how well it is known.
 
     measured: whether measurements have corrected the shape; else it is the model's prediction.
-    age: s since the last measurement that was used, None if there was none.  angle_deviations:
+    age: s since the last measurement that was used, None if there was none.  angle_stddevs:
     rad, standard, of the bending of each segment.  tip_covariance: of the pose of the tip, 36
     numbers as in geometry_msgs/PoseWithCovariance.  Both are empty while nothing is measured.
     predicted_tip_error: m between the tip and where the model alone has it, None while that is
@@ -78,7 +78,7 @@ class Estimate:
 
     measured: bool
     age: float | None = None
-    angle_deviations: tuple[float, ...] = ()
+    angle_stddevs: tuple[float, ...] = ()
     tip_covariance: tuple[float, ...] = ()
     predicted_tip_error: float | None = None
     parameters: tuple[LearnedParameter, ...] = ()
@@ -90,12 +90,12 @@ class Estimate:
         return self.measured and (self.age is None or self.age <= FRESH)
 
     @property
-    def tip_deviation(self) -> float | None:
+    def tip_stddev(self) -> float | None:
         """Standard deviation of the position of the tip, m; None while nothing is measured."""
-        return position_deviation(self.tip_covariance)
+        return position_stddev(self.tip_covariance)
 
 
-def position_deviation(covariance: Sequence[float]) -> float | None:
+def position_stddev(covariance: Sequence[float]) -> float | None:
     """Return the deviation (m) of a position by a tip_covariance; None of none."""
     variances = covariance[:15:7]
     if len(covariance) != 36 or not all(map(isfinite, variances)) or not sum(variances) > 0.0:
@@ -112,12 +112,12 @@ class ParameterText:
 
     label: str
     value: str
-    deviation: str
+    stddev: str
     unit: str
 
     def amount(self, between: str = '+-') -> str:
         """Return value and deviation with the unit."""
-        return f'{self.value} {between} {self.deviation} {self.unit}'.rstrip()
+        return f'{self.value} {between} {self.stddev} {self.unit}'.rstrip()
 
 
 def parameter_text(parameter: LearnedParameter) -> ParameterText:
@@ -134,7 +134,7 @@ def parameter_text(parameter: LearnedParameter) -> ParameterText:
         return f'{scale * value:{form}}' if abs(value) < MAX_SHOWN else '?'
 
     return ParameterText(label, number(parameter.value, '+.2f' if kind == 'offset' else '.3g'),
-                         number(parameter.deviation, '.2g'), unit)
+                         number(parameter.stddev, '.2g'), unit)
 
 
 def millimetres(value: float) -> str:

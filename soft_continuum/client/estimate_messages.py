@@ -24,9 +24,9 @@ def estimate_of(message: KinematicsState, received: float, predicted_tip_error: 
     return Estimate(
         message.source == KinematicsState.ESTIMATED,
         max(0.0, seconds(message.stamp) - measured) + received if measured > 0.0 else None,
-        tuple(message.angle_deviations[:MAX_ITEMS]), tuple(message.tip_covariance[:36]),
+        tuple(message.angle_stddevs[:MAX_ITEMS]), tuple(message.tip_covariance[:36]),
         predicted_tip_error,
-        tuple(LearnedParameter(printable(p.name, MAX_NAME), float(p.value), float(p.deviation),
+        tuple(LearnedParameter(printable(p.name, MAX_NAME), float(p.value), float(p.stddev),
                                bool(p.determined), printable(p.problem))
               for p in message.parameters[:MAX_ITEMS]),
         tuple(map(anomaly_of, message.anomalies[:MAX_ITEMS])))

@@ -39,7 +39,7 @@ class MeasuredDisc:
     """
 
     pose: Array
-    deviation: Array
+    stddev: Array
     samples: int
 
     @property
@@ -116,13 +116,13 @@ def mean_of(samples: list[Sample], axes: NDArray[np.bool_]) -> MeasuredDisc:
     first, _ = samples[int(turned.argmax())]  # one of which the orientation is measured, if any is
     away = np.array([displacement(pose, first, DiscMeasurement(0, pose, covariance).about)
                      for pose, covariance in samples])
-    mean, deviation = np.where(axes, nan, 0.0), np.where(axes, inf, 0.0)
+    mean, stddev = np.where(axes, nan, 0.0), np.where(axes, inf, 0.0)
     for i in np.flatnonzero(known.sum(axis=0) >= MIN_SAMPLES):
         values, weights = away[known[:, i], i], 1.0 / variances[known[:, i], i]
         mean[i] = np.average(values, weights=weights)
         scatter = np.average((values - mean[i])**2, weights=weights)
-        deviation[i] = np.sqrt(max(scatter, 1.0 / weights.mean()))
-    return MeasuredDisc(_moved(first, mean), deviation, int(known.sum(axis=0).max()))
+        stddev[i] = np.sqrt(max(scatter, 1.0 / weights.mean()))
+    return MeasuredDisc(_moved(first, mean), stddev, int(known.sum(axis=0).max()))
 
 
 def _moved(pose: Array, by: Array) -> Array:

@@ -115,9 +115,9 @@ def _reached(message: RunShapeSequence.Result) -> Reached | None:
     if not angles:
         return None
     measured = message.source == RunShapeSequence.Result.MEASURED
-    deviations = tuple(message.angle_deviations[:MAX_ITEMS])
-    return Reached(measured, angles, pose_of(message.tip.pose), deviations,
-                   tuple(message.tip.covariance) if measured or deviations else (),
+    stddevs = tuple(message.angle_stddevs[:MAX_ITEMS])
+    return Reached(measured, angles, pose_of(message.tip.pose), stddevs,
+                   tuple(message.tip.covariance) if measured or stddevs else (),
                    float(message.tip_error),
                    message.corrections, tuple(message.bending_directions[:MAX_ITEMS]),
                    message.replans)

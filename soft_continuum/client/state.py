@@ -14,7 +14,7 @@ from soft_continuum.client.estimate import (
     Estimate,
     millimetres,
     parameter_text,
-    position_deviation,
+    position_stddev,
 )
 from soft_continuum.sequencing.progress import AIMS, Phase, Progress
 from soft_continuum.text import MAX_NAME, printable
@@ -204,7 +204,7 @@ class Reached:
     Where the last shape of a sequence ended.
 
     measured: whether measurements say so; else it is what the model has of motors and vacuum.
-    bending_angles: rad, one per segment.  tip: its pose.  angle_deviations, tip_covariance: as of
+    bending_angles: rad, one per segment.  tip: its pose.  angle_stddevs, tip_covariance: as of
     an Estimate.  tip_error: m from where the aim has the tip.  corrections: of all segments of all
     shapes.  bending_directions: rad, one per segment of a spatial arm, else empty.  replans: plans
     that were made again on the way.
@@ -213,7 +213,7 @@ class Reached:
     measured: bool
     bending_angles: tuple[float, ...]
     tip: Pose
-    angle_deviations: tuple[float, ...]
+    angle_stddevs: tuple[float, ...]
     tip_covariance: tuple[float, ...]
     tip_error: float
     corrections: int
@@ -223,7 +223,7 @@ class Reached:
     @property
     def lost(self) -> bool:
         """Whether it is predicted though measurements were there before, in this sequence."""
-        return not self.measured and bool(self.angle_deviations)
+        return not self.measured and bool(self.angle_stddevs)
 
 
 @dataclass(frozen=True)
@@ -341,10 +341,10 @@ def source_text(estimate: Estimate) -> str:
     if not estimate.measured:
         return f'predicted by the model; {age}'
     parts = [] if estimate.age is None else [age]
-    if estimate.tip_deviation is not None:
-        parts.append(f'tip +-{millimetres(estimate.tip_deviation)} mm')
-    if estimate.angle_deviations and all(map(isfinite, estimate.angle_deviations)):
-        parts.append(f'angles +-{degrees(max(estimate.angle_deviations)):.1f} deg')
+    if estimate.tip_stddev is not None:
+        parts.append(f'tip +-{millimetres(estimate.tip_stddev)} mm')
+    if estimate.angle_stddevs and all(map(isfinite, estimate.angle_stddevs)):
+        parts.append(f'angles +-{degrees(max(estimate.angle_stddevs)):.1f} deg')
     source = 'measured tensions' if estimate.age is None else 'measurements'
     return '; '.join(filter(None, (
         f'estimated from {source}' if estimate.fresh else 'predicted since it was last measured',
@@ -374,8 +374,8 @@ def reached_text(reached: Reached) -> str:
     directions = reached.bending_directions
     angles = angles_text(reached.bending_angles, directions)
     again = f', planned again {reached.replans} times' if reached.replans else ''
-    deviation = position_deviation(reached.tip_covariance)
-    within = '' if deviation is None else f', +-{millimetres(deviation)} mm'
+    stddev = position_stddev(reached.tip_covariance)
+    within = '' if stddev is None else f', +-{millimetres(stddev)} mm'
     if reached.lost:
         return (f'predicted since measurements ended: {error} (by the model{within}), angles'
                 f'{angles}'.replace('  ', ' ') + again)

@@ -63,7 +63,7 @@ def lever(pose: Array, height: float) -> Array:
     return found
 
 
-def angle_deviations(state: Any, covariances: Array) -> Array:
+def angle_stddevs(state: Any, covariances: Array) -> Array:
     """
     Return the standard deviations (segments,), rad, of the turns of the discs but the base.
 

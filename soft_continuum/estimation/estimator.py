@@ -393,7 +393,7 @@ class Estimator:
 
     # What is known.
 
-    def deviations(self) -> Array:
+    def stddevs(self) -> Array:
         """Return the standard deviations of the unknowns, (size,)."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 

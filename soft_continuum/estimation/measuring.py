@@ -169,7 +169,7 @@ class TensionMeasurement:
 
     tendon: int
     tension: float
-    deviation: float
+    stddev: float
     relative: float = 0.0
 
     def away(self, predicted: Predicted, unknowns: Array) -> Array:
@@ -185,7 +185,7 @@ class TensionMeasurement:
         if self._slack(predicted):
             row[:] = 0.0
         row[bias] = 1.0
-        variance, layout = self._deviation(predicted)**2, predicted.layout
+        variance, layout = self._stddev(predicted)**2, predicted.layout
         return Observation(
             layout.segments + 1, np.zeros((1, 6)), np.array([bias]),
             np.array([variance]), row[None], np.array([[variance]]))
@@ -193,10 +193,10 @@ class TensionMeasurement:
     def _slack(self, predicted: Predicted) -> bool:
         """Whether it is slack as predicted: that says nothing of how much."""
         return bool(predicted.tensions[self.tendon] < 0.0
-                    and self.tension < CARRIES * self._deviation(predicted))
+                    and self.tension < CARRIES * self._stddev(predicted))
 
-    def _deviation(self, predicted: Predicted) -> float:
-        return hypot(self.deviation, self.relative * max(
+    def _stddev(self, predicted: Predicted) -> float:
+        return hypot(self.stddev, self.relative * max(
             self.tension, predicted.tensions[self.tendon], 0.0))
 
 

@@ -229,7 +229,7 @@ def _check_servo(servo: Servo, spools: Spools) -> Check:
     tension = max(0.0, sign * servo.tension(servo.get(PRESENT_CURRENT)))
     torque = 'holds' if servo.get(TORQUE_ENABLE) else 'torque off'
     message = (f'{servo.describe()}, {torque}, about {tension:.1f} N '
-               f'(standard deviation {servo.deviation(tension):.1f} N)')
+               f'(standard deviation {servo.stddev(tension):.1f} N)')
     if servo.get(RETURN_DELAY):
         return Check(str(servo), WARN, f'{message}; {RETURN_DELAY} is '
                      f'{servo.get(RETURN_DELAY)}, which slows every cycle: set it to 0')

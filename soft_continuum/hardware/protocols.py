@@ -54,13 +54,13 @@ class Accuracy:
     How well a device knows and does things, one value per tendon; empty: parameters say it.
 
     pull_tolerances: how far from where it was sent a tendon may come to rest, m.
-    tension_deviations: standard deviation of a tension near 0, N.  tension_relative_deviations:
+    tension_stddevs: standard deviation of a tension near 0, N.  tension_relative_stddevs:
     what grows with the tension, as a share of it; both add as squares.
     """
 
     pull_tolerances: tuple[float, ...] = ()
-    tension_deviations: tuple[float, ...] = ()
-    tension_relative_deviations: tuple[float, ...] = ()
+    tension_stddevs: tuple[float, ...] = ()
+    tension_relative_stddevs: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

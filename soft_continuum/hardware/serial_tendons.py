@@ -4,7 +4,7 @@
 The life of a driver of tendons on a serial line: connect, serve, watch, stop, disconnect.
 
 One thread owns the line.  It lets the session talk to the device, cycle by cycle, and ends all
-motion when something is not as it must be; then only open() lets tendons move again.
+motion when something is not as it must be.  After a failure only close() and open() help.
 """
 
 from abc import ABC, abstractmethod
@@ -42,9 +42,9 @@ class Wakeable:
         self._waker.close()
         self._woken.close()
 
-    def wait(self, timeout: float) -> bool:
-        """Wait ``timeout`` (s), or until woken; return whether something was received."""
-        return bool(self._wait_for((), timeout))
+    def wait(self, timeout: float) -> object:
+        """Wait ``timeout`` (s), or until there is something to do."""
+        return self._wait_for((), timeout)
 
     def _wait_for(self, files: Sequence[int], timeout: float) -> list[int]:
         """
@@ -85,8 +85,16 @@ class Session(Protocol):
     """
 
     @property
+    def link(self) -> Wakeable:
+        """The line."""
+
+    @property
+    def failure(self) -> str:
+        """Why the session is over; empty while it is not."""
+
+    @property
     def busy(self) -> bool:
-        """Whether tendons may move, or something is still to be sent or answered."""
+        """Whether tendons may move."""
 
     @property
     def interval(self) -> float:
@@ -98,8 +106,12 @@ class Session(Protocol):
     def reading(self) -> TendonReading:
         """Return the last state of the tendons."""
 
-    def move(self, pulls: tuple[float, ...], duration: float) -> None:
-        """Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it."""
+    def move(self, pulls: tuple[float, ...], duration: float) -> bool:
+        """
+        Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it.
+
+        Returns whether the next cycle has to begin at once.
+        """
 
     def stop(self) -> None:
         """Brake, then hold."""
@@ -129,7 +141,7 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
         """Describe the device, with limits in m; nothing is opened yet."""
         self.tendons, self.reference_moves, self.clock = tendons, reference_moves, clock
         self._pull_limits = pull_limits
-        self._lock = threading.Lock()  # of all that follows
+        self._lock = threading.Lock()  # of all that follows, and of requests
         self._link: LinkT | None = None
         self._session: SessionT | None = None  # None while it is being opened, too
         self._thread: threading.Thread | None = None
@@ -146,18 +158,19 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
 
     def open(self) -> None:
         """Connect and hold; raise HardwareError when device or settings are not as needed."""
+        self.close()  # what a failure left
         link = self.connect()
         with self._lock:
             self._link = link
         try:
             session = self.start(link)
+            thread = threading.Thread(target=self._serve, args=(session,), daemon=True,
+                                      name=type(self).__name__)
             with self._lock:
                 link.check_open()  # raises when close() was called meanwhile
-                self._session, self._closing = session, False
-                self._thread = threading.Thread(
-                    target=self._serve, args=(link, session), name=type(self).__name__,
-                    daemon=True)
-                self._thread.start()
+                self._closing = False
+                thread.start()
+                self._session, self._thread = session, thread
         except BaseException:
             with self._lock:
                 self._link = None
@@ -183,28 +196,30 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
             if self._session is not session:  # another thread was closing it too
                 return
             self._link = self._session = self._thread = None
-            self._closed_reason = f'{self.DEVICE} disconnected; configure the node'
+            self._closed_reason = (
+                session.failure or f'{self.DEVICE} disconnected; configure the node')
         link.close()
 
     def read(self) -> TendonReading:
-        """Return the state that the device reported last, which is at most 0.3 s old."""
-        return self._connected()[1].reading()
+        """Return the state that the device reported last, some 0.1 s ago while it answers."""
+        with self._lock:
+            return self._connected().reading()
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Move all tendons to ``pulls`` (m), to arrive together after ``duration`` (s)."""
         check_motion(self.tendons, pulls, duration)
-        link, session = self._connected()
-        check_limits(self.tendons, pulls, session.reading().pulls, self._pull_limits)
-        rested = not session.busy
-        session.move(pulls, duration)
-        if rested:
-            link.wake()
+        with self._lock:
+            session = self._movable()
+            check_limits(self.tendons, pulls, session.reading().pulls, self._pull_limits)
+            if session.move(pulls, duration):
+                session.link.wake()
 
     def stop(self) -> None:
         """Brake as fast as the device can without losing its position, then hold."""
-        link, session = self._connected()
-        session.stop()
-        link.wake()
+        with self._lock:
+            session = self._connected()
+            session.stop()
+            session.link.wake()
 
     def reference(self) -> None:
         """
@@ -213,19 +228,25 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
         Raises HardwareError while tendons move.  Until a search has ended the reading moves, or is
         not referenced if nothing was found.
         """
-        link, session = self._connected()
-        session.reference()
-        link.wake()
-
-    def _connected(self) -> tuple[LinkT, SessionT]:
         with self._lock:
-            if self._link is None:
-                raise HardwareError(self._closed_reason)
-            if self._session is None:
-                raise HardwareError(f'{self.DEVICE} being connected')
-            return self._link, self._session
+            session = self._movable()
+            session.reference()
+            session.link.wake()
 
-    def _serve(self, link: LinkT, session: SessionT) -> None:
+    def _connected(self) -> SessionT:
+        if self._link is None:
+            raise HardwareError(self._closed_reason)
+        if self._session is None:
+            raise HardwareError(f'{self.DEVICE} being connected')
+        return self._session
+
+    def _movable(self) -> SessionT:
+        session = self._connected()
+        if self._closing:
+            raise HardwareError(f'{self.DEVICE} being disconnected')
+        return session
+
+    def _serve(self, session: SessionT) -> None:
         """Serve the line until it is closed or fails: what its thread does."""
         ask_for_real_time()
         close_by = 0.0
@@ -238,10 +259,11 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
                     if not session.busy:
                         session.release()
                         return
-                    if begin > close_by:  # the device ends it, unattended
-                        return
-                link.wait(begin + session.interval - self.clock())
+                    if begin > close_by:
+                        raise HardwareError(
+                            f'{self.DEVICE} disconnected without a confirmed stop: tendons may '
+                            'still move; cut the power of the motors if they do')
+                session.link.wait(begin + session.interval - self.clock())
         except Exception as error:  # nothing else would notice that the thread ended
-            name = type(self).__name__
             session.fail(str(error) if isinstance(error, HardwareError) else
-                         f'{name} failed: {type(error).__name__}: {error}')
+                         f'the driver failed: {type(error).__name__}: {error}')

@@ -240,7 +240,7 @@ class Camera(Node):
         missing = [str(n) for n in range(len(self._poses)) if n not in sight.discs]
         values = {'discs': ' '.join(map(str, sight.discs)),
                   'tags': ' '.join(map(str, sorted(sight.numbers))),
-                  'deviation_px': f'{sight.deviation:.3f}', 'tared': self._tared or 'no'}
+                  'deviation_px': f'{sight.stddev:.3f}', 'tared': self._tared or 'no'}
         if sight.problems:
             self._reports.put((WARN if sight.discs else ERROR, '; '.join(sight.problems), values))
         elif missing:

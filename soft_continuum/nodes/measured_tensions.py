@@ -46,12 +46,12 @@ class MeasuredTensions:
         if state.connected:  # what it told before it was lost holds when it is back
             self._accuracy = accuracy_from_ros(state, self._tendons)
 
-    def _deviations(self) -> tuple[Sequence[float], Sequence[float]]:
+    def _stddevs(self) -> tuple[Sequence[float], Sequence[float]]:
         """Return deviations near 0 (N), and shares of the tension, of every tendon."""
         told, count = self._accuracy or Accuracy(), len(self._tendons)
-        return (told.tension_deviations
+        return (told.tension_stddevs
                 or (self._parameters['estimation.tension_stddev'],) * count,
-                told.tension_relative_deviations
+                told.tension_relative_stddevs
                 or (self._parameters['estimation.tension_relative_stddev'],) * count)
 
     def put(self, time: float, tensions: Mapping[str, float]) -> None:
@@ -61,9 +61,9 @@ class MeasuredTensions:
         self._first = min(self._first, time)
         if self._accuracy is None and time - self._first < self._unchecked_time:
             return
-        found = [TensionMeasurement(t, tensions[name], deviation, relative)
-                 for t, (name, deviation, relative) in enumerate(
-                     zip(self._tendons, *self._deviations(), strict=True))
+        found = [TensionMeasurement(t, tensions[name], stddev, relative)
+                 for t, (name, stddev, relative) in enumerate(
+                     zip(self._tendons, *self._stddevs(), strict=True))
                  if isfinite(tensions.get(name, inf))]
         if found:
             self._waiting, self._taken = (time, found), time
@@ -85,12 +85,12 @@ class MeasuredTensions:
         Shares are of the lower tension: a tendon that is caught must not excuse itself.
         """
         least = self._parameters['tension_tolerance']
-        if self._accuracy is None or not self._accuracy.tension_deviations:
+        if self._accuracy is None or not self._accuracy.tension_stddevs:
             return [least] * len(self._tendons)
         return [max(least, OUTLIER_SIGMA * hypot(
-                    deviation, relative * min(tensions.get(name, 0.0), own)))
-                for name, own, deviation, relative in zip(
-                    self._tendons, model, *self._deviations(), strict=True)]
+                    stddev, relative * min(tensions.get(name, 0.0), own)))
+                for name, own, stddev, relative in zip(
+                    self._tendons, model, *self._stddevs(), strict=True)]
 
 
 class TensionCheck:

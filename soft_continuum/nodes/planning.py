@@ -168,7 +168,7 @@ class Planning:
         state, model = known
         return self._thread.start(
             lambda planner: work(planner, state, pulls), model.chain.arm, model.offsets.tolist(),
-            PlanSettings.of(self._parameters).with_slack_for(model.offset_deviations))
+            PlanSettings.of(self._parameters).with_slack_for(model.offset_stddevs))
 
 
 def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:

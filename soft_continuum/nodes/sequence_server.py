@@ -37,7 +37,7 @@ class Reached:
     """Where the arm is in the end, as in the result of RunShapeSequence."""
 
     bending_angles: Sequence[float] = ()
-    angle_deviations: Sequence[float] = ()
+    angle_stddevs: Sequence[float] = ()
     bending_directions: Sequence[float] = ()
     tip: PoseWithCovariance = field(default_factory=PoseWithCovariance)
     tip_error: float = nan

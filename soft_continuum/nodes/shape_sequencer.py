@@ -362,17 +362,17 @@ class ShapeSequencer(Node):
         shape, known = self._observed.shape, self._observed.kinematics
         if shape is None:
             return NOWHERE
-        deviations: Sequence[float] = ()
+        stddevs: Sequence[float] = ()
         if outcome.measured or outcome.lost:  # it grows while nothing is measured
-            deviations = known.angle_deviations or [nan] * len(shape.bending_angles)
+            stddevs = known.angle_stddevs or [nan] * len(shape.bending_angles)
         aim = runner.aim if isinstance(runner, ClosedLoopRunner) else None
         if aim is None and runner.plan is not None and runner.plan.shape.tips:
             aim = tip_aim(runner.plan.shape, self._arm)
         return Reached(
-            shape.bending_angles.tolist(), deviations,
+            shape.bending_angles.tolist(), stddevs,
             shape.bending_directions.tolist(), PoseWithCovariance(
                 pose=poses_to_ros(shape.poses[-1:], PoseArray()).poses[0],
-                covariance=deviations and known.tip_covariance or [0.0] * 36),
+                covariance=stddevs and known.tip_covariance or [0.0] * 36),
             aim.tip_error(shape) if aim is not None else nan)
 
     def _end(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:

@@ -36,8 +36,8 @@ MAX_VARIANCE = 1.0
 
 SHAPE_FIELDS = 'joint_angles', 'held_angles', 'stiff', 'vacuum'
 """Fields of KinematicsState of which a state of the model is made."""
-ACCURACY_RANGES = {'pull_tolerances': (0.0, 0.01), 'tension_deviations': (1e-3, 1e4),
-                   'tension_relative_deviations': (0.0, 1.0)}
+ACCURACY_RANGES = {'pull_tolerances': (0.0, 0.01), 'tension_stddevs': (1e-3, 1e4),
+                   'tension_relative_stddevs': (0.0, 1.0)}
 """Of what a device can tell of itself: m, N, and a share; those of the parameters it replaces."""
 
 

@@ -9,7 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.estimation.discs import angle_deviations, lever
+from soft_continuum.estimation.discs import angle_stddevs, lever
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
@@ -34,13 +34,13 @@ class Model:
     The arm as the others plan and predict with it.
 
     chain: of the arm as it is described, or estimated.  offsets:
-    (tendons,) m by which each tendon is pulled in beyond what its motor says.  offset_deviations:
+    (tendons,) m by which each tendon is pulled in beyond what its motor says.  offset_stddevs:
     (tendons,) m.
     """
 
     chain: Any
     offsets: Array
-    offset_deviations: Array
+    offset_stddevs: Array
 
 
 def parameter_names(arm: Arm) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
     message.source = KinematicsState.ESTIMATED
     if estimator.measured is not None:
         message.measured = stamp_of(estimator.measured)
-    message.angle_deviations = angle_deviations(state, covariances).tolist()
+    message.angle_stddevs = angle_stddevs(state, covariances).tolist()
     to_tip = lever(state.poses[-2], state.chain.arm.discs[-1].height)
     message.tip_covariance = (to_tip @ covariances[-1] @ to_tip.T).ravel().tolist()
     message.parameters = parameters
@@ -76,16 +76,16 @@ def parameters_to_ros(estimator: 'Estimator', jamming: bool = True) -> list[Esti
     """Return what is estimated of the arm beside its shape; without jamming there is no K."""
     where = estimator.layout.parameters
     rows = zip(parameter_names(estimator.arm), estimator.values[where],
-               estimator.deviations()[where], estimator.determined(), strict=True)
+               estimator.stddevs()[where], estimator.determined(), strict=True)
     found = []
-    for name, value, deviation, determined in rows:
+    for name, value, stddev, determined in rows:
         if name.startswith(RATIO) and not jamming:
             continue
         if name.startswith('stiff'):  # of their logarithms
             value = exp(value)
-            deviation *= value
+            stddev *= value
         found.append(EstimatedParameter(
-            name=name, value=float(value), deviation=float(deviation), determined=bool(determined),
+            name=name, value=float(value), stddev=float(stddev), determined=bool(determined),
             problem=_problem(name, float(value))))
     return found
 
@@ -121,7 +121,7 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
     names = parameter_names(arm)
     if set(names) - set(found) not in (set(), {n for n in names if n.startswith(RATIO)}) or (
             set(found) - set(names)) or not all(
-            np.isfinite(one.value) and np.isfinite(one.deviation) for one in parameters):
+            np.isfinite(one.value) and np.isfinite(one.stddev) for one in parameters):
         return described
     layout = layout_of(arm)
     values = first_values(arm, layout, Prior())
@@ -135,4 +135,4 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
     except (ArmError, LawError):  # such as a spring stiffer than what is measured of its jam
         return described
     return Model(Chain(estimated), values[layout.offset],
-                 np.array([found[f'offset_{name}'].deviation for name in arm.tendon_names]))
+                 np.array([found[f'offset_{name}'].stddev for name in arm.tendon_names]))

@@ -61,7 +61,7 @@ class TagDetections:
 
     discs: Mapping[int, DiscPose]
     numbers: tuple[int, ...]
-    deviation: float
+    stddev: float
     problems: tuple[str, ...]
     corners: Mapping[int, Array]
     view: View | None = None
@@ -100,10 +100,10 @@ class DiscCamera(ABC):
             return TagDetections({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
         poses = {n: view.pose(fit) for n, fit in fits.items()}
         wrong, on_wrong_discs = implausible_spacing(poses, self.layout)
-        discs, deviation = self._measured(view, {
+        discs, stddev = self._measured(view, {
             n: (poses[n], fit) for n, fit in fits.items() if n not in wrong})
         return TagDetections(
-            discs, numbers, deviation, (*problems, *on_wrong_discs), corners, view)
+            discs, numbers, stddev, (*problems, *on_wrong_discs), corners, view)
 
     def _find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
         """Return all numbers, the corners of the tags of this layout, px, and what is wrong."""

@@ -67,11 +67,11 @@ class TagCamera(DiscCamera):
                   ) -> tuple[dict[int, DiscPose], float]:
         """Return the discs, and the deviation of all corners."""
         squares = view.squares + sum(8.0 * fit.residual**2 for _, fit in fits.values())
-        deviation = float(np.sqrt(squares / (view.freedom + 5 * len(fits))))
-        variance = deviation**2 + SHARED_DEVIATION**2
+        stddev = float(np.sqrt(squares / (view.freedom + 5 * len(fits))))
+        variance = stddev**2 + SHARED_DEVIATION**2
         return {n: DiscPose(compose(pose, self._mounts[n]), in_plane(
             fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit))[1],
-            fit.residual, pose) for n, (pose, fit) in fits.items()}, deviation
+            fit.residual, pose) for n, (pose, fit) in fits.items()}, stddev
 
     def _fixed_covariance(self, disc: int, fit: '_Fit') -> Array:
         """Return the covariance of what is off in every picture alike: tags, and the lens."""

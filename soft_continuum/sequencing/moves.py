@@ -61,13 +61,13 @@ class PlanSettings:
                    values['tendon_speed'], values['tendon_acceleration'], values['angle_step'],
                    values['angle_tolerance'], values['arm.jamming'], values['full_vacuum'])
 
-    def with_slack_for(self, deviations: Sequence[float] | Array) -> 'PlanSettings':
+    def with_slack_for(self, stddevs: Sequence[float] | Array) -> 'PlanSettings':
         """
         Return the same with more slack, for tendons whose lengths are estimated.
 
         deviations: (tendons,) m, standard, of their lengths.
         """
-        more = SLACK_DEVIATIONS * float(np.max(deviations))
+        more = SLACK_DEVIATIONS * float(np.max(stddevs))
         return replace(self, antagonist_slack=self.antagonist_slack + more)
 
 

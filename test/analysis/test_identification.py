@@ -58,7 +58,7 @@ def test_deviations_are_those_of_the_linearised_statics():
     statics = Statics(arm_from_parameters(found.arm))
     slope = Linearisation(
         statics, simulate_steps(statics, steps)[-1]).bending_stiffness().tip[[0, 2], 0]
-    assert found.deviations[0] == pytest.approx(found.noise / np.linalg.norm(slope), rel=1e-3)
+    assert found.stddevs[0] == pytest.approx(found.noise / np.linalg.norm(slope), rel=1e-3)
 
 
 # Recovery

@@ -69,7 +69,7 @@ def fitted(recording):
     found = identify(
         DESCRIBED, find_unknowns([f'stiffness_{n}' for n in (1, 2, 3)], DESCRIBED), shapes)
     described = np.array([s.stiffness_y for s in ARM.segments])
-    return found.values / described, found.deviations / described
+    return found.values / described, found.stddevs / described
 
 
 def learned(recording):
@@ -84,21 +84,21 @@ def learned(recording):
         pulls, discs = goal, []
         for n in (1, 2, 3):
             (x, z), (top_x, top_z) = points[2 * n:2 * n + 2]
-            deviations = NOISE * np.array([1.0, 1.0, 2.0**0.5 / ARM.discs[n].height])
+            stddevs = NOISE * np.array([1.0, 1.0, 2.0**0.5 / ARM.discs[n].height])
             discs.append(DiscMeasurement(n, *in_plane(
-                np.array([x, z, atan2(top_x - x, top_z - z)]), np.diag(deviations**2))))
+                np.array([x, z, atan2(top_x - x, top_z - z)]), np.diag(stddevs**2))))
         time += 1.0
         estimator.follow(Commands(time, pulls, stiff))
         estimator.measure(time, discs)
     where = estimator.layout.stiffness
     factors = np.exp(estimator.values[where])
-    return factors, factors * estimator.deviations()[where]
+    return factors, factors * estimator.stddevs()[where]
 
 
 def test_the_fit_and_the_estimate_find_the_same_stiffness_in_the_same_recording():
     recording = recorded()
-    (fit, fit_deviation), (estimate, deviation) = fitted(recording), learned(recording)
-    assert np.all(np.abs(fit - estimate) < 2.5 * np.hypot(fit_deviation, deviation))
+    (fit, fit_deviation), (estimate, stddev) = fitted(recording), learned(recording)
+    assert np.all(np.abs(fit - estimate) < 2.5 * np.hypot(fit_deviation, stddev))
     assert fit == pytest.approx(FACTORS, abs=0.05)
-    assert np.all(np.abs(estimate - FACTORS) < 2.5 * deviation)
-    assert np.all(deviation[:2] < 0.1 * estimate[:2])  # it has learned them: 25 % at first
+    assert np.all(np.abs(estimate - FACTORS) < 2.5 * stddev)
+    assert np.all(stddev[:2] < 0.1 * estimate[:2])  # it has learned them: 25 % at first

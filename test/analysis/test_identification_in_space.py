@@ -104,8 +104,8 @@ def test_stiffness_is_found_within_what_is_said_of_it(truth):
     begun = spread_out(described(JAMMING))
     found = identify(begun, find_unknowns(['stiffness_1', 'stiffness_2'], begun),
                      measured(truth, 3e-4))
-    assert np.abs(found.values - [0.025, 0.008]).max() < 4.0 * found.deviations.max()
-    assert np.all(found.deviations < 0.03 * found.values)
+    assert np.abs(found.values - [0.025, 0.008]).max() < 4.0 * found.stddevs.max()
+    assert np.all(found.stddevs < 0.03 * found.values)
     assert found.noise == pytest.approx(3e-4, rel=0.4)
     arm = arm_from_parameters(found.arm)
     assert [s.stiffness_x for s in arm.segments] == pytest.approx(found.values)

@@ -171,7 +171,7 @@ def test_bendings_in_space_have_a_direction_and_nine_tendons_a_short_table() -> 
     state = replace(
         READY, tendons=names, pulls=(0.001,) * 9, tensions=(0.0, 1.25, nan) * 3, stiff=(),
         pressures=(), bending_angles=(0.5, 1.0, 0.001), bending_directions=(pi / 2, -pi / 6, 1.0),
-        tip=top, estimate=Estimate(True, angle_deviations=(0.01, 0.02) * 3))
+        tip=top, estimate=Estimate(True, angle_stddevs=(0.01, 0.02) * 3))
     history = History(3, 9, 101325.0)
     segments = html.segments_html(state, described, history)
     for text in ('28.6° ±1.1° @ 90°', '57.3° ±1.1° @ -30°', '0.1° ±1.1°<', 'always soft'):

@@ -30,7 +30,7 @@ from support.processes import Processes
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'estimate.png'
 ESTIMATED = {
-    'source': KinematicsState.ESTIMATED, 'angle_deviations': [0.002] * 3,
+    'source': KinematicsState.ESTIMATED, 'angle_stddevs': [0.002] * 3,
     'tip_covariance': tip_covariance(3e-4, 4e-4, 0.01), 'parameters': [
         learned('stiffness_factor_1', 1.25, 0.05),
         learned('stiff_ratio_2', 4.1, 0.4, problem='less than 5: is the vacuum full?'),
@@ -191,6 +191,7 @@ def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(
     page.choose('Which', 'wave')
     page.click('delete')
     page.wait_for_bar('wave deleted')
+    page.wait_for_no_text('bow 2.5, s_form 1; 2 times')
     page.click('delete')
     page.wait_for_no_text('+30.0  -45.0')
     assert len(arm.goals) == before + 2

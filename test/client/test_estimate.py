@@ -37,7 +37,7 @@ def arm(estimated_of_module: EstimatedArm) -> EstimatedArm:
     arm = estimated_of_module
     arm.age, arm.predicted = 0.05, (0.28, 0.2, -0.3)
     arm.state = KinematicsState(
-        source=KinematicsState.ESTIMATED, angle_deviations=[0.002] * 3,
+        source=KinematicsState.ESTIMATED, angle_stddevs=[0.002] * 3,
         tip_covariance=tip_covariance(3e-4, 4e-4, 0.01), parameters=[
             learned('stiffness_factor_1', 1.25, 0.05), learned('payload', 0.02, 0.03, False)],
         anomalies=[Anomaly(cause=Anomaly.NOT_STIFF, segment=2, message='look at its valve')])
@@ -55,8 +55,8 @@ def test_a_client_sees_how_well_the_shape_is_known_and_what_is_wrong(
                             and s.predicted_disc_poses else None)
     estimate = state.estimate
     assert estimate.age < 2.0
-    assert estimate.tip_deviation == pytest.approx(5e-4)
-    assert estimate.angle_deviations == (0.002,) * 3
+    assert estimate.tip_stddev == pytest.approx(5e-4)
+    assert estimate.angle_stddevs == (0.002,) * 3
     tip, alone = (CHAIN.points(joint_angles(angles))[-1] for angles in (arm.angles, arm.predicted))
     assert estimate.predicted_tip_error == pytest.approx(hypot(*(tip - alone)[:2]), abs=1e-6)
     factor, payload = estimate.parameters
@@ -118,7 +118,7 @@ def test_a_sequence_has_an_aim_and_its_result_says_where_it_ended(
     assert client.wait_for(lambda s: s.progress and s.progress.correction == 3
                            and s.progress).error is None
     arm.end_goal(shapes_completed=1, source=RunShapeSequence.Result.MEASURED,
-                 bending_angles=[0.1, 0.2, 0.3], angle_deviations=[0.002] * 3,
+                 bending_angles=[0.1, 0.2, 0.3], angle_stddevs=[0.002] * 3,
                  tip=tip(0.1, 0.3, 0.6), tip_error=6e-4, corrections=4)
     reached = running.result(30.0).reached
     assert reached is not None and reached.measured
@@ -132,10 +132,10 @@ RESULTS = [
     ({'source': 1, 'tip': tip(0.1, 0.3, 0.6), 'corrections': 4},
      'reached: tip 0.6 mm from its aim (measured, +-0.5 mm), angles +5.7 +11.5 +17.2 deg, '
      '4 corrections'),
-    ({'angle_deviations': [0.002] * 3, 'tip': tip(0.1, 0.3, 0.6)},
+    ({'angle_stddevs': [0.002] * 3, 'tip': tip(0.1, 0.3, 0.6)},
      'predicted since measurements ended: tip 0.6 mm from its aim (by the model, +-0.5 mm), '
      'angles +5.7 +11.5 +17.2 deg'),
-    ({'angle_deviations': [nan] * 3},
+    ({'angle_stddevs': [nan] * 3},
      'predicted since measurements ended: tip 0.6 mm from its aim (by the model), '
      'angles +5.7 +11.5 +17.2 deg'),
     ({}, 'predicted: nothing was measured; tip 0.6 mm from its aim by the model'),

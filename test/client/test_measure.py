@@ -84,7 +84,7 @@ def test_discs_are_measured_where_the_tracker_sees_them(
         pose = poses[2 * n]
         assert planar_pose(disc.pose) == pytest.approx(
             [pose.x + OFFSET[0], pose.z + OFFSET[2], pose.angle], abs=1e-6)
-        assert disc.deviation == pytest.approx(DEVIATION * PLANAR_AXES)
+        assert disc.stddev == pytest.approx(DEVIATION * PLANAR_AXES)
         assert disc.samples >= 3
 
 
@@ -101,7 +101,7 @@ def test_what_a_planar_arm_cannot_do_need_not_be_measured(client: Arm, tracker: 
     tracker.spoil = _nan_across
     for disc in client.measure(0.5).values():
         assert disc.has_position
-        assert (disc.pose[1], disc.deviation[1]) == (0.0, 0.0)
+        assert (disc.pose[1], disc.stddev[1]) == (0.0, 0.0)
 
 
 def _indefinite(message: Any) -> None:
@@ -154,7 +154,7 @@ def test_an_angle_beside_a_pose_takes_no_position_away(
     tracker.spoil = lambda message: _angle_only(message) if next(count) // 4 % 2 else None
     for disc in client.measure(0.7).values():
         assert disc.has_position
-        assert disc.deviation[[0, 2]] == pytest.approx(DEVIATION, rel=1e-3)
+        assert disc.stddev[[0, 2]] == pytest.approx(DEVIATION, rel=1e-3)
     assert all(disc is not None and np.isfinite(disc.x) for disc in client.state.measured_discs)
 
 
@@ -165,8 +165,8 @@ def test_several_sensors_are_weighted_by_their_variances() -> None:
                (np.array([9.0, 9.0, 0.05]), np.diag([unknown, unknown, 4e-4]))] * 4
     disc = mean_of([in_plane(*sample) for sample in samples], PLANAR_AXES)
     assert planar_pose(disc.pose) == pytest.approx([0.011, 0.0, 0.03])
-    assert disc.deviation[0] >= 1e-3
-    assert disc.deviation[4] == pytest.approx(np.sqrt(2e-4))  # how much they scatter
+    assert disc.stddev[0] >= 1e-3
+    assert disc.stddev[4] == pytest.approx(np.sqrt(2e-4))  # how much they scatter
     assert disc.samples == 12
 
 
@@ -217,7 +217,7 @@ def test_in_space_positions_and_orientations_are_averaged() -> None:
     assert disc.samples == len(samples) == 7
     assert disc.pose[:3] == pytest.approx(place + 0.002 * 4 / 7)
     assert (Rotation.from_quat(disc.pose[3:]) * turn.inv()).magnitude() < 1e-6
-    assert disc.deviation[3:] == pytest.approx(
+    assert disc.stddev[3:] == pytest.approx(
         np.maximum(0.01, np.abs(more) * np.sqrt(2 / 3)))  # how much they scatter
     up = turn.apply([0.0, 0.0, 0.03])
     assert np.diff(disc.points(0.03), axis=0)[0] == pytest.approx(up, abs=1e-8)

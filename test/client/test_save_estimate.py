@@ -108,7 +108,7 @@ def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> No
         'stiffness_factor_1': 1.25, 'stiffness_factor_2': 0.9, 'stiffness_factor_3': 1.1,
         'stiff_ratio_1': 20.0, 'stiff_ratio_2': 30.0, 'stiff_ratio_3': 40.0, 'payload': 0.02}
     parameters = [learned(name, value, 1e-4) for name, value in estimated.items()]
-    known = [LearnedParameter(p.name, p.value, p.deviation, p.determined) for p in parameters]
+    known = [LearnedParameter(p.name, p.value, p.stddev, p.determined) for p in parameters]
     write_parameters(tmp_path / FILE, estimated_parameters(known, arm).values, [])
     loaded = load_arm(*files, tmp_path / FILE)
     model = model_from_ros(parameters, arm).chain.arm

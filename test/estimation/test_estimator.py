@@ -81,28 +81,28 @@ def test_without_measurements_values_stay_and_deviations_grow_up_to_those_of_the
     session = Session(TrueArm())
     estimator = session.estimator
     where = estimator.layout.parameters
-    first = estimator.deviations()[where]
+    first = estimator.stddevs()[where]
     session.look(5)
     after = estimator.values.copy()
-    assert np.any(estimator.deviations()[where] < 0.7 * first)
+    assert np.any(estimator.stddevs()[where] < 0.7 * first)
     for _ in range(30):
-        before = estimator.deviations()[where]
+        before = estimator.stddevs()[where]
         session.wait(120.0)
         assert np.array_equal(estimator.values, after)
-        assert np.all(estimator.deviations()[where] >= before * (1.0 - 1e-12))
-    assert estimator.deviations()[where] == pytest.approx(first)
+        assert np.all(estimator.stddevs()[where] >= before * (1.0 - 1e-12))
+    assert estimator.stddevs()[where] == pytest.approx(first)
     assert not estimator.determined().any()
 
 
 def test_motion_alone_makes_nothing_of_the_model_surer():
     session = Session(TrueArm())
     where = session.estimator.layout.parameters
-    first = session.estimator.deviations()[where]
+    first = session.estimator.stddevs()[where]
     for segment, pulls in ((0, (0.008, -0.012)), (1, (0.012, -0.018))):
         session.follow(soft=only(segment))
         session.move(pulls, steps=3, look=0)
         session.follow(soft=STIFF)
-        assert session.estimator.deviations()[where] == pytest.approx(first)
+        assert session.estimator.stddevs()[where] == pytest.approx(first)
     assert np.all(session.estimator.values[where.start:where.start + 3] == 0.0)
     assert session.estimator.measured is None
 
@@ -134,7 +134,7 @@ def test_parameters_that_can_be_seen_come_near_those_of_the_arm(learned):
     where, seen = estimator.layout.parameters, estimator.determined()
     away = np.abs(estimator.values[where] - truth_of(learned))
     assert seen[:6].all() and seen[6:].sum() >= 2
-    assert np.all((away < 4.0 * estimator.deviations()[where])[[0, 1, 2, 6, 7, 8]])
+    assert np.all((away < 4.0 * estimator.stddevs()[where])[[0, 1, 2, 6, 7, 8]])
     # K is learned as well; its deviations are too small, where the arm is far from the described.
     assert away[3:6].mean() < 0.6 * log(30.0 / NEAR['ratio'])
 
@@ -149,12 +149,12 @@ def test_what_cannot_be_seen_keeps_its_prior_and_says_so():
     # Upright, straight, and with slack tendons nothing bends: no stiffness, payload or offset.
     session = Session(TrueArm((1.4, 0.7, 0.7), 10.0), drift=NO_DRIFT)
     session.follow(pulls=(-0.01, -0.01))
-    first = session.estimator.deviations()
+    first = session.estimator.stddevs()
     session.look(20)
     estimator = session.estimator
     rows = np.r_[estimator.layout.stiffness, estimator.layout.offset]
     assert not estimator.determined()[rows - estimator.layout.parameters.start].any()
-    assert estimator.deviations()[rows] == pytest.approx(first[rows], rel=0.1)
+    assert estimator.stddevs()[rows] == pytest.approx(first[rows], rel=0.1)
     assert np.abs(estimator.values[estimator.layout.stiffness]).max() < 0.1
     assert np.all(estimator.offsets == 0.0)
 
@@ -368,10 +368,10 @@ def test_mirrored_motions_and_measurements_give_the_mirror_image():
     assert estimator.offsets == pytest.approx(one.estimator.offsets[::-1], abs=1e-8)
     same = slice(layout.stiffness.start, layout.ratio.stop)
     assert estimator.values[same] == pytest.approx(one.estimator.values[same], abs=1e-4)
-    assert estimator.deviations()[same] == pytest.approx(one.estimator.deviations()[same],
+    assert estimator.stddevs()[same] == pytest.approx(one.estimator.stddevs()[same],
                                                          rel=1e-3)
-    assert estimator.deviations()[layout.offset] == pytest.approx(
-        one.estimator.deviations()[layout.offset][::-1], rel=1e-3)
+    assert estimator.stddevs()[layout.offset] == pytest.approx(
+        one.estimator.stddevs()[layout.offset][::-1], rel=1e-3)
 
 
 @pytest.mark.parametrize('seed', range(2))

@@ -99,7 +99,7 @@ def test_what_can_be_seen_is_learned(learned):
     layout = estimator.layout
     assert estimator.determined()[:6].all()  # stiffness and K
     away = np.abs(estimator.offsets - NEAR['offsets'])
-    assert np.all(away < 3.0 * estimator.deviations()[layout.offset])
+    assert np.all(away < 3.0 * estimator.stddevs()[layout.offset])
 
 
 def test_an_arm_turned_about_its_axis_has_the_turned_estimate(learned):
@@ -113,8 +113,8 @@ def test_an_arm_turned_about_its_axis_has_the_turned_estimate(learned):
     where = session.estimator.layout.parameters
     assert session.estimator.values[where] == pytest.approx(
         learned.estimator.values[where], abs=1e-5)
-    assert session.estimator.deviations()[where] == pytest.approx(
-        learned.estimator.deviations()[where], rel=1e-3)
+    assert session.estimator.stddevs()[where] == pytest.approx(
+        learned.estimator.stddevs()[where], rel=1e-3)
 
 
 def test_a_planar_arm_has_the_planar_estimate():
@@ -138,8 +138,8 @@ def test_a_planar_arm_has_the_planar_estimate():
     assert space.state.tip == pytest.approx([tip[0], 0.0, tip[1]], abs=1e-6)
     ours, theirs = (one.layout.parameters for one in (plane.estimator, space))
     assert space.values[theirs] == pytest.approx(plane.estimator.values[ours], abs=2e-4)
-    assert space.deviations()[theirs] == pytest.approx(
-        plane.estimator.deviations()[ours], rel=1e-3)
+    assert space.stddevs()[theirs] == pytest.approx(
+        plane.estimator.stddevs()[ours], rel=1e-3)
 
 
 @pytest.mark.parametrize('spatial', [False, True])

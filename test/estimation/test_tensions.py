@@ -174,17 +174,17 @@ def test_a_tension_is_trusted_as_far_as_its_device_knows_it():
 
     def used(time):
         tensions.put(time, {NAMES[0]: 20.0})
-        return [(one.deviation, one.relative) for _, (one,) in tensions.take()]
+        return [(one.stddev, one.relative) for _, (one,) in tensions.take()]
 
     assert used(100.0) == [(0.3, 0.1)]
-    tensions.receive(told(tension_deviations=[8.2, 1.0], tension_relative_deviations=[0.3, 0.2]))
+    tensions.receive(told(tension_stddevs=[8.2, 1.0], tension_relative_stddevs=[0.3, 0.2]))
     assert used(101.0) == [(8.2, 0.3)]
     tensions.receive(TendonActuationState())  # it is lost, and may come back
     for wrong in ([8.2], [8.2, 1.0, 1.0], [float('nan')] * 2, [0.0, 1.0], [-8.2, 1.0], [inf] * 2):
-        with pytest.raises(ValueError, match=r'tension_deviations of tendon_actuation/state'):
-            tensions.receive(told(tension_deviations=wrong))
+        with pytest.raises(ValueError, match=r'tension_stddevs of tendon_actuation/state'):
+            tensions.receive(told(tension_stddevs=wrong))
     with pytest.raises(ValueError, match=r'a number from 0 to 1, or none'):
-        tensions.receive(told(tension_relative_deviations=[1.1, 0.2]))
+        tensions.receive(told(tension_relative_stddevs=[1.1, 0.2]))
     assert used(102.0) == [(8.2, 0.3)]
     tensions.receive(told())  # a device that does not tell, or a recording of before it could
     assert used(103.0) == [(0.3, 0.1)]
@@ -196,11 +196,11 @@ def test_tensions_wait_for_how_well_they_are_known_but_not_for_long():
         each.expect_accuracy()
         each.put(100.0, {NAMES[0]: 20.0})
         assert each.take() == []
-    told_at.receive(told(tension_deviations=[8.2, 8.2]))
-    for each, deviation in ((told_at, 8.2), (never, 0.3)):
+    told_at.receive(told(tension_stddevs=[8.2, 8.2]))
+    for each, stddev in ((told_at, 8.2), (never, 0.3)):
         each.put(100.0 + UNCHECKED_TIME, {NAMES[0]: 20.0})
         (_, (one,)), = each.take()
-        assert one.deviation == deviation
+        assert one.stddev == stddev
 
 
 @pytest.mark.parametrize(('seen', 'model', 'cell', 'servo'), [
@@ -217,7 +217,7 @@ def test_a_tension_differs_from_the_model_by_more_than_its_device_does_not_know(
         assert bool(problem) is bool(words)
         # Three deviations: 24.6 N near 0, 30.5 N of a tension of 20 N.
         tensions = MeasuredTensions(NAMES, PARAMETERS)
-        tensions.receive(told(tension_deviations=[8.2] * 2, tension_relative_deviations=[0.3] * 2))
+        tensions.receive(told(tension_stddevs=[8.2] * 2, tension_relative_stddevs=[0.3] * 2))
 
 
 def test_ten_tensions_a_second_are_used_of_cells_that_measure():
@@ -230,4 +230,4 @@ def test_ten_tensions_a_second_are_used_of_cells_that_measure():
         used += tensions.take()
     assert 1.0 / PERIOD - 1 <= len(used) <= 1.0 / PERIOD + 1
     for _, (one,) in used:
-        assert (one.tendon, one.tension, one.deviation, one.relative) == (1, 4.0, 0.3, 0.1)
+        assert (one.tendon, one.tension, one.stddev, one.relative) == (1, 4.0, 0.3, 0.1)

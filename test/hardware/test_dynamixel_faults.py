@@ -122,7 +122,7 @@ def test_load_friction_inertia_and_a_late_computer_do_not_look_like_a_servo_that
     monkeypatch.setattr(dynamixel_motor, 'TIME_CONSTANT', random.choice([0.005, 0.02]))
     monkeypatch.setattr(dynamixel_motor, 'LOAD_FRICTION', random.choice([0.05, 0.3]))
     monkeypatch.setattr(servo_rig, 'VirtualClock', lambda: LateClock(
-        'dynamixel_tendons', lambda _: random.choice([0.002, 0.01, 0.04])
+        'DynamixelTendons', lambda _: random.choice([0.002, 0.01, 0.04])
         if random.random() < 0.2 else 0.0))
     with rig(tmp_path, tendons=2, model=model) as made:
         for servo in made.emulator.servos:
@@ -133,6 +133,7 @@ def test_load_friction_inertia_and_a_late_computer_do_not_look_like_a_servo_that
             goal, now = somewhere(random, 2), made.driver.read().pulls
             way = max(abs(a - b) for a, b in zip(goal, now, strict=True))
             made.follow(goal, max(0.3, way / random.uniform(0.005, 0.029)))
+        assert made.emulator.clock.late > 0.0
 
 
 def test_a_second_program_cannot_open_the_port(tmp_path):

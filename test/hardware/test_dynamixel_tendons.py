@@ -156,7 +156,7 @@ def test_servos_without_their_driver_hold_and_a_new_one_knows_the_position(tmp_p
         if killed:
             in_motion(made)
             tendons._session.fail('as if the process had been killed')
-            tendons._session.bus.abort()
+            tendons._session.link.abort()
             made.wait(0.5)
             assert values(emulator, 'Bus Watchdog') == [255, 255]
         else:

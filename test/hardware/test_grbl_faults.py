@@ -410,7 +410,7 @@ def test_an_opening_that_is_reset_again_and_again_ends():
 @pytest.mark.parametrize('seed', range(2))
 def test_a_driver_that_goes_on_late_reads_what_waits_before_it_calls_a_board_silent(seed):
     busy = random.Random(seed)
-    clock = LateClock('grbl_tendons', lambda timeout: busy.choice([0.3, 1.0, 2.5])
+    clock = LateClock('GrblTendons', lambda timeout: busy.choice([0.3, 1.0, 2.5])
                       if timeout > 0.0 and busy.random() < 0.03 else 0.0)
     with GrblEmulator(clock=clock) as emulator:
         tendons = driver(emulator)
@@ -421,6 +421,7 @@ def test_a_driver_that_goes_on_late_reads_what_waits_before_it_calls_a_board_sil
             until(emulator, lambda: not tendons.read().moving)
             assert emulator.motors[:2] == steps(goal) and tendons.read().referenced
         tendons.close()
+        assert clock.late > 0.0
 
 
 def test_a_computer_that_is_late_is_not_taken_for_a_board_that_does_not_answer():

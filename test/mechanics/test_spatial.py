@@ -183,9 +183,9 @@ def test_friction_does_not_depend_on_where_x_is():
 
 def test_a_real_arm_that_was_identified_on_other_motions_is_where_the_model_says():
     recording = read('val')
-    deviations = IDENTIFIED.deviations(recording)
-    assert len(deviations) == 443
-    assert rms(aligned(deviations)) < 0.0065
+    stddevs = IDENTIFIED.stddevs(recording)
+    assert len(stddevs) == 443
+    assert rms(aligned(stddevs)) < 0.0065
 
 
 # What cannot be.

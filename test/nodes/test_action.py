@@ -95,7 +95,7 @@ def test_the_three_shapes_of_the_paper_are_reached_by_name(sequence: Sequence) -
     assert list(result.bending_angles) == pytest.approx(angles[-1], abs=2e-3)
     position = result.tip.pose.position
     assert (position.x, position.z) == pytest.approx(tips[-1], abs=0.5e-3)
-    assert not len(result.angle_deviations) and not result.tip.covariance.any()
+    assert not len(result.angle_stddevs) and not result.tip.covariance.any()
 
 
 def test_a_sequence_keeps_every_promise_about_motion_and_stiffness(sequence: Sequence) -> None:

@@ -126,9 +126,9 @@ def test_poses_of_a_tracker_and_tilts_of_an_imu_come_out_with_their_covariances(
     tilts = axes & [False, False, False, True, True, False]
     assert variances[~tilts] == pytest.approx(1e6)  # not measured: place and heading
     # Gaps of a busy machine make it larger.
-    deviations = np.sqrt([np.reshape(message.pose.covariance, (6, 6)).diagonal()[tilts]
+    stddevs = np.sqrt([np.reshape(message.pose.covariance, (6, 6)).diagonal()[tilts]
                           for message in sensors.poses[3]])
-    assert deviations.min() > 0.01 and deviations.min(axis=0).max() < 0.15
+    assert stddevs.min() > 0.01 and stddevs.min(axis=0).max() < 0.15
     sensors.until_status(send, 'measured: disc_1/pose, disc_3/imu')
 
 

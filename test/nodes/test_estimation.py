@@ -51,7 +51,7 @@ def test_without_measurements_all_is_as_predicted(fake: SeenArm) -> None:
     last = fake.last
     assert last.source == KinematicsState.PREDICTED
     assert not last.parameters
-    assert not len(last.angle_deviations) and not len(last.tip_covariance)
+    assert not len(last.angle_stddevs) and not len(last.tip_covariance)
     assert (last.measured.sec, last.measured.nanosec) == (0, 0)
     assert not len(fake.predicted) and not any(map(len, fake.ends))
     assert 'measured' not in fake.rig.statuses['kinematics'].last.message
@@ -97,8 +97,8 @@ def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake: See
         [f'{what}_{n}' for what in ('stiffness_factor', 'stiff_ratio') for n in (1, 2, 3)]
         + [f'offset_{name}' for name in fake.arm.tendon_names] + ['payload'])
     variances = np.reshape(last.tip_covariance, (6, 6)).diagonal()
-    assert len(last.angle_deviations) == 3
-    assert all(0.0 < d < 0.1 for d in (*last.angle_deviations, *np.sqrt(variances[axes])))
+    assert len(last.angle_stddevs) == 3
+    assert all(0.0 < d < 0.1 for d in (*last.angle_stddevs, *np.sqrt(variances[axes])))
     assert not variances[~axes].any()  # a planar arm does not do that
     for recording in fake.ends:
         message = recording.last
@@ -236,7 +236,7 @@ def test_with_sensors_a_result_is_measured_and_segments_are_corrected(rig: Rig) 
     assert list(result.bending_angles) == pytest.approx(
         plant.state.bending_angles.tolist(), abs=0.03)
     assert plant.state.bending_angles == pytest.approx([0.0, 0.0, 0.4], abs=0.03)
-    assert all(d > 0.0 for d in result.angle_deviations) and result.tip.covariance.any()
+    assert all(d > 0.0 for d in result.angle_stddevs) and result.tip.covariance.any()
     assert 'measuring' in {phase for _, _, phase in goal.phases}
     assert any(np.isfinite(f.error) for _, f in goal.feedback)
     rig.assert_only_one_was_soft()

@@ -139,5 +139,5 @@ def test_servos_whose_node_is_killed_are_known_to_the_next_one_which_sets_the_sh
     told = rig.states['tendon_actuation'].last
     assert list(told.pull_tolerances) == [1e-4, 1e-4]
     # 2 % of the 4.1 N m at which an XM430-W350 stalls, on 10 mm
-    assert list(told.tension_deviations) == pytest.approx([8.2, 8.2])
-    assert list(told.tension_relative_deviations) == [0.3, 0.3]
+    assert list(told.tension_stddevs) == pytest.approx([8.2, 8.2])
+    assert list(told.tension_relative_stddevs) == [0.3, 0.3]

@@ -59,7 +59,7 @@ def published(estimator, covariances=None):
 
 
 def parameters(values=VALUES):
-    return [EstimatedParameter(name=name, value=value, deviation=0.1 * abs(value))
+    return [EstimatedParameter(name=name, value=value, stddev=0.1 * abs(value))
             for name, value in values.items()]
 
 
@@ -71,11 +71,11 @@ def test_an_estimate_is_published_in_units_and_by_name_and_others_make_the_same_
     assert message.source == KinematicsState.ESTIMATED
     assert parameter_names(arm) == tuple(values)
     assert {p.name: p.value for p in message.parameters} == pytest.approx(values)
-    deviations = {p.name: p.deviation for p in message.parameters}
-    assert deviations['stiffness_factor_2'] == pytest.approx(1.2 * Prior().stiffness)
-    assert deviations['stiff_ratio_1'] == pytest.approx(12.0 * Prior().ratio)
+    stddevs = {p.name: p.stddev for p in message.parameters}
+    assert stddevs['stiffness_factor_2'] == pytest.approx(1.2 * Prior().stiffness)
+    assert stddevs['stiff_ratio_1'] == pytest.approx(12.0 * Prior().ratio)
     offsets = {name: value for name, value in values.items() if name.startswith('offset')}
-    assert [deviations[name] for name in offsets] == pytest.approx([Prior().offset] * len(offsets))
+    assert [stddevs[name] for name in offsets] == pytest.approx([Prior().offset] * len(offsets))
     assert not any(p.determined for p in message.parameters)
     assert (message.measured.sec, message.measured.nanosec) == (0, 0)
     model = model_from_ros(message.parameters, arm)
@@ -86,7 +86,7 @@ def test_an_estimate_is_published_in_units_and_by_name_and_others_make_the_same_
                 getattr(described, name) * values[f'stiffness_factor_{n}'])
         assert segment.jam.ratio == pytest.approx(values[f'stiff_ratio_{n}'])
     assert model.offsets == pytest.approx(list(offsets.values()))
-    assert model.offset_deviations == pytest.approx([Prior().offset] * len(offsets))
+    assert model.offset_stddevs == pytest.approx([Prior().offset] * len(offsets))
     assert model.chain.arm.payload == pytest.approx(0.05)
     assert all(model.chain.arm.compliance > 0.0)
     assert model_from_ros(message.parameters[1:], arm).chain.arm == arm
@@ -117,7 +117,7 @@ def test_what_is_not_of_this_arm_leaves_it_as_described(wrong):
     model = model_from_ros(wrong, ARM)
     assert model.chain.arm == ARM
     assert np.all(model.offsets == 0.0)
-    assert np.all(model.offset_deviations == 0.0)
+    assert np.all(model.offset_stddevs == 0.0)
 
 
 def test_values_that_no_arm_has_are_limited():
@@ -155,7 +155,7 @@ def test_the_deviation_of_the_tip_counts_the_lever_of_the_last_disc(estimator):
     height = ARM.discs[-1].height  # upright: it leans sideways, and does not get longer
     assert np.reshape(message.tip_covariance, (6, 6)).diagonal() == pytest.approx(
         np.square([np.hypot(1e-3, 0.02 * height), 0.0, 1e-3, 0.0, 0.02, 0.0]))
-    assert len(message.angle_deviations) == 3
+    assert len(message.angle_stddevs) == 3
 
 
 def test_the_lever_of_the_last_disc_counts_where_it_leans_in_space():
@@ -165,7 +165,7 @@ def test_the_lever_of_the_last_disc_counts_where_it_leans_in_space():
     height = SPATIAL.discs[-1].height  # it leans towards -y: a turn about z moves it in x
     assert np.reshape(message.tip_covariance, (6, 6)).diagonal() == pytest.approx(np.square(
         [np.hypot(1e-3, 0.04 * height), 2e-3, np.hypot(3e-3, 0.02 * height), 0.02, 0.03, 0.04]))
-    assert message.angle_deviations == pytest.approx([np.hypot(0.02, 0.03)] * 3)
+    assert message.angle_stddevs == pytest.approx([np.hypot(0.02, 0.03)] * 3)
 
 
 def test_of_an_arm_without_jamming_no_ratio_is_published():

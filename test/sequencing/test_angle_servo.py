@@ -128,14 +128,14 @@ def test_it_settles_where_the_arm_turns_half_or_twice_as_far_as_the_model(gain, 
 def test_it_follows_a_sine_on_the_typical_twin_within_half_a_degree(segment):
     found = follow(ARM, TwinPlant(ARM, TYPICAL, segment), segment,
                    lambda t: radians(15.0) * sin(0.2 * pi * t), 9.0,
-                   Measuring(0.1, deviation=radians(0.1)), SETTINGS)
+                   Measuring(0.1, stddev=radians(0.1)), SETTINGS)
     assert degrees(sqrt(np.mean(found.error(2.0)**2))) < 0.5
 
 
 def test_at_rest_friction_does_not_make_it_hunt():
     plant = StaticPlant(worn_arm(1.0), 1, dead_band=2e-4, lag=0.1)
     found = follow(ARM, plant, 1, lambda _: radians(10.0), 12.0,
-                   Measuring(0.1, deviation=radians(0.02)), SETTINGS)
+                   Measuring(0.1, stddev=radians(0.02)), SETTINGS)
     last = found.pulls[found.times > 8.0]
     assert np.ptp(last, axis=0).max() < 2e-4
     turns = np.abs(np.diff(np.sign(np.diff(last[:, 0])[np.diff(last[:, 0]) != 0.0]))).sum() / 2

@@ -479,7 +479,7 @@ def test_a_long_motion_is_as_fast_and_a_short_one_as_hard_as_its_limits_allow():
         times, pulls = timed(np.array([(0.0, 0.0), (end, -end)]), speed, acceleration,
                              interval=0.005)
         assert largest_speed_and_acceleration(times, pulls)[reached] == pytest.approx(
-            most, rel=0.02)
+            most, rel=0.01)
 
 
 coordinates = st.floats(-0.05, 0.05)

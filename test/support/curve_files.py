@@ -19,9 +19,9 @@ def ramp(largest=0.010, points=101):
     return np.linspace(0.0, largest, points)
 
 
-def noisy(slope, displacement, rng, deviation=0.002):
+def noisy(slope, displacement, rng, stddev=0.002):
     """Return forces (N) of a linear segment with independent noise."""
-    return slope * displacement + rng.normal(0.0, deviation, displacement.size)
+    return slope * displacement + rng.normal(0.0, stddev, displacement.size)
 
 
 def export(path, repetitions, header='displacement [mm],force [N]', delimiter=',', decimal='.',

@@ -204,8 +204,8 @@ def tip(x: float, z: float, angle: float) -> PoseWithCovariance:
     return PoseWithCovariance(pose=pose, covariance=tip_covariance(3e-4, 4e-4, 0.01))
 
 
-def learned(name: str, value: float, deviation: float, determined: bool = True,
+def learned(name: str, value: float, stddev: float, determined: bool = True,
             problem: str = '') -> EstimatedParameter:
     """Return a parameter as kinematics publishes it."""
-    return EstimatedParameter(name=name, value=value, deviation=deviation, determined=determined,
+    return EstimatedParameter(name=name, value=value, stddev=stddev, determined=determined,
                               problem=problem)

@@ -66,9 +66,9 @@ class FakeArm:
 class Cameras:
     """What sees every disc of an arm but its base."""
 
-    def __init__(self, rig: Rig, arm: Arm, deviations: Sequence[float] = DEVIATIONS) -> None:
+    def __init__(self, rig: Rig, arm: Arm, stddevs: Sequence[float] = DEVIATIONS) -> None:
         self._clock = rig.observer.get_clock()
-        self._covariance = np.diag(np.where(arm.pose_axes, deviations, UNKNOWN))**2
+        self._covariance = np.diag(np.where(arm.pose_axes, stddevs, UNKNOWN))**2
         self._discs = [rig.publisher(PoseWithCovarianceStamped, MEASURED_POSE.format(n), STREAM)
                        for n in range(1, len(arm.discs))]
 

@@ -84,9 +84,9 @@ class TrueArm:
             found.append(DiscMeasurement(n, pose, measured))
         return found
 
-    def pulled(self, deviation=0.1, error=0.0):
+    def pulled(self, stddev=0.1, error=0.0):
         """Return what load cells show of the tensions, off by an error (N)."""
-        return [TensionMeasurement(t, float(tension) + error, deviation)
+        return [TensionMeasurement(t, float(tension) + error, stddev)
                 for t, tension in enumerate(np.nan_to_num(self.state.tensions))]
 
 

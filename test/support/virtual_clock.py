@@ -112,9 +112,12 @@ class LateClock(VirtualClock):
     def __init__(self, thread, lateness):
         super().__init__()
         self._thread, self._lateness = thread, lateness
+        self.late = 0.0  # s, in all
 
     def wait(self, files, timeout):
         found = super().wait(files, timeout)
         if threading.current_thread().name == self._thread:
-            super().wait((), self._lateness(timeout))
+            late = self._lateness(timeout)
+            self.late += late
+            super().wait((), late)
         return found

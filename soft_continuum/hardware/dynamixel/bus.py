@@ -67,8 +67,8 @@ class DynamixelBus(Wakeable):
         """Open a port that no other program may open until it is closed."""
         with needed(HardwareError):
             from soft_continuum.hardware.dynamixel.packets import Packets, Port
-        self._port = Port(open_serial(port, baud_rate), clock)
         super().__init__(port, clock)
+        self._port = Port(open_serial(port, baud_rate), clock)
         self._packets = Packets()
         self.fast: bool | None = None
         """Whether all answer a sync read in one packet (Fast Sync Read); None: not tried."""

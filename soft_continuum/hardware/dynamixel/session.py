@@ -59,7 +59,7 @@ class DynamixelSession:
     def __init__(self, bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
                  found: Sequence[ServoState], zeros: Sequence[Zero], zero_file: ZeroFile) -> None:
         """Take over servos that hold, as they were ``found``, with what was written to them."""
-        self.bus, self._servos, self._spools = bus, tuple(servos), spools
+        self.link, self._servos, self._spools = bus, tuple(servos), spools
         self._zero_file = zero_file
         self._lock = threading.Lock()  # of all that follows
         self.state, self.failure = State.RESTING, ''
@@ -77,7 +77,7 @@ class DynamixelSession:
         self._since = self._stepped = self._near = bus.clock()
         self._take_up: TakeUp | None = None
         self._accuracy = Accuracy(
-            spools.arrival_tolerances, tuple(servo.least_deviation for servo in servos),
+            spools.arrival_tolerances, tuple(servo.least_stddev for servo in servos),
             (FRICTION_SHARE,) * len(servos))
 
     # Requests, from any thread
@@ -109,19 +109,25 @@ class DynamixelSession:
             return TendonReading(self._path.to_pulls(self._positions()), speeds,
                                  not self._unknown, tensions, self._unknown, self._accuracy)
 
-    def move(self, pulls: tuple[float, ...], duration: float) -> None:
-        """Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it."""
+    def move(self, pulls: tuple[float, ...], duration: float) -> bool:
+        """
+        Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it.
+
+        Returns whether the next cycle has to begin at once: those of a motion come regularly.
+        """
         with self._lock:
             self._check()
+            rested = not self.busy
             if self._unknown:
                 raise HardwareError(f'the position is not known: {self._unknown}; {REFERENCE}')
             if max(map(abs, self._path.to_pulses(pulls))) > MAX_POSITION - PULSES_PER_TURN:
                 raise HardwareError(
                     'a servo counts 256 turns and would be beyond; with slack tendons switch the '
                     'servos off and on, and reference again')
-            self._target = pulls, self.bus.clock() + duration
+            self._target = pulls, self.link.clock() + duration
             if self.state is not State.STOPPING:
-                self._aim(self.bus.clock())
+                self._aim(self.link.clock())
+            return rested
 
     def stop(self) -> None:
         """Brake as fast as the servos can, then hold."""
@@ -141,7 +147,7 @@ class DynamixelSession:
             if self._spools.take_up_tension > 0.0:
                 self._unknown = 'the slack was not taken up'
                 self._take_up = TakeUp(self._servos, self._spools, self._positions(),
-                                       [w.goal for w in self._written], self.bus.clock())
+                                       [w.goal for w in self._written], self.link.clock())
                 self._enter(State.TAKING_UP)
             else:
                 self._take_zero()
@@ -151,7 +157,7 @@ class DynamixelSession:
             raise HardwareError(self.failure)
 
     def _enter(self, state: State) -> None:
-        self.state, self._since = state, self.bus.clock()
+        self.state, self._since = state, self.link.clock()
         self._near = self._since
 
     def _aim(self, now: float) -> None:
@@ -179,7 +185,7 @@ class DynamixelSession:
         with self._lock:
             braking = self.state is State.STOPPING and not self._braked
             if not braking:
-                self._plan(self.bus.clock())
+                self._plan(self.link.clock())
         if braking:  # from where the servos are now, not from where they were
             self._receive()
             with self._lock:
@@ -188,11 +194,11 @@ class DynamixelSession:
         self._exchange.send(self._written)
         self._receive()
         with self._lock:
-            self._judge(self.bus.clock())
+            self._judge(self.link.clock())
             marks, self._mark_due = self._mark_due, False
             zeros = list(self._path.zeros)
         if marks:
-            keep_zeros(self.bus, self._servos, zeros, self._zero_file)
+            keep_zeros(self.link, self._servos, zeros, self._zero_file)
 
     def _plan(self, now: float) -> None:
         """Set what the servos are to do in this cycle."""

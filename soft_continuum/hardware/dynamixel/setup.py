@@ -170,7 +170,7 @@ class Servo:
         """Return the tension (N) of counts of current that pull."""
         return counts * self.model.current_unit * self.torque_constant / self.radius
 
-    def deviation(self, tension: float) -> float:
+    def stddev(self, tension: float) -> float:
         """
         Return the standard deviation (N) with which a tension (N) is known from the current.
 
@@ -178,10 +178,10 @@ class Servo:
         motion the motor feels its friction too.  The maker gives no figure, and none was measured
         here: the shares are assumptions for gears of four or five stages.
         """
-        return hypot(FRICTION_SHARE * tension, self.least_deviation)
+        return hypot(FRICTION_SHARE * tension, self.least_stddev)
 
     @property
-    def least_deviation(self) -> float:
+    def least_stddev(self) -> float:
         """Standard deviation of a tension near 0, N."""
         return FRICTION_OF_STALL * self.model.stall_torque / self.radius
 

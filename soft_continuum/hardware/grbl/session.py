@@ -140,8 +140,12 @@ class GrblSession:
             return TendonReading(pulls, speeds, referenced=not self._unreferenced,
                                  accuracy=self._motors.accuracy)
 
-    def move(self, pulls: tuple[float, ...], duration: float) -> None:
-        """Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it."""
+    def move(self, pulls: tuple[float, ...], duration: float) -> bool:
+        """
+        Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it.
+
+        Returns whether the next cycle has to begin at once: always, as jogs are short.
+        """
         with self._lock:
             self._check()
             if self._unreferenced:
@@ -151,6 +155,7 @@ class GrblSession:
             self._target = add(self._zero, self._motors.from_pulls(pulls)), now + duration
             if self.state is not State.STOPPING:
                 self._aim(now)
+            return True
 
     def stop(self) -> None:
         """Brake as the controller can without losing a step, then hold."""

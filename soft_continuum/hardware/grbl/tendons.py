@@ -64,4 +64,5 @@ class GrblTendons(SerialTendons[GrblLink, GrblSession]):
     @property
     def fastest(self) -> float:
         """Speed of the fastest motion that the controller can brake in time, m/s."""
-        return self._connected()[1].fastest
+        with self._lock:
+            return self._connected().fastest
