@@ -115,7 +115,9 @@ def test_the_chain_converges_to_the_rod(
     assert low <= twelve <= high
     assert order - 0.1 <= np.log2(coarse / fine) / 2.0 <= order + 0.1
     rod, state, _ = rod_and_chain(arm.with_bodies(64), angles, pulls, soft)
-    assert state.tensions == pytest.approx(rod.tensions, rel=0.02)
+    assert state.tensions == pytest.approx(rod.tensions, rel=0.02 if order == 1 else 1e-3)
+    if order == 2:
+        assert state.bending_angles == pytest.approx(rod.bending_angles, abs=1e-3)
 
 
 def test_with_both_tendons_taut_the_first_order_shows_from_more_bodies_on():

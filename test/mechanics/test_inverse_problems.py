@@ -98,6 +98,15 @@ def test_from_another_shape_the_segments_that_stay_keep_their_bending(make):
     assert fit.bending == pytest.approx(wanted, abs=1e-5)
 
 
+def test_a_turned_arm_has_the_turned_bending():
+    one, other = (Statics(three_segments(
+        angle, gravity=(0.0, 0.0, 9.0), bodies_per_segment=3)) for angle in (0.0, 0.7))
+    turn, had = Rotation.from_euler('z', 0.7), set_shape(one, IN_SPACE)
+    about_z = turn.as_matrix()
+    fit = bending_for_tip(other, about_z @ had.tip, about_z @ had.rotations[-1] @ about_z.T)
+    assert fit.bending == pytest.approx(IN_SPACE @ about_z[:2, :2].T, abs=1e-4)
+
+
 @pytest.mark.parametrize('jam', [Jam(), Jam(5.0)], ids=['rigid', 'elastic'])
 def test_on_the_way_to_a_tip_only_the_segments_it_names_are_softened(jam):
     # An elastic segment gives way a little when another is bent; it is not set anew for that.

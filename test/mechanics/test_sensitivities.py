@@ -14,12 +14,12 @@ from soft_continuum.mechanics import Jam, Linearisation, MomentCurvature, SLACK,
 from support.differences import assert_are_differences, assert_is_difference, command
 from support.flat_arm import made_of
 from support.general_arms import arms, FEW, masks, paper_like, pulls
-from support.spatial_arms import random_state, stretching, three_segments
+from support.spatial_arms import in_space, random_state, stretching, three_segments
 
 SOFT_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.08, 0.15))
 STIFF_TABLE = Jam(law=MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.28, 0.65)))
 JAMS = st.sampled_from([Jam(), Jam(3.0), Jam(20.0), Jam(5.0, yield_moment=1e3)])
-JAM, ROPE = Jam(8.0), made_of(1e4, 0.3)
+JAM, ROPE, RUBS = Jam(8.0), made_of(1e4, 0.3), made_of(1e4, 0.3, 0.2)
 SEEDS = range(6)
 
 
@@ -68,24 +68,40 @@ def bent(jam=JAM, soft=(False, True, False), tendon=ROPE, pulls=(0.009, -0.004),
 
 
 STIFF = (False, False, False)
+BOTH_TAUT = {'pulls': (0.032, -0.006), 'soft': (True, False, True)}
+TAUT = {'both tendons taut': 2, 'friction, both taut': 2, 'vacuum': 2, 'all stiff by table': 2,
+        'slack tendons': 0}  # else one
 CASES = {
     'one soft': {},
     'all stiff and elastic': {'soft': STIFF},
     'a law by table': {'jam': STIFF_TABLE},
     'all stiff by table': {'jam': STIFF_TABLE, 'soft': STIFF},
     'the ratio of a table': {'jam': Jam(4.0), 'soft_law': SOFT_TABLE},
-    'both tendons taut': {'pulls': (0.009, -0.0035), 'soft': (True, False, True)},
-    'slack tendons': {'pulls': (-0.03, -0.03)},
+    'both tendons taut': BOTH_TAUT,
+    'slack tendons': {'pulls': (-0.1, -0.1)},
     'rigid rope': {'tendon': made_of()},
     'vacuum': {'vacuum': (0.1, 1.0, 0.5)},
-    'friction': {'tendon': ROPE | {'friction': 0.2}, 'sliding': (1, -1)},
-    'friction, paid out': {'tendon': made_of(friction=0.3), 'sliding': (-1, 1)},
+    'friction': {'tendon': RUBS, 'sliding': (1, -1)},
+    'friction, both taut': BOTH_TAUT | {'tendon': RUBS, 'sliding': (1, -1)},
+    'friction, left': {'tendon': RUBS, 'sliding': (0, 1), 'pulls': (-0.03, 0.009)},
+    'friction, right paid out': {'tendon': made_of(friction=0.3), 'sliding': (-1, 1),
+                                 'pulls': (0.06, SLACK)},
 }
 
 
-@pytest.mark.parametrize('case', CASES.values(), ids=CASES)
-def test_derivatives_of_a_planar_arm_that_was_stiffened_bent(case):
-    assert_are_differences(*bent(**case))
+@pytest.mark.parametrize('name', CASES)
+def test_derivatives_of_a_planar_arm_that_was_stiffened_bent(name):
+    case = bent(**CASES[name])
+    assert np.count_nonzero(case[1].tensions) == TAUT.get(name, 1)
+    assert_are_differences(*case)
+
+
+def test_derivatives_of_an_arm_in_space_whose_joints_are_hinges():
+    arm, soft = in_space(paper_like(2, JAM, gravity=9.80665, payload=0.05)), (False, True)
+    statics = Statics(arm)
+    state = statics.solve(statics.chain.straight(), (0.006, SLACK), soft)
+    assert not arm.planar and not arm.bending_axes[:, 0].any() and state.tensions[0] > 0.0
+    assert_are_differences(statics, state, soft)
 
 
 @pytest.mark.parametrize(('stretch', 'sliding'), [

@@ -6,6 +6,8 @@ from dataclasses import replace
 from itertools import permutations
 from math import cos, nan, sin
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
@@ -20,7 +22,7 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from support import paper_arm as paper
 from support.flat_arm import made_of
-from support.general_arms import paper_like
+from support.general_arms import arms, between, paper_like
 from support.spatial_arms import in_space, random_arm, three_segments
 
 ANY = (nan, nan)
@@ -186,6 +188,15 @@ def test_a_shape_is_set_in_any_order(make, order, jam):
     state = set_shape(statics, wanted, order=order)
     assert state.bending == pytest.approx(wanted, abs=1e-8)
     assert state.stiff == tuple(s != order[-1] for s in range(3))
+
+
+@settings(max_examples=8)
+@given(arms(), st.data())
+def test_a_random_planar_arm_is_set_in_any_order(arm, data):
+    statics, segments = Statics(arm), range(len(arm.segments))
+    wanted = [data.draw(between(-0.8, 0.8)) for _ in segments]
+    state = set_shape(statics, wanted, order=data.draw(st.permutations(segments)))
+    assert state.bending_angles == pytest.approx(wanted, abs=1e-9)
 
 
 def test_weightless_the_order_does_not_matter():

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What cannot be solved is refused, says why, and carries the last good state."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from math import inf, nan, pi, radians
 
@@ -57,7 +58,7 @@ PAIR = tendon_pair(0.02, 1)
         np.ones((3, 1)))),
     *(({'start': start}, 'the start must be one of .*Equilibrium') for start in (None, 0, 'a')),
     *(({'vacuum': vacuum}, 'vacuum must be one number from 0 to 1') for vacuum in (
-        (0.5,), (2.0, 0.0, 0.0), 'abc', (True,) * 3)),
+        (0.5,), (2.0, 0.0, 0.0), (-0.1, 1.0, 1.0), (np.nan, 1.0, 1.0), 0.5, 'abc', (True,) * 3)),
     *(({'sliding': sliding}, 'sliding must be 1, 0 or -1') for sliding in (
         (2, 0, 0), (1,), ('a', 0, 0), None, (True, False, True))),
     *(({'tensions': tensions}, 'tensions must be finite numbers of 0 N and more') for tensions in (
@@ -78,6 +79,16 @@ def test_what_is_no_command_is_refused_alike_in_plane_and_space(statics, given, 
         given = {'pulls': (0.0,) * tendons} | given
     with pytest.raises(ValueError, match=words):
         call(**{'start': statics.chain.straight(), 'soft': (True,) * 3} | given)
+
+
+@BOTH
+@pytest.mark.parametrize('wrong', [nan, inf])
+@pytest.mark.parametrize('tendon', [0, 1])
+def test_tensions_that_are_not_finite_are_refused(statics, wrong, tendon):
+    tensions = np.zeros(len(statics.compliance))
+    tensions[tendon] = wrong
+    with pytest.raises(ValueError, match='tensions must be finite numbers of 0 N and more'):
+        statics.solve_tensions(statics.chain.straight(), tensions, FIRST)
 
 
 @pytest.mark.parametrize('start', [None, 0, (0.0, 0.0)])
@@ -140,6 +151,12 @@ def test_a_start_state_of_as_many_joints_in_fewer_segments_is_refused(statics):
 def test_bending_a_segment_that_is_not_soft_is_refused(statics, segment):
     with pytest.raises(ValueError, match='segment'):
         statics.bend(statics.chain.straight(), segment, 0.1, FIRST)
+
+
+@pytest.mark.parametrize('soft', [True, (), (True,), (True,) * 4])
+def test_bending_with_a_mask_of_the_wrong_length_is_refused(statics, soft):
+    with pytest.raises(ValueError, match='each of the 3 segments'):
+        statics.bend(statics.chain.straight(), 0, 0.1, soft)
 
 
 @pytest.mark.parametrize('angle', [nan, inf, -inf, None, '1', 1j])
@@ -243,14 +260,14 @@ def test_the_error_names_the_pulls_that_were_asked_for_and_how_far_they_got(stat
         statics.solve(statics.chain.straight(), (0.2, SLACK), FIRST)
 
 
-@pytest.mark.parametrize('asked', [(0.03, SLACK), (0.075, 0.075)])
-def test_a_solve_leaves_the_start_as_it_was(statics, asked):
+@pytest.mark.parametrize(('asked', 'soft', 'outcome'), [
+    ((0.03, SLACK), ALL, nullcontext()),
+    ((0.075, 0.075), FIRST, pytest.raises(StaticsError))], ids=['solved', 'failed'])
+def test_a_solve_leaves_the_start_as_it_was(statics, asked, soft, outcome):
     state = statics.bend(statics.chain.straight(), 0, paper.ANGLE)
     before = [v.copy() for v in (state.joint_angles, state.tensions, state.pulls)]
-    try:
-        statics.solve(state, asked, ALL)
-    except StaticsError:
-        assert asked[1] > SLACK
+    with outcome:
+        statics.solve(state, asked, soft)
     for was, now in zip(before, (state.joint_angles, state.tensions, state.pulls), strict=True):
         assert np.array_equal(now, was)
 

@@ -141,6 +141,7 @@ def test_arms_with_tables_are_in_balance(first, second, law, jam):
     state = statics.solve(state, (SLACK, second), (True, False))
     arm = Reference(statics.chain.arm, state.stiff, state.held)
     assert arm.unbalanced(state.joint_angles, state.tensions) < 1e-9
+    assert arm.stable(state.joint_angles, state.tensions)
     limit = jam.yield_moment * (1 + 1e-9)
     assert np.abs(arm.jam_moments(state.joint_angles)).max() <= limit
 

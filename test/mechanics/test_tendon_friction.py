@@ -139,6 +139,17 @@ def test_an_arm_with_friction_is_in_balance_and_stays_so(arm, data, sliding):
         assert other.tensions == pytest.approx(state.tensions, abs=1e-7)
 
 
+@pytest.mark.parametrize('gravity', [0.0, 9.80665])
+def test_both_tendons_taut_with_friction_are_in_balance(gravity):
+    statics, sliding = rough(3, 0.2, 2e3, gravity=gravity, mounting_angle=2.5), (1, -1)
+    state = statics.solve(statics.chain.straight(), (0.03, -0.02), (True,) * 3, sliding=sliding)
+    assert np.all(state.tensions > 0.0)
+    turned = wrapped(statics.chain.arm, state.joint_angles)
+    ratios = np.exp(-0.2 * np.array(sliding)[:, None] * turned)
+    reference = Reference(statics.chain.arm)
+    assert reference.unbalanced(state.joint_angles, state.tensions, ratios) < 1e-9
+
+
 def test_six_segments_that_turn_the_tip_past_180_degrees_share_the_pull_evenly():
     # The heading of a tendon jumps from 180 to -180 degrees there; its turn does not.
     statics = rough(6, 0.1)
