@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.rigid import displacement
 from soft_continuum.sensing.ring_camera import RingCamera
-from soft_continuum.sensing.ring_layout import at_rest, RingLayout
+from soft_continuum.sensing.ring_layout import corners_at_rest, RingLayout
 from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 
@@ -33,7 +33,7 @@ class RingSight:
         for k, (camera, drawn) in enumerate(zip(self._cameras, self._drawn, strict=True)):
             corners = [camera.measure(drawn.picture(straight)).corners
                        for _ in range(TARE_PICTURES)]
-            self._cameras[k] = RingCamera(layout, drawn.lens, at_rest(corners))
+            self._cameras[k] = RingCamera(layout, drawn.lens, corners_at_rest(corners))
 
     def discs(self, truth: Array) -> dict[int, Seen]:
         """Return the discs that are seen; truth: (discs, 7)."""

@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 import numpy as np
 from PIL import Image
 
-from soft_continuum.analysis.figures import draw_arm
 from soft_continuum.client import Arm
 from soft_continuum.mechanics import Chain
+from soft_continuum.mechanics.drawing import draw_arm
 
 PERIOD = 0.3  # s between two frames
 FASTER = 2

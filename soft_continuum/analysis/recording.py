@@ -221,8 +221,9 @@ def _numbers(path: Path, *allowed: tuple[str, ...]) -> tuple[tuple[str, ...], Ar
     numbers = [[_number(path, line, text, counts=counted and column == 1, gap=column > 0)
                 for column, text in enumerate(row)] for line, row in rows]
     values = np.array(numbers, dtype=float).reshape(len(rows), len(header))
-    for back in np.flatnonzero(np.diff(values[:, 0]) < 0.0):
-        raise MeasurementError(f'{path}: line {rows[back + 1][0]}: the time steps back; put '
+    back = np.flatnonzero(np.diff(values[:, 0]) < 0.0)
+    if back.size:
+        raise MeasurementError(f'{path}: line {rows[back[0] + 1][0]}: the time steps back; put '
                                'the lines in order')
     return header, values
 

@@ -9,16 +9,11 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.analysis.figures import (
-    DPI,
-    draw_arm,
-    draw_obstacles,
-    new_figure,
-    projection_of,
-    SOFT,
-)
+from soft_continuum.analysis.figures import DPI, new_figure
 from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.drawing import draw_arm, projection_of, SOFT
 from soft_continuum.obstacles import Obstacle
+from soft_continuum.obstacles.drawing import draw_obstacles
 from soft_continuum.sequencing.plans import WHOLE_ARM
 from soft_continuum.sequencing.reach import Reach
 

@@ -108,9 +108,9 @@ class AnomalyDetector:
                 for segment, (was, now) in enumerate(
                         zip(last.stiff, commands.stiff, strict=True)):
                     if was and not now:
-                        self._others += _others(Cause.NOT_SOFT, segment, self._reference)
+                        self._others += _hypotheses(Cause.NOT_SOFT, segment, self._reference)
                     if now and not was:
-                        self._others += _others(Cause.NOT_STIFF, segment, self._reference)
+                        self._others += _hypotheses(Cause.NOT_STIFF, segment, self._reference)
                         self._stiffened = last, self._reference.copy()
                 # Of each the newest: without measurements they are never taken back.
                 self._others = list({
@@ -202,7 +202,7 @@ class AnomalyDetector:
         self._others = [one for one in self._others
                         if one.cause is Cause.NOT_SOFT and not self._moved]
         for segment in np.flatnonzero(estimator.state.stiff).tolist():
-            self._others += _others(Cause.NOT_STIFF, segment, estimator)
+            self._others += _hypotheses(Cause.NOT_STIFF, segment, estimator)
         assert self._last is not None
         for one in self._others:
             one.note(self._last)
@@ -305,7 +305,7 @@ class _Other:
         return True
 
 
-def _others(cause: Cause, segment: int, estimator: Estimator) -> list[_Other]:
+def _hypotheses(cause: Cause, segment: int, estimator: Estimator) -> list[_Other]:
     """Return what a segment would be that did not become soft, or a stiff one that leaks."""
     return [_Other(cause, segment, left, estimator.copy())
             for left in (LEAKS if cause is Cause.NOT_STIFF else (1.0,))]

@@ -168,7 +168,7 @@ class Equilibrium:
         """
         from matplotlib import pyplot
 
-        from soft_continuum.analysis.figures import draw_arm
+        from soft_continuum.mechanics.drawing import draw_arm
         axes = axes or pyplot.gca()
         draw_arm(axes, self, [s for s, stiff in enumerate(self.stiff) if not stiff])
         axes.set_ylabel('z in mm')

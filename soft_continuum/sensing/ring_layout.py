@@ -151,15 +151,15 @@ class RingLayout(Layout):
         if any(values['tags.offsets']):
             raise ParameterError('parameter tags.offsets is of planar arms; of a spatial one keep '
                                  'tags.reference_corners, which a tare answers: tare again')
-        return from_numbers(values['tags.reference_corners'])
+        return corners_from_numbers(values['tags.reference_corners'])
 
     def tared(self, stuck: Corners, seen: 'Sequence[TagDetections]'
               ) -> tuple[list[int], Corners, str]:
         """Return it of the tags that are seen in more than half of the pictures."""
-        corners = at_rest([sight.corners for sight in seen])
+        corners = corners_at_rest([sight.corners for sight in seen])
         discs = [n for n in range(len(self.heights)) if not corners.keys().isdisjoint(
             self.numbers(n))]
-        return discs, corners, f'reference_corners: {as_yaml(as_numbers(corners), 7)}'
+        return discs, corners, f'reference_corners: {as_yaml(corners_as_numbers(corners), 7)}'
 
     def camera(self, lens: Lens, stuck: Corners) -> 'DiscCamera':
         """Return a RingCamera."""
@@ -201,7 +201,7 @@ def _upright(direction: float) -> Array:
 
 # What a camera saw of the tags around the straight arm, as a parameter keeps it.
 
-def at_rest(seen: Sequence[Corners]) -> dict[int, Array]:
+def corners_at_rest(seen: Sequence[Corners]) -> dict[int, Array]:
     """
     Return the mean corners of the tags that are in more than half of some pictures.
 
@@ -221,13 +221,13 @@ def at_rest(seen: Sequence[Corners]) -> dict[int, Array]:
     return {n: places.mean(axis=0) for n, places in often.items()}
 
 
-def as_numbers(corners: Corners) -> tuple[float, ...]:
+def corners_as_numbers(corners: Corners) -> tuple[float, ...]:
     """Return corners as parameter tags.reference_corners has them."""
     return tuple(float(value) for n, places in sorted(corners.items())
                  for value in (n, *places.ravel()))
 
 
-def from_numbers(numbers: Sequence[float]) -> dict[int, Array]:
+def corners_from_numbers(numbers: Sequence[float]) -> dict[int, Array]:
     """Return the corners that parameter tags.reference_corners has; raises ParameterError."""
     if tuple(numbers) == (0.0,):
         return {}

@@ -102,7 +102,11 @@ class Results:
         return found
 
     def join(self) -> list[Path]:
-        """Write all rows, sorted by design and number, a file for each kind; return the paths."""
+        """
+        Write all rows, sorted by design and number, a file for each kind; return the paths.
+
+        Some of each kind must have been computed.
+        """
         import pyarrow as pa
         import pyarrow.parquet as pq
         joined = []
@@ -126,10 +130,10 @@ def cluster(processes: int, address: str = '') -> Iterator[Any]:
 
     Raises StudyError when nothing is there, or its workers have another version of this package.
     """
-    import dask
     distributed = _dask()
+    import dask
 
-    class Deaf(_dask().WorkerPlugin):  # type: ignore[misc]
+    class Deaf(distributed.WorkerPlugin):  # type: ignore[misc,name-defined]
         """Workers of a terminal leave Ctrl-C to the process that started them."""
 
         name = 'deaf to interrupts'
@@ -209,5 +213,5 @@ def run(client: Any, results: Results, todo: Sequence[Unit]) -> Iterator[tuple[U
             continue
         results.keep(unit, rows)
         yield unit, took
-        for following in islice(left, 1):
+        if following := next(left, None):
             submit(following)

@@ -28,8 +28,9 @@ WHITE, BLACK, BOARD, SKIN, PLATE = 225.0, 25.0, 150.0, 70.0, 215.0  # grey value
 DARK = 60.0  # grey value of obstacles and occluders
 SAMPLES = 3  # by SAMPLES of each pixel
 SUNK = 0.5  # of the brightness that the darkest corner keeps at light 1
-LENGTHS, WIDTHS = (200.0, 320.0), (50.0, 90.0)  # px, of occluders; a tag of a disc has about 34
-PERIODS = (30.0, 90.0)  # s to and fro
+OCCLUDER_LENGTHS, OCCLUDER_WIDTHS = (200.0, 320.0), (50.0, 90.0)
+"""px; a tag of a disc has about 34."""
+OCCLUDER_PERIODS = (30.0, 90.0)  # s to and fro
 
 
 class Webcam(ABC):
@@ -127,13 +128,14 @@ class Occluders:
         """Draw their sizes and ways."""
         random = np.random.default_rng([seed, 2])
         self._half_size = np.array([WIDTH, HEIGHT]) / 2.0
-        length, width = (random.uniform(*sizes, count) / 2.0 for sizes in (LENGTHS, WIDTHS))
+        length, width = (random.uniform(*sizes, count) / 2.0 for sizes in (
+            OCCLUDER_LENGTHS, OCCLUDER_WIDTHS))
         angle = random.uniform(0.0, np.pi, count)
         along = length[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         across = width[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         self._corners = np.stack(
             [along + across, along - across, -along - across, across - along], axis=1)
-        self._rates = 2.0 * np.pi / random.uniform(*PERIODS, (count, 2))
+        self._rates = 2.0 * np.pi / random.uniform(*OCCLUDER_PERIODS, (count, 2))
         self._phases = random.uniform(0.0, 2.0 * np.pi, (count, 2))
 
     def corners(self, time: float) -> Array:

@@ -11,7 +11,11 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, TagGroup
 from soft_continuum.sensing.ring_camera import RingCamera
-from soft_continuum.sensing.ring_layout import as_numbers, at_rest, from_numbers
+from soft_continuum.sensing.ring_layout import (
+    corners_as_numbers,
+    corners_at_rest,
+    corners_from_numbers,
+)
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.twin.ring_camera import FRONT
 from support import space_views as views
@@ -253,7 +257,8 @@ def tared(drawn, pictures=2):
     """Return what measures, after it has seen the straight arm."""
     before = RingCamera(views.layout(), drawn.lens)
     seen = [before.measure(drawn.picture(STRAIGHT)).corners for _ in range(pictures)]
-    return RingCamera(views.layout(), drawn.lens, from_numbers(as_numbers(at_rest(seen))))
+    return RingCamera(views.layout(), drawn.lens,
+                      corners_from_numbers(corners_as_numbers(corners_at_rest(seen))))
 
 
 def test_a_tare_corrects_the_camera_and_how_tags_are_stuck():
@@ -279,9 +284,9 @@ def test_an_arm_that_bends_or_moves_is_not_tared(ideal):
     with pytest.raises(SensorError, match='is the arm straight, does tags.fixed_poses fit'):
         RingCamera(views.layout(), drawn.lens, leans)
     with pytest.raises(SensorError, match='wait until the arm rests'):
-        at_rest([straight] * 3 + [leans] * 3)
+        corners_at_rest([straight] * 3 + [leans] * 3)
     with pytest.raises(SensorError, match='no tags are seen'):
         RingCamera(views.layout(), drawn.lens, {3: straight[4]})
     with pytest.raises(ParameterError, match='tags.reference_corners has 8 numbers'):
-        from_numbers((1.0,) * 8)
-    assert from_numbers((0.0,)) == {}
+        corners_from_numbers((1.0,) * 8)
+    assert corners_from_numbers((0.0,)) == {}
