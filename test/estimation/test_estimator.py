@@ -14,6 +14,7 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from support import spatial_truth
 from support.planar import IN_PLANE
 from support.true_arm import (
     ARM,
@@ -72,6 +73,22 @@ def test_it_was_measured_when_the_disc_was_that_has_not_been_for_longest():
     session.measure(discs=(1, 3))  # which is done without disc 2 by now
     assert session.estimator.measured == session.time
     assert session.estimator.hidden(session.time - 1.0) == []
+
+
+@pytest.mark.parametrize('shift', [(0.01, -0.006, 0.035), (0.0, 0.004, 0.0)])
+def test_what_is_not_trusted_changes_nothing(shift):
+    session, bumped = Session(TrueArm(), discs=(0, 1, 2, 3)), np.tile(shift, (4, 1))
+    session.look(5)
+    last = session.time
+    for _ in range(20):
+        session.wait(PERIOD)
+        before = remembered(session.estimator)
+        seen = session.truth.seen(session.rng, bumped, discs=(0, 1, 2, 3))
+        assert not session.estimator.measure(session.time, seen, trusted=False).used
+        assert unchanged(session.estimator, before)
+    assert session.estimator.measured == last
+    session.look(1)
+    assert session.estimator.measured == session.time
 
 
 # Without measurements.
@@ -259,9 +276,20 @@ def bent(**truth):
     return session
 
 
-def test_outliers_that_good_measurements_interrupt_change_nothing():
-    session, bias = bent(), np.zeros((4, 3))
-    bias[2] = 0.03, 0.0, 0.2
+def bent_in_space():
+    session = Session(spatial_truth.SpatialTruth(offsets=(6e-4, -6e-4, 0.0), bodies=4),
+                      spatial_truth.ARM, own=0.0)
+    session.switch(only(1), look=0)
+    session.move((0.0039, 0.0033, -0.0084), steps=2, look=0)
+    session.look(3)
+    return session
+
+
+@pytest.mark.parametrize(('bent', 'wrong'), [
+    (bent, (0.03, 0.0, 0.2)), (bent_in_space, (0.0, 0.03, 0.0, 0.0, 0.0, 0.3))])
+def test_outliers_that_good_measurements_interrupt_change_nothing(bent, wrong):
+    session, bias = bent(), np.zeros((4, len(wrong)))
+    bias[2] = wrong
     for _ in range(3):
         for _ in range(max(1, PERSISTENT - 1)):
             before = remembered(session.estimator)

@@ -14,6 +14,7 @@ from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum.sequencing.settings import ABORT, GO_ON, PAUSE
 from support.measured_rig import LOOP, MeasuredRig, REACHED, SHAPE
 from support.virtual_rig import (
+    ARM,
     asked_to_soften,
     at_rest_and_stiff,
     one_soft_at_most_and_none_moved_stiff,
@@ -62,6 +63,15 @@ def test_at_most_three_corrections_are_made_of_a_segment(corrected):
     assert 1 <= max(made) <= LOOP.max_corrections
     assert 1 <= corrected.runner.outcome.corrections <= 2 * LOOP.max_corrections
     assert asked_to_soften(corrected) == [0, 1]  # nothing is worth a second pass
+
+
+def test_three_segments_of_the_papers_arm_are_each_set_once():
+    rig = MeasuredRig((Shape('bow', tuple(np.radians([25.0, -20.0, 30.0])), 0.2),),
+                      arm=replace(ARM, bodies_per_segment=4))
+    assert rig.run(one_soft_at_most_and_none_moved_stiff).code is Code.SUCCESSFUL
+    assert rig.error < REACHED
+    assert asked_to_soften(rig) == [0, 1, 2]
+    assert 1 <= max(p.correction for p in rig.progress) <= LOOP.max_corrections
 
 
 def test_progress_says_how_far_the_shape_is_from_its_aim(corrected):
