@@ -211,6 +211,18 @@ def test_a_force_on_the_arm_is_a_load(either):
     assert either.named[0].size == pytest.approx(np.linalg.norm(force), rel=0.4)
 
 
+def test_a_larger_load_in_space_is_named():
+    rig = copied(made('in space', False))
+    rig.soft = only(SEGMENT)
+    rig.run(2.0)
+    rig.run(1.2, np.array([7.2e-3, -2.2e-3, -6.3e-3]))
+    rig.run(2.4)
+    rig.push((0.2, -0.9, 0.0))
+    rig.run(3.0)
+    assert rig.causes == [Cause.LOAD]
+    assert rig.named[0].size == pytest.approx(np.hypot(0.2, 0.9), rel=0.4)
+
+
 def test_a_load_that_takes_a_tendon_its_tension_is_a_load(rig):
     rig.bend(0.5, segment=2)
     carries = rig.carrier
