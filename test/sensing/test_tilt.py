@@ -7,6 +7,7 @@ from math import degrees, pi, radians
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.sensing.mounted_imus import imu_rotations
@@ -102,13 +103,16 @@ def test_without_gravity_there_is_no_tilt():
         UpFilter(ImuSettings(0.0), PLANAR_AXES[3:])
 
 
-@pytest.mark.parametrize('axes', [PLANAR_AXES, SPATIAL_AXES], ids=['in the plane', 'in space'])
+@pytest.mark.parametrize(('axes', 'about'), [(PLANAR_AXES, 0.0), (SPATIAL_AXES, 0.7)],
+                         ids=['in the plane', 'in space'])  # whose motion is of x and y
 @pytest.mark.parametrize('scale', [-1.0, 57.3])
-def test_a_gyroscope_that_turns_the_other_way_or_in_degrees_is_noticed(scale, axes):
+def test_a_gyroscope_that_turns_the_other_way_or_in_degrees_is_noticed(scale, axes, about):
     rng = np.random.default_rng(3)
     times = np.arange(3000) / 100.0
     record = imus.record(rng, imus.steps(times, rng, duration=2.5), errors=QUIET)
-    record.rates[:] *= scale
+    turn = Rotation.from_euler('z', about)
+    record = replace(record, accelerations=turn.apply(record.accelerations),
+                     rates=scale * turn.apply(record.rates))
     found = hinge(axes)
     with pytest.raises(SensorError, match='disagree'):
         for sample in samples(record):
