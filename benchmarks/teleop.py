@@ -27,7 +27,7 @@ REPEAT = 0.05  # s between two messages of a joystick, and between two targets
 MOVED = 1e-6  # m of pull
 START, LATE = 60.0, 2.0  # s
 SPEED = 0.3  # rad/s, of teleop
-SEGMENT, DEAD_MAN, SOFTEN, NEXT = 2, 4, 0, 5
+SEGMENT, ENABLE, SOFTEN, NEXT = 2, 4, 0, 5
 
 
 class Probe(Node):
@@ -137,14 +137,14 @@ def _measure(probe: Probe, count: int) -> tuple[list[float], list[float]]:
     probe.show()
     _say(probe, 'a servo', lambda: bool(probe.count_subscribers('servo/target_bending')))
     probe.until(lambda: False, LATE)
-    probe.show(DEAD_MAN)
+    probe.show(ENABLE)
     _say(probe, 'ready', lambda: 'ready' in probe.state.message and probe.state.enabled)
     by_stick, direct = [], []
     for n in range(count):
         sign = 1.0 if n % 2 else -1.0
-        probe.show(DEAD_MAN)
+        probe.show(ENABLE)
         by_stick.append(probe.latency(
-            partial(probe.show, DEAD_MAN, x=sign), probe.show))
+            partial(probe.show, ENABLE, x=sign), probe.show))
         direct.append(probe.latency(
             partial(probe.target, 0.1 * sign, -sign * SPEED), partial(probe.target, None)))
         probe.until(lambda: False, 0.6)  # servo.target_timeout

@@ -20,7 +20,7 @@ from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import EXACT
 from soft_continuum.ros.names import KINEMATICS, SERVO, SHAPE_SEQUENCER, TELEOP
-from soft_continuum.teleop.dead_man import MOVE, RELEASE
+from soft_continuum.teleop.enable_button import MOVE, RELEASE
 from soft_continuum.teleop.keyboard import Keyboard
 from soft_continuum.teleop.pad import Controls, Pad
 from soft_continuum.text import printable

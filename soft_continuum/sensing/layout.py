@@ -29,7 +29,7 @@ FIRST_FIXED = 100
 MIN_FIXED = 4
 MIN_HEIGHT = 0.1
 """Of the size of the board: how far each of four fixed tags is off the line of two others."""
-QUIET = 1 / MODULES
+QUIET_ZONE = 1 / MODULES
 """Of a tag's size: the white margin that it needs on every side, one of its modules."""
 CORNERS = np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]) / 2.0
 """Of a tag of size 1, to the right and up: in the order in which they are detected."""

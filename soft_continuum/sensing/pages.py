@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.layout import QUIET
+from soft_continuum.sensing.layout import QUIET_ZONE
 from soft_continuum.sensing.lens_calibration import board, COLUMNS, ROWS, SQUARE
 from soft_continuum.sensing.pictures import MODULES, white_modules
 
@@ -21,7 +21,7 @@ BORDER = 0.015  # m that printers leave white
 GAP = 0.010  # m between two tags on a page
 RULER = 0.100  # m
 FLAP = 0.008  # m at the end of a strip
-MAX_SIZE = (A4[0] - 2.0 * BORDER - GAP) / (1.0 + 2.0 * QUIET)  # m, of a tag
+MAX_SIZE = (A4[0] - 2.0 * BORDER - GAP) / (1.0 + 2.0 * QUIET_ZONE)  # m, of a tag
 
 
 class Page(Figure):
@@ -48,7 +48,7 @@ class Page(Figure):
     def tag(self, number: int, x: float, y: float, size: float, label: str) -> None:
         """Draw a tag about (x, y), m, with a frame to cut along and crosses at its middle."""
         self._modules(white_modules(number), x, y, size)
-        frame = size * (1.0 + 2.0 * QUIET)
+        frame = size * (1.0 + 2.0 * QUIET_ZONE)
         self.axes_.add_patch(Rectangle((x - frame / 2.0, y - frame / 2.0), frame, frame,
                                        fill=False, edgecolor='0.6', lw=0.3))
         for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
@@ -64,7 +64,7 @@ class Page(Figure):
 
         Up of the tags is to the left.  Between them are lines to fold, at the end is a flap.
         """
-        face = size * (1.0 + 2.0 * QUIET)
+        face = size * (1.0 + 2.0 * QUIET_ZONE)
         for k, (number, label) in enumerate(zip(numbers, labels, strict=True)):
             self._modules(np.rot90(white_modules(number)), x, y + (k + 0.5) * face, size)
             self.axes_.plot([x - face / 2.0, x + face / 2.0], [y + (k + 1) * face] * 2, '--',
@@ -92,7 +92,7 @@ class Page(Figure):
 def tag_pages(title: str, numbers: Sequence[int], size: float, labels: Sequence[str]
            ) -> list[Page]:
     """Return as many pages as these tags need."""
-    frame = size * (1.0 + 2.0 * QUIET) + GAP
+    frame = size * (1.0 + 2.0 * QUIET_ZONE) + GAP
     if frame > A4[0] - 2.0 * BORDER:
         raise ParameterError(f'a tag of {size * 1e3:g} mm does not fit on A4; tags.disc_size and '
                              f'tags.fixed_size: {MAX_SIZE * 1e3:.0f} mm at most, to print them')

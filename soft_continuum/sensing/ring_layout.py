@@ -15,7 +15,14 @@ from soft_continuum.mechanics.chain import Chain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
-from soft_continuum.sensing.layout import CORNERS, FIRST_FIXED, Layout, of_arm, QUIET, TagLayout
+from soft_continuum.sensing.layout import (
+    CORNERS,
+    FIRST_FIXED,
+    Layout,
+    of_arm,
+    QUIET_ZONE,
+    TagLayout,
+)
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, FAMILY_SIZE
 from soft_continuum.sensing.tilt import SensorError
@@ -112,7 +119,7 @@ class RingLayout(Layout):
     @property
     def face(self) -> float:
         """Width of a face of a ring: a tag with its white margin on both sides, m."""
-        return self.disc_size * (1.0 + 2.0 * QUIET)
+        return self.disc_size * (1.0 + 2.0 * QUIET_ZONE)
 
     @property
     def radius(self) -> float:

@@ -41,7 +41,7 @@ class Keyboard:
         self._speed = 3
         self._last = '', -inf  # key of the stick, and when it was told last
         self._button = '', -inf
-        self._gripped = False  # the dead-man button was told to be held
+        self._gripped = False  # the enable button was told to be held
 
     @property
     def speed(self) -> float:

@@ -15,7 +15,7 @@ from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
 from soft_continuum.ros.names import TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
-from soft_continuum.teleop.dead_man import DeadMan
+from soft_continuum.teleop.enable_button import EnableButton
 from soft_continuum.teleop.pad import (
     EMERGENCY_STOP,
     MODE,
@@ -40,7 +40,7 @@ NO_DEVICE = ('no joystick: nothing received on joy; start joy_node, or `soft_con
 
 class Teleop(Node):
     """
-    Steers one segment by a joystick while its dead-man button is held.
+    Steers one segment by a joystick while its enable button is held.
 
     Subscribes to joy (sensor_msgs/Joy), and to what a client of the arm needs.  Publishes targets
     of the servo, emergency_stop (std_msgs/Bool), ~/state (TeleopState, latched), ~/status and
@@ -56,7 +56,7 @@ class Teleop(Node):
         self.status = Status(self, 'joystick')
         self._states = StatePublisher(self, TeleopState)
         self._conflicts = Conflicts(self, 0, self.parameters)
-        self._dead_man = DeadMan(self.parameters['teleop.timeout'],
+        self._enable_button = EnableButton(self.parameters['teleop.timeout'],
                                  self.parameters['teleop.unchanged_timeout'])
         self._arm = SteeredArm(self, self.parameters)
         self._device_problem = ''  # why nobody can steer: two devices, or two of this node
@@ -76,13 +76,13 @@ class Teleop(Node):
     def quit(self) -> None:
         """Let the arm come to rest before the process ends."""
         self._arm.release()
-        self._dead_man.lose('the node ended')
+        self._enable_button.lose('the node ended')
         self._report()
 
     def callback_failed(self, error: Exception) -> None:
         """Let the arm come to rest, and report what a callback raised."""
         self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
-        self._dead_man.lose('teleop failed')
+        self._enable_button.lose('teleop failed')
         self._arm.release()
 
     def _on_joy(self, message: Joy) -> None:
@@ -90,11 +90,11 @@ class Teleop(Node):
         try:
             controls = self._pad.read(message.axes, message.buttons)
         except PadError as error:
-            self._dead_man.lose(str(error))
+            self._enable_button.lose(str(error))
             self._pressed = None
         else:
             seconds = stamp.sec + 1e-9 * stamp.nanosec
-            self._dead_man.receive(controls, now, seconds or None)
+            self._enable_button.receive(controls, now, seconds or None)
             before, self._pressed = self._pressed, controls.pressed
             if before is not None:  # else it may have been pressed long ago
                 self._press(controls.pressed - before)
@@ -104,13 +104,13 @@ class Teleop(Node):
         self._report()
 
     def _press(self, pressed: frozenset[str]) -> None:
-        """Do what buttons ask for; while the dead-man button is held, only the emergency stop."""
+        """Do what buttons ask for; while the enable button is held, only the emergency stop."""
         if EMERGENCY_STOP in pressed:
             self._arm.stop_all()
         for name, action in self._actions.items():
             if name in pressed and not self._device_problem:  # two would seem to press by turns
-                if self._dead_man.held:
-                    self._arm.note = 'release the dead-man button first'
+                if self._enable_button.held:
+                    self._arm.note = 'release the enable button first'
                 else:
                     action()
 
@@ -119,21 +119,21 @@ class Teleop(Node):
         self._device_problem = self._find_device_problem()
         self._arm.choose()
         self._arm.keep_stopped()
-        if not self._dead_man.connected(now):
+        if not self._enable_button.connected(now):
             self._pressed = None
         self._steer(now)
         self._report()
 
     def _steer(self, now: float) -> None:
-        stick, arm = self._dead_man.stick(now), self._arm
+        stick, arm = self._enable_button.stick(now), self._arm
         interruption = arm.interruption()
-        if not self._dead_man.connected(now):
+        if not self._enable_button.connected(now):
             arm.release()
         elif stick is None:
             arm.rest()
         elif problem := self._device_problem or arm.problem() or interruption:
             arm.rest()
-            self._dead_man.end(problem)  # when it is gone, nothing moves by itself
+            self._enable_button.end(problem)  # when it is gone, nothing moves by itself
         else:
             arm.move(stick)
 
@@ -149,10 +149,10 @@ class Teleop(Node):
 
     def _report(self) -> None:
         now, arm = STEADY(), self._arm
-        connected, enabled = self._dead_man.connected(now), self._dead_man.held
+        connected, enabled = self._enable_button.connected(now), self._enable_button.held
         what = f'segment {arm.segment}' if arm.mode == BENDING else (
             f'the tip with segment {arm.segment}')
-        wrong = self._device_problem or self._dead_man.problem or (
+        wrong = self._device_problem or self._enable_button.problem or (
             '' if connected else NO_DEVICE) or (arm.problem() if arm.stopped else '')
         text = wrong or arm.doing or arm.note or arm.problem() or (
             f'ready to move {what}' if not arm.moving else

@@ -36,7 +36,7 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
-from soft_continuum.teleop.dead_man import MOVE
+from soft_continuum.teleop.enable_button import MOVE
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
 

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.sensing.layout import QUIET
+from soft_continuum.sensing.layout import QUIET_ZONE
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, MODULES, Picture
 from soft_continuum.twin.model_errors import ModelErrors
@@ -176,4 +176,4 @@ def printed(flat: Array, modules: NDArray[np.bool_], old: Array) -> Array:
     column, row = (np.clip((part * MODULES).astype(int), 0, MODULES - 1)
                    for part in (flat[..., 0] + 0.5, 0.5 - flat[..., 1]))
     ink = np.where(modules[row, column], WHITE, BLACK)
-    return np.where(reach <= 0.5, ink, np.where(reach <= 0.5 + QUIET, WHITE, old))
+    return np.where(reach <= 0.5, ink, np.where(reach <= 0.5 + QUIET_ZONE, WHITE, old))

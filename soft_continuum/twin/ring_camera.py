@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.sensing.layout import QUIET
+from soft_continuum.sensing.layout import QUIET_ZONE
 from soft_continuum.sensing.pictures import Array, white_modules
 from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.twin.model_errors import ModelErrors
@@ -202,14 +202,14 @@ class RingTwinCamera(Webcam):
             right, up = corners[1] - corners[0], corners[3] - corners[0]
             places = depth[:, None] * rays - corners.mean(axis=0)
             flat = np.stack([places @ side / (side @ side) for side in (right, up)],
-                            axis=-1) * (1.0 + 2.0 * QUIET)
+                            axis=-1) * (1.0 + 2.0 * QUIET_ZONE)
             fine[seen] = printed(flat, piece.modules, np.zeros(len(flat))) * bright
         nearest[seen] = depth
 
 
 def _face(centre: Sequence[float] | Array, direction: float, size: float) -> Array:
     """Return the corners of an upright tag with its margin, counterclockwise from lower left."""
-    half = size * (0.5 + QUIET)
+    half = size * (0.5 + QUIET_ZONE)
     right = half * np.array([-sin(direction), cos(direction), 0.0])
     up = np.array([0.0, 0.0, half])
     corners: Array = np.asarray(centre) + np.array(

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.sensing.layout import CORNERS, QUIET, TagLayout
+from soft_continuum.sensing.layout import CORNERS, QUIET_ZONE, TagLayout
 from soft_continuum.sensing.pictures import Array, white_modules
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.model_errors import ModelErrors
@@ -122,7 +122,7 @@ class TagTwinCamera(Webcam):
         """Draw a disc as a light plate with its tag."""
         layout = self._layout
         height, size = layout.disc_heights[n], layout.disc_size
-        width = max(height, size * (1.0 + 4.0 * QUIET))
+        width = max(height, size * (1.0 + 4.0 * QUIET_ZONE))
         right, up = _directions(pose[2])
         middle = pose[:2] + up * height / 2.0
         reach = np.hypot(width, height) / 2.0

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The node teleop moves the arm while the dead-man button of a joystick is held, no longer."""
+"""The node teleop moves the arm while the enable button of a joystick is held, no longer."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -69,7 +69,7 @@ def test_it_rests_when_the_joystick_is_unplugged_and_goes_on_only_when_pressed_a
     joystick.wait_for('nothing received', connected=False, enabled=False)
     joystick.assert_rests()
     joystick.plug()
-    joystick.wait_for('release the dead-man button', connected=True, enabled=True)
+    joystick.wait_for('release the enable button', connected=True, enabled=True)
     joystick.assert_rests()
     joystick.show()
     joystick.wait_for('ready', enabled=False)
@@ -149,7 +149,7 @@ def test_a_stop_by_others_ends_it_and_a_resume_does_not_move_it(joystick: Joysti
     rig.trigger('tendon_actuation/stop')
     joystick.wait_for('motion is stopped')
     rig.trigger('tendon_actuation/resume')
-    joystick.wait_for('release the dead-man button')
+    joystick.wait_for('release the enable button')
     joystick.assert_rests()
 
 
@@ -159,7 +159,7 @@ def test_only_one_segment_is_soft_at_a_time_and_none_is_switched_while_it_is_hel
     joystick.show(LB)
     joystick.wait_for('', enabled=True)
     joystick.show(LB, RB)
-    joystick.wait_for('release the dead-man button first', segment=2)
+    joystick.wait_for('release the enable button first', segment=2)
     joystick.show()
     joystick.press(RB, 'segment 3 is not soft', segment=3)
     soft = rig.record(Bool, 'segment_3/stiff', LATCHED)

@@ -8,7 +8,7 @@ from pathlib import Path
 import time
 from typing import Any
 
-from soft_continuum.teleop.dead_man import MOVE
+from soft_continuum.teleop.enable_button import MOVE
 from soft_continuum_interfaces.msg import TeleopState
 from support.command import Terminal
 from support.ros_rig import DEADLINE, LATCHED, Rig

@@ -6,7 +6,7 @@
 import pytest
 
 from soft_continuum.cli.teleop import HELP, in_keys, screen_lines
-from soft_continuum.teleop.dead_man import DeadMan, RELEASE
+from soft_continuum.teleop.enable_button import EnableButton, RELEASE
 from soft_continuum.teleop.keyboard import Keyboard
 
 
@@ -15,15 +15,15 @@ class Typist:
 
     def __init__(self):
         self.keyboard, self.now = Keyboard(), 0.0
-        self.dead_man = DeadMan(timeout=0.25, unchanged_timeout=5.0)
+        self.enable_button = EnableButton(timeout=0.25, unchanged_timeout=5.0)
 
     def wait(self, seconds):
         """Return for how long the arm may move meanwhile, s."""
         moved, end = 0.0, self.now + seconds
         while self.now < end:
             self.now += 0.02
-            self.dead_man.receive(self.keyboard.controls(self.now), self.now)
-            moved += 0.02 * any(self.dead_man.stick(self.now) or ())
+            self.enable_button.receive(self.keyboard.controls(self.now), self.now)
+            moved += 0.02 * any(self.enable_button.stick(self.now) or ())
         return moved
 
     def hold(self, key, seconds, repeats=30.0):
@@ -67,7 +67,7 @@ def test_the_other_direction_goes_the_other_way_and_slower(typist):
     assert keyboard.controls(typist.now).stick == (-keyboard.speed, 0.0, 0.0)
 
 
-def test_a_button_is_pressed_once_and_without_the_dead_man_button(typist):
+def test_a_button_is_pressed_once_and_without_the_enable_button(typist):
     typist.hold('right', 0.3)
     typist.keyboard.press('s', typist.now)
     assert typist.keyboard.controls(typist.now + 0.1).pressed == {'soften'}
@@ -76,7 +76,7 @@ def test_a_button_is_pressed_once_and_without_the_dead_man_button(typist):
 
 def test_who_steers_by_keys_is_told_of_no_button():
     for said in (f'refused: {RELEASE}', 'the emergency stop is on: reset turns it off',
-                 'segment 2 is soft: hold the dead-man button and move the stick'):
+                 'segment 2 is soft: hold the enable button and move the stick'):
         assert not {'button', 'stick', 'reset'} & {*in_keys(said).split()}
     assert in_keys('nothing moves before ~/resume') == 'nothing moves before r'
     assert in_keys('the emergency stop is on: reset turns it off').endswith(': r turns it off')

@@ -1,16 +1,16 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""When a joystick may move an arm: while its dead-man button is held, and nothing is odd."""
+"""When a joystick may move an arm: while its enable button is held, and nothing is odd."""
 
 from math import inf
 
 from soft_continuum.teleop.pad import Controls, ENABLE
 
-MOVE = 'hold the dead-man button and move the stick'
-RELEASE = 'release the dead-man button, let go of the stick, then press it again'
+MOVE = 'hold the enable button and move the stick'
+RELEASE = 'release the enable button, let go of the stick, then press it again'
 
 
-class DeadMan:
+class EnableButton:
     """
     Lets motion begin when the button is pressed at rest, and ends it when anything is odd.
 
@@ -63,7 +63,7 @@ class DeadMan:
         elif not self._may_move:
             self._may_move = controls.at_rest
             self.problem = '' if controls.at_rest else (
-                f'the stick was not at rest ({_shown(controls)}) when the dead-man button was '
+                f'the stick was not at rest ({_shown(controls)}) when the enable button was '
                 'pressed: let go of the stick; if it drifts, enlarge teleop.dead_zone')
         elif not controls.at_rest and now - self._changed > self.unchanged_timeout:
             self.end(f'nothing changed for {self.unchanged_timeout:g} s')
