@@ -7,6 +7,7 @@ import re
 import pytest
 
 from soft_continuum.emulators import dynamixel_motor, dynamixel_servo
+from soft_continuum.emulators.driving import SPOOL_RADIUS
 from soft_continuum.emulators.dynamixel_packets import Error, Instruction
 from soft_continuum.hardware.dynamixel.state import Track
 from soft_continuum.hardware.protocols import HardwareError
@@ -104,15 +105,20 @@ def test_stops_in_motion_and_at_rest_do_not_let_a_loaded_tendon_go(tmp_path):
     with two(tmp_path) as made:
         hang_weight(made)
         in_motion(made)
+        asked = made.pulls
         made.driver.stop()
+        made.emulator.clock.sleep(0.15)
+        assert all(abs(servo.motor.speed) * SPOOL_RADIUS < 5e-4  # m/s
+                   for servo in made.emulator.servos)
         rest, at = at_rest(made.driver).pulls, made.pulls
+        assert rest == pytest.approx(asked, abs=1.5e-3)
         assert rest == pytest.approx(at, abs=CLOSE)
         made.wait(1.0)
         assert made.driver.read().tensions == pytest.approx((9.6, 9.6), abs=0.5)
         for _ in range(20):
             made.driver.stop()
             made.wait(0.06)
-        assert made.pulls == pytest.approx(at, abs=CLOSE)
+        assert made.pulls == pytest.approx(at, abs=2 * PULSE_PULL)
 
 
 def test_a_motion_goes_on_where_the_last_one_was_stopped(tmp_path):

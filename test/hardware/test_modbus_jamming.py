@@ -164,6 +164,25 @@ def test_a_current_that_no_transmitter_gives_is_no_pressure(emulator, driver, cu
     assert pressures[0] == pressures[2] == AMBIENT
 
 
+def test_a_stuck_sensor_is_a_fault_and_its_segment_not_stiff_until_it_moves_again():
+    with emulated(initially_stiff=True) as emulator, connected(emulator) as driver:
+        controller = JammingController(driver, 3, JammingSettings(), emulator.clock)
+        emulator.stick_sensor(1)
+        controller.set_stiff(1, False)
+        eventually(emulator, controller.update)
+        emulator.clock.sleep(RESPONSE_TIME)
+        eventually(emulator, controller.update)
+        assert 'segment 2' in controller.faults[1] and 'stuck' in controller.faults[1]
+        controller.set_stiff(1, True)
+        eventually(emulator, controller.update)
+        assert controller.stiff == [True, False, True]
+        emulator.repair()
+        controller.set_stiff(1, False)
+        eventually(emulator, lambda: controller.update() and controller.faults[1], lambda f: not f)
+        controller.set_stiff(1, True)
+        eventually(emulator, lambda: controller.update() and controller.stiff[1], bool)
+
+
 @pytest.mark.parametrize('coil, name, switch', [
     (2, 'valve of segment 2', lambda driver: driver.set_evacuated(1, True)),
     (0, 'pump', lambda driver: driver.set_pump(True))])

@@ -122,6 +122,19 @@ def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: st
     assert topic.split('/')[-1] in bench.observer.fault
 
 
+@pytest.mark.parametrize('missing', ['tendon_actuation', 'kinematics', 'jamming_valves'])
+def test_one_node_that_is_missing_is_named_alone(
+        monkeypatch: pytest.MonkeyPatch, missing: str) -> None:
+    said = {'tendon_actuation': ('tendon_actuation/state', 'tendon_states'),
+            'kinematics': ('kinematics/state',),
+            'jamming_valves': ('jamming_valves/state', 'segment_1/pressure')}
+    monkeypatch.setattr(Bench, 'send', lambda bench, topic, message: topic in said[missing] or (
+        bench._callbacks[topic](serialize_message(message))))
+    fault = Bench(monkeypatch).observer.fault
+    assert fault.startswith('nothing received yet from ')
+    assert [node for node in said if node in fault] == [missing]
+
+
 def test_kinematics_may_compute_for_longer_while_no_tendon_moves(bench: Bench) -> None:
     def fault() -> str:
         return bench.observer.observation(None, '').fault
