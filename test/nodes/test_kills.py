@@ -78,13 +78,10 @@ def test_when_the_valves_are_killed_the_goal_is_aborted_and_the_tendons_rest(
                for r, before in zip(rig.stiff, heard, strict=True))
 
 
-def test_when_kinematics_ends_the_goal_is_aborted_and_its_successor_knows_no_shape(
-        rig: Rig) -> None:
-    nodes = rig.start('kinematics')
-    rig.start(*(name for name in ALL if name != 'kinematics'), **SLOW)
-    rig.wait_until_ready(*ALL)
-    goal = rig.goal_in_motion(BEND)
-    rig.end(nodes[0])
+def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_no_shape(
+        rig: Rig, processes: Processes) -> None:
+    process, goal = moving_arm(rig, processes, 'kinematics')
+    process.kill()
     goal.assert_ended('ABORTED', 'kinematics', code=Result.HARDWARE_FAULT)
     rig.assert_rests_stiff(goal)
     assert_rests_short(rig)
