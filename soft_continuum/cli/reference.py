@@ -46,9 +46,9 @@ def pages() -> Iterator[tuple[Path, str]]:
     """Return every page that has a table, and what is to be in it."""
     for name, parameters in tables():
         yield ROOT / 'msg_docs' / name, table(parameters)
-    yield ROOT / 'docs/reference/command_line.md', _table(('to', 'verb', 'function'), (
-        (group if verb is verbs[0] else '', f'`{verb.name}`', verb.help)
-        for group, verbs in GROUPS.items() for verb in verbs))
+    yield ROOT / 'docs/reference/command_line.md', _table(('verb', 'function'), (
+        row for group, verbs in GROUPS.items()
+        for row in (('', f'**{group}**'), *((f'`{one.name}`', one.help) for one in verbs))))
     yield ROOT / 'docs/how_to/use_the_python_client.md', _table(
         ('call', 'action'), map(_call, (name for name in vars(Arm) if name[0] != '_')))
 
