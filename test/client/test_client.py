@@ -26,6 +26,7 @@ from soft_continuum.client import (
     MotionEndedError,
     NoAnswerError,
     NodesMissingError,
+    operations,
     RefusedError,
     requests,
     SequenceError,
@@ -305,7 +306,8 @@ def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(straight_client):
 
 
 def test_a_jog_is_replaced_by_a_newer_one_and_ended_by_a_stop_of_another_client(
-        straight_client, connect):
+        straight_client, connect, monkeypatch):
+    monkeypatch.setattr(operations, 'JOG_SPEED', 0.002)
     straight_client.soften(3)
     other = connect()
     for end, kind, reason in (
