@@ -161,14 +161,19 @@ def test_a_board_unplugged_in_motion_ends_the_goal_and_moves_only_after_resume(
     assert rig.trigger('tendon_actuation/resume').success
 
 
-def test_after_a_reset_of_the_board_in_motion_nothing_moves_until_the_arm_is_said_to_be_straight(
-        bench: Bench) -> None:
+@pytest.mark.parametrize('moving', [True, False])
+def test_after_a_reset_of_the_board_nothing_moves_until_the_arm_is_said_to_be_straight(
+        bench: Bench, moving: bool) -> None:
     rig, status = bench.rig, bench.rig.statuses['kinematics']
-    goal = rig.goal_in_motion(BEND)
-    rig.wait_for(lambda: abs(rig.pulls[0]) > 2e-3, 'a bend')
+    goal = rig.goal_in_motion(BEND) if moving else rig.goal_when_heard(BEND)
+    rig.wait_for(lambda: abs(rig.pulls[0]) > 2e-3 if moving else goal.ended, 'a bend')
+    rig.clear()
     bench.grbl.reset()
-    assert goal.result()[0] == 'ABORTED'
-    rig.wait_for_status('tendon_actuation', 'stopped', 'the controller was reset')
+    assert goal.result()[0] == ('ABORTED' if moving else 'SUCCEEDED')
+    if moving:
+        rig.wait_for_status('tendon_actuation', 'stopped', 'the controller was reset')
+    else:
+        rig.wait_for(lambda: not rig.states['tendon_actuation'].last.referenced, 'a reset')
     rig.assert_rests()  # jogs that were under way reach the board after its reset
     rests_at = bench.grbl.motors
     rig.wait_for(lambda: not rig.states['tendon_actuation'].last.referenced, 'a lost position')
@@ -177,8 +182,9 @@ def test_after_a_reset_of_the_board_in_motion_nothing_moves_until_the_arm_is_sai
     rig.wait_for(lambda: rig.trigger('tendon_actuation/resume').success, 'a resume')
     rig.wait_for(lambda: not rig.status_value('tendon_actuation', 'stopped'), 'no stop')
     rig.goal(BEND).assert_rejected('not referenced')
-    rig.soften(2)  # of soft segments the pulls alone make the shape, and they read as 0
-    rig.assert_rests()
+    for soft in (3, 2, 1):  # of soft segments the pulls alone make the shape, and they read as 0
+        rig.soften(soft)
+        rig.assert_rests()
     assert bench.grbl.motors == rests_at
     assert not rig.trigger('kinematics/reset').success
     assert {s.level for s in list(status)[said:]} <= {DiagnosticStatus.WARN}
@@ -261,7 +267,7 @@ def test_boards_plugged_in_later_are_found_and_nothing_moves(devices: Bench) -> 
     rig, late = devices.rig, {'tendon_actuation': 'grbl', 'jamming_valves': 'modbus'}
     devices.grbl.unplug()
     devices.modbus.unplug()
-    rig.start(*late, ready=False, **devices.parameters())
+    rig.start(*late, 'kinematics', ready=False, **devices.parameters())
     for node, board in late.items():
         wait_for_error(rig, node, str(devices.ports / board))
         assert rig.lifecycle_state(node) == 'unconfigured'
@@ -270,7 +276,9 @@ def test_boards_plugged_in_later_are_found_and_nothing_moves(devices: Bench) -> 
     rig.wait_until_ready(*late)
     rig.wait_for(lambda: rig.statuses['tendon_actuation'].last.message
                  == 'position not referenced', 'no reference')
+    rig.wait_for(lambda: 'not referenced' in rig.statuses['kinematics'].last.message, 'no shape')
     rig.assert_rests()
+    assert not rig.joints
     assert devices.grbl.motors[:2] == (0, 0)
     assert not any(devices.modbus.coils)
 
