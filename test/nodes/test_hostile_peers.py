@@ -5,6 +5,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from statistics import median
 import struct
 import threading
 import time
@@ -155,14 +156,14 @@ def test_a_stop_is_answered_at_once_whatever_else_is_sent(
         hardy_arm: Rig, record_property: Callable[[str, object], None], attack: str) -> None:
     took, before = list[float](), hardy_arm.pulls
     with under(attack, hardy_arm):
-        for _ in range(3):
+        for _ in range(5 if attack in SLOW else 3):
             begin = time.process_time()
             assert hardy_arm.trigger('tendon_actuation/stop').success
             took.append(time.process_time() - begin)
             hardy_arm.wait_for_more(hardy_arm.tendons, 3)  # control goes on
     record_property('stop_ms', round(1e3 * max(took)))
     print(f'{attack}: {", ".join(f"{1e3 * t:.0f}" for t in took)} ms')
-    assert sorted(took)[1] < BOUND  # of three: one may meet a long callback
+    assert median(took) < BOUND  # some may meet a long callback
     # What a stranger sent, without a stamp, may still wait to be heard by this test.
     hardy_arm.wait_for(lambda: all(s.header.stamp.sec for s in list(hardy_arm.tendons)[-20:]),
                        'tendon_states that only the arm sends')
