@@ -174,6 +174,7 @@ def test_after_a_reset_of_the_board_nothing_moves_until_the_arm_is_said_to_be_st
         rig.wait_for_status('tendon_actuation', 'stopped', 'the controller was reset')
     else:
         rig.wait_for(lambda: not rig.states['tendon_actuation'].last.referenced, 'a reset')
+        rig.wait_for(lambda: rig.at_rest, 'rest')  # until it is sure, the driver reports motion
     rig.assert_rests()  # jogs that were under way reach the board after its reset
     rests_at = bench.grbl.motors
     rig.wait_for(lambda: not rig.states['tendon_actuation'].last.referenced, 'a lost position')
