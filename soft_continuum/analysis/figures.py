@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.drawing import draw_arm, projection_of, rim
-from soft_continuum.mechanics.statics import Statics
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,20 +71,6 @@ def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[Equilibrium, Arra
                   label='constant curvature')
         axes.set_title(name, y=None if projection is None else 0.96, parse_math=False)
     finish_panels(path, figure, 2 if count == 1 else 5)
-
-
-def bent(arm: Arm, bending_angles: Sequence[float], directions: Sequence[float],
-         jamming: bool) -> Equilibrium:
-    """
-    Return the arm in a shape, by the statics.
-
-    bending_angles, directions: (segments,) rad; no directions: all 0.  jamming: whether segments
-    are set one after the other, or all at once.  Raises StaticsError where no tendons hold it.
-    """
-    from soft_continuum.mechanics.inverse import set_shape
-    state: Equilibrium = set_shape(Statics(arm), bending_vectors(arm, bending_angles, directions),
-                             jamming=jamming)
-    return state
 
 
 def preview_figure(path: str | Path, states: Sequence[tuple[str, Equilibrium]]) -> None:

@@ -11,13 +11,16 @@ import shlex
 
 import numpy as np
 
-from soft_continuum.analysis.figures import bent, preview_figure
+from soft_continuum.analysis.figures import preview_figure
 from soft_continuum.analysis.results import reserve_outputs, ResultError, text_table
 from soft_continuum.arguments import command_name, Parser, WRONG_USAGE
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
 from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.inverse import set_shape
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.new_arm.answers import Answer, AnswerError, Answers, Given, Question
 from soft_continuum.new_arm.description import (
     ASSUMED,
@@ -206,7 +209,8 @@ def _preview(picture: Path, description: Description) -> None:
     jamming = bool(description.values.get('arm.jamming', True))
     angles = ', '.join(f'{angle:.0f}' for angle in np.degrees(description.shape))
     try:
-        state = bent(arm, description.shape, description.directions, jamming)
+        state: Equilibrium = set_shape(Statics(arm), bending_vectors(
+                arm, description.shape, description.directions), jamming=jamming)
     except StaticsError as error:
         print(f'The statics do not find the shape {SHAPE} ({angles} degrees): {error}')
     else:

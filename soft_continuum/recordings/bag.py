@@ -18,6 +18,9 @@ MAX_RECORD = 256_000_000  # bytes of a chunk or an attachment: one picture is le
 MAX_ATTACHMENT, MAX_ATTACHMENTS = 1_000_000, 20  # bytes of one that is read, and how many are
 MAX_DECODED = 1_000_000  # bytes of a message that is decoded
 MAX_DEFINITION = 100_000  # characters
+PARAMETERS = 'parameters.yaml'
+"""Attachment: every parameter of every node that ran."""
+PICTURES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 MAX_ARRAY = 100_000  # elements of the arrays of fixed size in a definition, multiplied
 FIXED_SIZE = re.compile(r'\[(\d+)\]')
 

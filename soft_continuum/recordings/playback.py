@@ -23,8 +23,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 import yaml
 
-from soft_continuum.recordings.bag import BagError, BagReader, Topic
-from soft_continuum.recordings.topics import PARAMETERS, PICTURES
+from soft_continuum.recordings.bag import BagError, BagReader, PARAMETERS, PICTURES, Topic
 from soft_continuum.ros.definitions import DefinitionError, message_class
 from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.names import KINEMATICS, NODES

@@ -27,7 +27,7 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import parameters_text
-from soft_continuum.recordings.bag import BagWriter, Topic
+from soft_continuum.recordings.bag import BagWriter, PARAMETERS, PICTURES, Topic
 from soft_continuum.ros.definitions import definition, message_class
 from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.graph import running_nodes
@@ -42,13 +42,10 @@ MAX_BYTES = 1_000_000  # of a message that is no picture
 MAX_WAITING = 10_000  # messages that wait for the disk
 MAX_WAITING_BYTES = 64_000_000
 CLOSE_TIMEOUT = 3.0  # s; what starts this process, and the browser, wait for five
-PARAMETERS = 'parameters.yaml'
-"""Attachment: every parameter of every node that ran."""
 DISCOVERY = 2.0
 """s in which nodes are found: a recorder that has just started knows their topics before them."""
 ATTACH_TIMEOUT = 10.0
 """s that the end of a recording waits for parameters: without those of its arm none is drawn."""
-PICTURES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 QOS = """\
 - history: keep_last
   depth: {depth}

@@ -80,9 +80,11 @@ class DynamixelBus(Wakeable):
 
     def close(self) -> None:
         """Close the port."""
-        discard_output(self._port.ser)
-        self._port.ser.close()
-        super().close()
+        try:
+            discard_output(self._port.ser)
+            self._port.ser.close()
+        finally:
+            super().close()
 
     @property
     def baud_rate(self) -> int:

@@ -182,9 +182,11 @@ class GrblLink(Wakeable):
     def close(self) -> None:
         """Close the port; what a device has not taken within LAST_BYTES_TIME is dropped."""
         self.clock.sleep(LAST_BYTES_TIME)
-        discard_output(self._port)
-        self._port.close()
-        super().close()
+        try:
+            discard_output(self._port)
+            self._port.close()
+        finally:
+            super().close()
 
     def write(self, data: bytes) -> None:
         """Send bytes that act at once and are not acknowledged; never waits."""
