@@ -56,11 +56,12 @@ class Teleop(Node):
         self.status = Status(self, 'joystick')
         self._states = StatePublisher(self, TeleopState)
         self._conflicts = Conflicts(self, 0, self.parameters)
-        self._enable_button = EnableButton(self.parameters['teleop.timeout'],
-                                 self.parameters['teleop.unchanged_timeout'])
+        self._enable_button = EnableButton(
+            self.parameters['teleop.timeout'], self.parameters['teleop.unchanged_timeout'])
         self._arm = SteeredArm(self, self.parameters)
         self._device_problem = ''  # why nobody can steer: two devices, or two of this node
         self._pressed: frozenset[str] | None = None  # by the last message; None: not known
+        self._refusal = ''  # why a button did nothing, as long as the enable button is held
         self._actions = {
             MODE: self._arm.change_mode, NEXT_SEGMENT: self._arm.next_segment,
             SOFTEN: self._arm.soften, STIFFEN: self._arm.stiffen, RESET: self._arm.reset}
@@ -95,6 +96,8 @@ class Teleop(Node):
         else:
             seconds = stamp.sec + 1e-9 * stamp.nanosec
             self._enable_button.receive(controls, now, seconds or None)
+            if not self._enable_button.held:
+                self._refusal = ''
             before, self._pressed = self._pressed, controls.pressed
             if before is not None:  # else it may have been pressed long ago
                 self._press(controls.pressed - before)
@@ -110,7 +113,7 @@ class Teleop(Node):
         for name, action in self._actions.items():
             if name in pressed and not self._device_problem:  # two would seem to press by turns
                 if self._enable_button.held:
-                    self._arm.note = 'release the enable button first'
+                    self._refusal = 'release the enable button first'
                 else:
                     action()
 
@@ -154,7 +157,7 @@ class Teleop(Node):
             f'the tip with segment {arm.segment}')
         wrong = self._device_problem or self._enable_button.problem or (
             '' if connected else NO_DEVICE) or (arm.problem() if arm.stopped else '')
-        text = wrong or arm.doing or arm.note or arm.problem() or (
+        text = wrong or arm.doing or self._refusal or arm.note or arm.problem() or (
             f'ready to move {what}' if not arm.moving else
             '; '.join(filter(None, (f'moving {what}', arm.servo_text))))
         self._states.publish(TeleopState(
