@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 COMMAND = 'python -m soft_continuum.cli.reference'
 START = f'<!-- table written by: {COMMAND} -->'
 END = '<!-- end of table -->'
-COLUMNS = ('name', 'type', 'default', 'unit', 'range', 'read-only', 'description')
+COLUMNS = ('name (*: can be changed at run time)', 'type and default', 'range', 'description')
 
 
 def tables() -> Iterator[tuple[str, Sequence[Parameter]]]:
@@ -46,19 +46,20 @@ def pages() -> Iterator[tuple[Path, str]]:
     """Return every page that has a table, and what is to be in it."""
     for name, parameters in tables():
         yield ROOT / 'msg_docs' / name, table(parameters)
-    yield ROOT / 'docs/reference/command_line.md', _table(('verb', 'function'), (
+    yield ROOT / 'docs/reference/command_line.md', markdown_table(('verb', 'function'), (
         row for group, verbs in GROUPS.items()
         for row in (('', f'**{group}**'), *((f'`{one.name}`', one.help) for one in verbs))))
-    yield ROOT / 'docs/how_to/use_the_python_client.md', _table(
+    yield ROOT / 'docs/how_to/use_the_python_client.md', markdown_table(
         ('call', 'action'), map(_call, (name for name in vars(Arm) if name[0] != '_')))
 
 
 def table(parameters: Sequence[Parameter]) -> str:
     """Return the parameters as a table in Markdown."""
-    return _table(COLUMNS, map(_row, parameters))
+    return markdown_table(COLUMNS, map(_row, parameters))
 
 
-def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown, without the last line feed."""
     return '\n'.join(f'| {" | ".join(row)} |' for row in (
         columns, ('---',) * len(columns), *rows))
 
@@ -74,6 +75,14 @@ def _call(name: str) -> tuple[str, str]:
 
 
 def _row(parameter: Parameter) -> tuple[str, ...]:
+    name, kind, default, unit, allowed, _, description = cells(parameter)
+    return (name if parameter.read_only else f'{name} *',
+            ' '.join(filter(None, (kind, default, unit))),
+            '' if isinstance(parameter.default, bool) else allowed, description)
+
+
+def cells(parameter: Parameter) -> tuple[str, ...]:
+    """Return name, type, default, unit, range, whether it is read-only, and description."""
     listed = isinstance(parameter.default, tuple)
     default = '' if parameter.default == () else f'`{as_yaml(parameter.default, digits=6)}`'
     allowed = ('' if 'inf' in parameter.allowed else

@@ -254,8 +254,9 @@ def test_the_tip_goes_where_it_was_planned_to(page: Page, rig: Rig) -> None:
     page.fill('Tip x [mm]', '120')
     page.fill('Tip z [mm]', '260')
     page.wait_for_text('softenings: ')
+    has_said = page.record_bar()
     page.click('Go')
-    page.wait_for_bar('Setting tip at (120, 260) mm')
+    page.wait_for(lambda: has_said('Setting tip at (120, 260) mm'), 'what is being set')
     page.wait_for_bar('Ready')
     tip = rig.disc_poses.last.poses[-1].position
     assert (tip.x, tip.y, tip.z) == pytest.approx((0.12, 0.0, 0.26), abs=2e-3)

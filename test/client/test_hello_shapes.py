@@ -16,7 +16,8 @@ HELLO = EXAMPLES / 'hello_shapes.py'
 
 def test_the_examples_run_on_an_arm_that_is_there(make_rig, here, tmp_path, monkeypatch, capsys):
     make_rig(namespace='/').start_arm(
-        tendon_rate=20.0, jamming_rate=20.0, angle_step=0.1, shape_names=['c_form', 's_form'])
+        tendon_rate=20.0, jamming_rate=20.0, angle_step=0.1, tendon_speed=0.05,
+        shape_names=['c_form', 's_form'])
     ran = subprocess.run([sys.executable, HELLO], cwd=tmp_path, capture_output=True, text=True,
                          timeout=110)
     assert ran.stderr == ''

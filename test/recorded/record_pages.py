@@ -15,7 +15,7 @@ import tempfile
 
 from soft_continuum.cli.install_service import units
 from soft_continuum.cli.main import main as run_verb
-from soft_continuum.cli.reference import table, tables
+from soft_continuum.cli.reference import cells, markdown_table, tables
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.urdf import arm_urdf
 
@@ -25,14 +25,15 @@ CONFIG = HERE.parents[1] / 'config'
 ARMS = 'manipulator', 'spatial_jamming', 'tendon_arm'
 CHANGED = 'reach.states', 'reach.time_limit', 'reach.seed'
 """Parameters that are other ones since, on purpose: a search ends by states, not by time."""
+COLUMNS = 'name', 'type', 'default', 'unit', 'range', 'read-only', 'description'
 NEW_ARMS = {'planar': 3, 'spatial': 2, 'tendons': 2}  # segments
 
 
 def pages() -> Iterator[tuple[str, str]]:
     """Yield the name of each page, and its text."""
     for name, parameters in tables():
-        yield f'parameters_{name}', table([
-            one for one in parameters if one.name not in CHANGED])
+        yield f'parameters_{name}', markdown_table(COLUMNS, (
+            cells(one) for one in parameters if one.name not in CHANGED))
     for arm in ARMS:
         yield f'{arm}.urdf', arm_urdf(load_arm(CONFIG / f'{arm}.yaml'))
     with tempfile.TemporaryDirectory() as folder:

@@ -104,6 +104,16 @@ class Page:
         """Wait until the bar says something: the state of the arm, or the newest message."""
         expect(self.page.locator('#words')).to_contain_text(text, timeout=DEADLINE * 1e3)
 
+    def record_bar(self) -> Callable[[str], bool]:
+        """Record what the bar says from now on; return whether it has said a text since then."""
+        self.page.evaluate("""() => {
+            const words = document.getElementById('words'), said = window.said = [];
+            new MutationObserver(() => said.push(words.innerText)).observe(
+                words, {subtree: true, childList: true, characterData: true});
+        }""")
+        return lambda text: bool(self.page.evaluate(
+            'text => window.said.some(words => words.includes(text))', text))
+
     def is_on_top(self, name: str) -> bool:
         """Return whether nothing covers any point of a button of the bar."""
         return bool(self.page.evaluate("""name => {
