@@ -4,7 +4,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager, ExitStack
-from dataclasses import dataclass
 from math import pi, sin
 from pathlib import Path
 import subprocess
@@ -14,7 +13,7 @@ import time
 
 import numpy as np
 
-from benchmarks.tables import machine, number, Section, table
+from benchmarks.tables import machine, Section
 from benchmarks.timing import progress
 from soft_continuum.emulators.driving import BAUD_RATE, board_links, SPOOL_RADIUS
 from soft_continuum.emulators.grbl import STEPS_PER_MM
@@ -36,19 +35,10 @@ START_TIMEOUT = 60.0  # s
 ATTEMPTS = 10  # of a round
 
 
-@dataclass
-class Cost:
-    """Of one round: processor time over time, s of it for each exchange, exchanges per s."""
-
-    share: float
-    exchange: float
-    rate: float
-
-
 def run(quick: bool) -> Section:
     """Measure the drivers in turns; the emulators are other processes."""
     rounds = 1 if quick else ROUNDS
-    costs: dict[str, list[Cost]] = {'dynamixel': [], 'grbl': []}
+    costs: dict[str, list[float]] = {'dynamixel': [], 'grbl': []}
     with ExitStack() as running:
         folder = Path(running.enter_context(TemporaryDirectory()))
         drivers: dict[str, TendonDriver] = {
@@ -58,30 +48,21 @@ def run(quick: bool) -> Section:
             for name, driver in drivers.items():
                 progress(f'drivers: {name}, round {number_of_round + 1} of {rounds}')
                 costs[name].append(_round(driver))
-    rows = [_row('Dynamixel: one sync write and one sync read of 4 servos at 100 Hz',
-                 costs['dynamixel']),
-            _row('GRBL: two boards, four axes, as fast as they take jogs', costs['grbl'])]
-    head = ('driver, four tendons in motion', 'share of a core: median', 'most',
-            'exchanges with servos per s', 'processor time of an exchange, ms')
-    return Section('benchmarks/performance.md', 'drivers', f'{machine()}\n\n{table(head, rows)}')
+    shares = {name: f'{np.median(each):.1%}' for name, each in costs.items()}
+    return Section('benchmarks/performance.md', 'drivers', (
+        f'Dynamixel, one sync write and one sync read of 4 servos at {RATE:g} Hz: '
+        f'{shares["dynamixel"]} of a core (median). GRBL, two boards, four axes, as fast as they '
+        f'take jogs: {shares["grbl"]}. {machine()}'))
 
 
-def _row(name: str, costs: list[Cost]) -> tuple[str, ...]:
-    shares = [cost.share for cost in costs]
-    told = costs[0].rate > 0.0
-    return (name, f'{np.median(shares):.1%}', f'{max(shares):.1%}',
-            number(float(np.median([cost.rate for cost in costs]))) if told else '',
-            number(1e3 * float(np.median([cost.exchange for cost in costs]))) if told else '')
-
-
-def _round(driver: TendonDriver) -> Cost:
-    """Return the cost of a round, again after an error: a busy computer delays emulators."""
+def _round(driver: TendonDriver) -> float:
+    """Return the share of a round, again after an error: a busy computer delays emulators."""
     for _ in range(ATTEMPTS):
         try:
             driver.open()
             driver.reference()
             time.sleep(0.3)
-            return _cost(driver)
+            return _share(driver)
         except HardwareError as error:
             progress(f'drivers: {error}')
         finally:
@@ -89,10 +70,9 @@ def _round(driver: TendonDriver) -> Cost:
     raise RuntimeError(f'no round of {ATTEMPTS} without an error; the computer is too busy')
 
 
-def _cost(driver: TendonDriver) -> Cost:
-    """Let all tendons swing, read as often; return what that costs."""
-    cycles = _counted(driver)
-    begin, spent, count = time.monotonic(), time.process_time(), cycles[0]
+def _share(driver: TendonDriver) -> float:
+    """Let all tendons swing, read as often; return processor time over time."""
+    begin, spent = time.monotonic(), time.process_time()
     due = begin
     while (now := time.monotonic()) < begin + ROUND:
         pull = AMPLITUDE * sin(2.0 * pi * (now - begin) / PERIOD)
@@ -101,26 +81,11 @@ def _cost(driver: TendonDriver) -> Cost:
         due = max(due + 1.0 / RATE, now)
         time.sleep(max(0.0, due - time.monotonic()))
     elapsed = time.monotonic() - begin
-    spent, count = time.process_time() - spent, cycles[0] - count
+    spent = time.process_time() - spent
     driver.stop()
     while driver.read().moving:
         time.sleep(0.05)
-    return Cost(spent / elapsed, spent / max(1, count), count / elapsed)
-
-
-def _counted(driver: TendonDriver) -> list[int]:
-    """Return a list whose only item counts the exchanges with servos."""
-    count = [0]
-    if isinstance(driver, DynamixelTendons):
-        session = driver._connected()
-        cycle = session.cycle
-
-        def counted() -> None:
-            count[0] += 1
-            cycle()
-
-        session.cycle = counted  # type: ignore[method-assign]
-    return count
+    return spent / elapsed
 
 
 @contextmanager

@@ -44,8 +44,8 @@ CAMERA, IMUS, TENSIONS = 'camera', 'IMUs', 'load cells'
 CONTENDERS: dict[str, tuple[str, ...]] = {
     'none (prediction)': (), CAMERA: (CAMERA,), IMUS: (IMUS,), TENSIONS: (TENSIONS,),
     f'{CAMERA} and {TENSIONS}': (CAMERA, TENSIONS), f'{IMUS} and {TENSIONS}': (IMUS, TENSIONS)}
-HEAD = ('sensors', 'error of the tip, mm: median', '95 %', 'worst', '% of the length: median',
-        '95 %', 'worst', 'NEES of the last disc', 'error of the stiffness, %: median', '95 %')
+HEAD = ('error of the tip, mm: median', '95 %', 'worst', 'NEES',
+        'error of the stiffness, %: median', '95 %')
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,18 +149,16 @@ def run(quick: bool) -> Section:
             progress(f'estimate: {preset}, seed {seed}, tip: ' + '; '.join(
                 f'{name} {" ".join(f"{one.tip * 1e3:.2f}" for one in each[-1])} mm'
                 for name, each in results.items()))
-        parts.append(f'`{preset}`:\n\n' + table(HEAD, [
-            _row(name, each, description.arm.length) for name, each in results.items()]))
+        parts.append(table((f'`{preset}`: sensors', *HEAD), [
+            _row(name, each) for name, each in results.items()]))
     low, high = (chi2.ppf(p, 3 * len(seeds)) / len(seeds) for p in (0.025, 0.975))
     measures, follows = np.array(costs).T * 1e3
     body = '\n\n'.join([
-        f'Simulated: {len(seeds)} rigs of each preset (seeds 0 to {len(seeds) - 1}), each set to '
-        f'{shapes} random shapes of up to {np.degrees(ANGLE):.0f}° per segment in open loop. The '
-        f'truth is the shape of the plant after {HOLDING:g} s at rest. The runs are the same for '
-        'all sensors: camera 5 Hz, IMUs and load cells 10 Hz. Length of the arm: '
-        f'{description.arm.length * 1e3:.0f} mm. NEES: mean over the last '
-        'shapes. A consistent covariance gives 3 on average, and 95 % of such means lie '
-        f'between {low:.1f} and {high:.1f}. ' + machine(), *parts,
+        f'Simulated: {len(seeds)} rigs of each preset, each set to {shapes} random shapes of up '
+        f'to {np.degrees(ANGLE):.0f}° per segment in open loop, and judged after {HOLDING:g} s at '
+        'rest. Camera 5 Hz, IMUs and load cells 10 Hz. NEES is the mean of the last disc: a '
+        'consistent covariance gives 3 on average, and 95 % of such means lie between '
+        f'{low:.1f} and {high:.1f}. ' + machine(), *parts,
         f'Processor time: a measurement of three discs takes {np.nanmedian(measures):.2f} ms '
         f'(median; 99 %: {np.nanquantile(measures, 0.99):.2f} ms), following the tendons '
         f'{np.nanmedian(follows):.2f} ms ({np.nanquantile(follows, 0.99):.2f} ms).'])
@@ -231,12 +229,11 @@ def _judged(shape: ArmShape, given: ModelErrors, truth: Array) -> Judged:
                   tuple((factors / given.stiffness_factors - 1.0).tolist()))
 
 
-def _row(name: str, runs: Sequence[Sequence[Judged]], length: float) -> tuple[str, ...]:
+def _row(name: str, runs: Sequence[Sequence[Judged]]) -> tuple[str, ...]:
     tips = np.array([one.tip for each in runs for one in each])
     spread = np.array([np.median(tips), np.quantile(tips, 0.95), tips.max()])
     nees = np.mean([each[-1].nees for each in runs])
     off = np.abs([error for each in runs for error in each[-1].stiffness]) * 100.0
     return (name, *(number(value) for value in spread * 1e3),
-            *(number(value) for value in spread / length * 100.0),
             *((number(float(nees)), number(float(np.median(off))),
                number(float(np.quantile(off, 0.95)))) if off.size else ('-',) * 3))

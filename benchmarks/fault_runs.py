@@ -40,11 +40,11 @@ class Fault(Enum):
     """What breaks; the value says it in the table."""
 
     NONE = 'nothing'
-    SLIP = 'a tendon slips in its clamp by 3 to 6 mm, at rest'
-    SLIP_MOVING = 'a tendon slips in its clamp by 3 to 6 mm, in motion'
+    SLIP = 'a tendon slips by 3 to 6 mm, at rest'
+    SLIP_MOVING = 'a tendon slips by 3 to 6 mm, in motion'
     STEPS = 'a motor loses steps (3 to 6 mm)'
-    NOT_STIFF = 'a stiff segment, bent by at least 11°, loses 85 to 90 % of its vacuum'
-    NOT_SOFT = 'a segment that should bend by at least 11° keeps its vacuum'
+    NOT_STIFF = 'a stiff segment loses 85 to 90 % of its vacuum'
+    NOT_SOFT = 'a segment keeps its vacuum'
     LOAD = 'a load moves a disc by 5 to 20 mm, or is 1.5 N'
     SENSOR = 'a tag is knocked by 5 to 10 mm and up to 10°'
     CAMERA = 'the camera is knocked by 5 to 12 mm and up to 4°'

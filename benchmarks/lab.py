@@ -120,7 +120,6 @@ class Lab:
         self.plant = Plant(description.arm, differences)
         tendons = len(description.arm.tendon_names)
         self.pulls = np.zeros(tendons)
-        self.softenings = 0
         self.pictures = 0
         self.largest_tension = 0.0
         self.violations: list[str] = []
@@ -214,8 +213,6 @@ class Lab:
 
     def request(self, segment: int, stiff: bool) -> None:
         """Begin to soften or stiffen a segment (0-based)."""
-        if not stiff and self._jams.stiff[segment]:
-            self.softenings += 1
         self._jams.set_stiff(segment, stiff)
 
     def follow(self, times: Array, pulls: Array) -> None:

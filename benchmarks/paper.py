@@ -13,7 +13,7 @@ from soft_continuum.parameters.files import load_arm
 
 DESCRIPTION = Path(__file__).parents[1] / 'config' / 'manipulator.yaml'
 ANGLE = radians(36.0)
-FORMS = {'C': (1, 1, 1), 'upright C': (-1, 1, 1), 'S': (1, -1, 1)}
+FORMS = {'C': (1, 1, 1), 'S': (1, -1, 1)}
 ALL_PULLS = 0.042577  # m, the pulls of the three segments of the C-form together
 NUDGE = 1e-4  # m, between a warm start and its solution
 ALL_SOFT = (True, True, True)

@@ -4,6 +4,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from math import degrees, pi, radians, sin, sqrt
 from pathlib import Path
 import time
@@ -43,32 +44,31 @@ def run(quick: bool) -> Section:
     presets = {name: read_model_errors(description_file().with_name('twin.yaml'), name)
                for name in ('typical', 'severe')}
     responses = _responses(arm, presets['typical'], quick)
-    rows, steps = _grid(arm, quick)
+    rows, steps, rested, runs = _grid(arm, quick)
     if not quick:
         _draw(responses, steps, IMAGE)
     body = '\n\n'.join([
         f'Simulated with motors of {SETTINGS.speed * 1e3:g} mm/s, default parameters, a '
         f'target every 50 ms and 15 images per second with {degrees(NOISE):.1f}° of noise. '
         + machine(),
-        f'**A sine** of ±{degrees(AMPLITUDE):.0f}° at {FREQUENCY:g} Hz on the MuJoCo twin, target '
-        'minus true angle:',
-        table(('preset', 'segment',
-               *(f'{name}: RMS / largest error, degrees' for name, _ in SOURCES)),
-              _sines(arm, presets, quick)),
+        f'**A sine** of ±{degrees(AMPLITUDE):.0f}° at {FREQUENCY:g} Hz, RMS / largest error of '
+        'the worst segment, degrees:',
+        table(('preset', *(name for name, _ in SOURCES)), _sines(arm, presets, quick)),
         '**Bandwidth** with the camera 100 ms late, '
         f'±{degrees(SMALL):.0f}°, `typical`: gain and phase from target to true angle',
-        table(('Hz', *(f'segment {s + 1}: gain, phase' for s in range(len(responses)))),
+        table(('Hz', *(f'segment {s + 1}' for s in range(len(responses)))),
               [(f'{f:g}', *(f'{abs(z):.2f}, {round(np.angle(z, deg=True))}°' for z in each))
                for f, *each in zip(FREQUENCIES, *responses, strict=False)]),
         f'**Wrong models**: steps of {2 * degrees(STEP):.0f}° of each segment of a plant with '
         f'{STIFFNESS[0]:g} to {STIFFNESS[-1]:g} times the stiffness, K = {RATIO:g}, '
         f'tendons of {AXIAL_STIFFNESS / 1e3:g} kN, a friction '
-        f'band of {DEAD_BAND * 1e3:g} mm and a lag of {LAG * 1e3:g} ms:',
-        table(('delay, and whether the stamps include it', 'runs', 'came to rest',
-               'largest overshoot, degrees', f'largest error in the last {LAST:g} s, degrees',
-               'largest motion in it, mm of pull'), rows),
-        '**Margins** of the loop, computed from its formula:',
-        table(('k', 'delay', 'stamps include it', 'gain margin', 'phase margin, degrees'),
+        f'band of {DEAD_BAND * 1e3:g} mm and a lag of {LAG * 1e3:g} ms. {rested} of {runs} runs '
+        'came to rest. *Unstamped*: the time stamps omit the delay.',
+        table(('delay', 'largest overshoot, degrees', 'unstamped',
+               f'largest error in the last {LAST:g} s, degrees', 'unstamped'), rows),
+        f'**Margins** of the loop at a delay of {1e3 * DELAYS[-1]:.0f} ms, computed from its '
+        'formula:',
+        table(('k', 'gain margin', 'unstamped', 'phase margin, degrees', 'unstamped'),
               _margins()),
         f'**Processor time**: one cycle takes {number(_cost(arm) * 1e3)} ms (median), enabling '
         f'the servo {number(_enabling(arm) * 1e3)} ms.'])
@@ -78,16 +78,18 @@ def run(quick: bool) -> Section:
 def _sines(arm: Arm, presets: dict[str, ModelErrors], quick: bool) -> list[tuple[str, ...]]:
     rows = []
     for name, given in presets.items():
-        for segment in range(1 if quick else len(arm.segments)):
-            cells = []
-            for _, measuring in SOURCES:
+        cells = []
+        for source, measuring in SOURCES:
+            errors = []
+            for segment in range(1 if quick else len(arm.segments)):
                 found = follow(arm, TwinPlant(arm, given, segment), segment,
                                lambda t: AMPLITUDE * sin(2.0 * pi * FREQUENCY * t),
                                6.0 if quick else SINE_TIME, measuring, SETTINGS)
                 error = np.degrees(found.error(SINE_BEGIN))
-                cells.append(f'{sqrt(np.mean(error**2)):.2f} / {np.abs(error).max():.2f}')
-            rows.append((f'`{name}`', str(segment + 1), *cells))
-            progress(f'servo: sine, {name}, segment {segment + 1}: {cells}')
+                errors.append((sqrt(np.mean(error**2)), np.abs(error).max()))
+                progress(f'servo: sine, {name}, {source}, segment {segment + 1}: {errors[-1]}')
+            cells.append(' / '.join(f'{each:.2f}' for each in np.max(errors, axis=0)))
+        rows.append((f'`{name}`', *cells))
     return rows
 
 
@@ -118,11 +120,18 @@ def _gain(found: Record, frequency: float, duration: float) -> complex:
     return complex((angles * wave).sum() / (found.targets[last] * wave).sum())
 
 
-def _grid(arm: Arm, quick: bool) -> tuple[list[tuple[str, ...]], dict[float, Record]]:
-    """Return the table of the wrong models, and steps of segment 1 by stiffness factor."""
+def _grid(arm: Arm, quick: bool
+          ) -> tuple[list[tuple[str, ...]], dict[float, Record], int, int]:
+    """
+    Return the table of the wrong models, and steps of segment 1 by stiffness factor.
+
+    Then how many runs came to rest, and how many there were.
+    """
     rows: list[tuple[str, ...]] = []
     steps: dict[float, Record] = {}
+    rested = runs = 0
     for delay in DELAYS[-1:] if quick else DELAYS:
+        cells = []
         for stamp_error in sorted({0.0, delay}):
             results = []
             for factor in STIFFNESS:
@@ -131,13 +140,13 @@ def _grid(arm: Arm, quick: bool) -> tuple[list[tuple[str, ...]], dict[float, Rec
                     results.append(_judge(found))
                     if (delay, stamp_error, segment) == (0.15, 0.0, 0):
                         steps[factor] = found
-            overshoots, errors, motions = np.array(results).T
-            told = 'no' if stamp_error else 'yes'
-            rows.append((f'{delay * 1e3:.0f} ms, {told}', str(len(results)),
-                         str(int(np.sum(errors < 1.0))), f'{overshoots.max():.1f}',
-                         f'{errors.max():.2f}', f'{motions.max():.2f}'))
-            progress(f'servo: grid {rows[-1]}')
-    return rows, steps
+            overshoots, errors = np.array(results).T
+            cells.append((f'{overshoots.max():.1f}', f'{errors.max():.2f}'))
+            rested, runs = rested + int(np.sum(errors < 1.0)), runs + len(results)
+        cells += [('-', '-')] * (2 - len(cells))
+        rows.append((f'{delay * 1e3:.0f} ms', *chain(*zip(*cells, strict=True))))
+        progress(f'servo: grid {rows[-1]}')
+    return rows, steps, rested, runs
 
 
 def _step(arm: Arm, factor: float, segment: int, measuring: Measuring) -> Record:
@@ -150,13 +159,12 @@ def _step(arm: Arm, factor: float, segment: int, measuring: Measuring) -> Record
                   SETTINGS)
 
 
-def _judge(found: Record) -> tuple[float, float, float]:
-    """Return overshoot and last error, degrees, and the last motion, mm."""
+def _judge(found: Record) -> tuple[float, float]:
+    """Return overshoot and last error, degrees."""
     away = np.degrees(found.angles - found.targets)
     first, last = found.times < STEP_TIME, found.times > 2.0 * STEP_TIME - LAST
     overshoot = max(away[first].max(), -away[~first].min(), 0.0)
-    return (float(overshoot), float(np.abs(away[last]).max()),
-            float(np.ptp(found.pulls[last], axis=0).max() * 1e3))
+    return float(overshoot), float(np.abs(away[last]).max())
 
 
 def _margins() -> list[tuple[str, ...]]:
@@ -165,14 +173,15 @@ def _margins() -> list[tuple[str, ...]]:
     s = 2j * pi * np.logspace(-3.0, 2.0, 400_001)
     delay = DELAYS[-1]
     for k in (0.5, 1.0, 2.0):
+        cells = []
         for told in (delay, 0.0):
             loop = (k * np.exp(-s * delay) / (1.0 + SETTINGS.response_time * s)
                     / (1.0 + SETTINGS.integral_time * s - np.exp(-s * told)))
             turned = (loop.imag[:-1] * loop.imag[1:] < 0.0) & (loop.real[1:] < 0.0)
             crossed = np.flatnonzero((np.abs(loop[:-1]) > 1.0) & (np.abs(loop[1:]) <= 1.0))
             phase = 180.0 - np.abs(np.angle(loop[crossed], deg=True))
-            rows.append((f'{k:g}', f'{delay * 1e3:.0f} ms', 'yes' if told else 'no',
-                         f'{1.0 / np.abs(loop[1:][turned]).max():.1f}', f'{phase.min():.0f}'))
+            cells.append((f'{1.0 / np.abs(loop[1:][turned]).max():.1f}', f'{phase.min():.0f}'))
+        rows.append((f'{k:g}', *chain(*zip(*cells, strict=True))))
     return rows
 
 

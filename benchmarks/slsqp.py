@@ -11,12 +11,11 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.plane.chain import PlaneChain
 
 
-def solver(chain: PlaneChain, start: Array, pull: float, gradient: bool) -> Callable[[], Array]:
+def solver(chain: PlaneChain, start: Array, pull: float) -> Callable[[], Array]:
     """
     Return a call that finds the joint angles of a weightless arm for one right pull (m).
 
-    start: joint angles (joints,) rad.  gradient: hand over the first derivatives; without them
-    SLSQP takes finite differences.
+    start: joint angles (joints,) rad.
     """
     stiffness = chain.joint_stiffness
     scale = 1.0 / stiffness.mean()
@@ -47,12 +46,12 @@ def solver(chain: PlaneChain, start: Array, pull: float, gradient: bool) -> Call
         by_theta[:-1, -1] += lower[1:] * (ux[1:, 0] * sine[:-1, -1] + uz[1:, 0] * cosine[:-1, -1])
         return -10.0 * np.cumsum(by_theta.ravel()[::-1])[::-1]
 
-    constraint = {'type': 'ineq', 'fun': room, **({'jac': room_gradient} if gradient else {})}
+    constraint = {'type': 'ineq', 'fun': room, 'jac': room_gradient}
 
     def run() -> Array:
         found = minimize(
             lambda q: 0.5 * scale * float(stiffness @ q**2), start, method='SLSQP',
-            jac=(lambda q: scale * stiffness * q) if gradient else None, constraints=[constraint],
+            jac=lambda q: scale * stiffness * q, constraints=[constraint],
             options={'ftol': 1e-16, 'maxiter': 1000})
         return np.asarray(found.x)
 

@@ -5,7 +5,6 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import date
-from importlib.metadata import PackageNotFoundError, version
 import os
 from pathlib import Path
 import platform
@@ -38,13 +37,13 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def machine() -> str:
-    """Return a line that says where, when and with what the numbers were made."""
-    packages = ('numpy', 'numba', 'scipy', 'mujoco', 'opencv-python-headless')
-    installed = [f'{name} {found}' for name in packages if (found := _version(name))]
-    load = ', '.join(f'{value:.1f}' for value in os.getloadavg())
-    return (f'{_processor()}, {len(os.sched_getaffinity(0))} cores; Python '
-            f'{platform.python_version()}, {", ".join(installed)}; {date.today().isoformat()}; '
-            f'load of the machine over 1, 5 and 15 min at the end of the run: {load}.')
+    """
+    Return a line that says where and when the numbers were made.
+
+    The load is that of the last minute.
+    """
+    return (f'{_processor()}, {len(os.sched_getaffinity(0))} cores; {date.today().isoformat()}; '
+            f'load {os.getloadavg()[0]:.1f}.')
 
 
 def write(section: Section) -> Path:
@@ -70,10 +69,3 @@ def _processor() -> str:
         if name.strip() == 'model name':
             return value.strip()
     return platform.machine()
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return ''

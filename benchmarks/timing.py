@@ -34,11 +34,6 @@ class Timing:
         """Half of the rounds were faster, s."""
         return float(np.median(self.samples))
 
-    @property
-    def best(self) -> float:
-        """The fastest round, s: the one that the rest of the machine disturbed least."""
-        return float(self.samples.min())
-
 
 def sampler(call: Callable[[], object], sample: float = SAMPLE) -> Sampler:
     """Return a sampler of ``call`` that repeats it for about ``sample`` s, after two calls."""

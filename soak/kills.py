@@ -127,9 +127,8 @@ def _body(results: dict[str, Killed]) -> str:
     rows = []
     for name, killed in results.items():
         noticed, ceased = spread(killed.noticed), spread(killed.ceased)
-        rows.append((name, str(killed.known + killed.unknown), ' / '.join(noticed),
-                     str(len(killed.ceased)), ' / '.join(ceased),
-                     f'{killed.known} / {killed.unknown}'))
-    head = ('node', 'kills', 'noticed after, ms: median / 99 % / longest', 'of them in motion',
-            'motion ceased after, ms', 'state after restart: known / declared unknown')
+        rows.append((name, str(killed.known + killed.unknown), noticed[0], noticed[2],
+                     str(len(killed.ceased)), ceased[0], ceased[2], str(killed.unknown)))
+    head = ('node', 'kills', 'noticed, ms: median', 'longest', 'in motion',
+            'motion ceased, ms: median', 'longest', 'state declared unknown')
     return table(head, rows)

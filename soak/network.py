@@ -5,6 +5,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from math import nan
 from pathlib import Path
 from random import Random
 import tempfile
@@ -56,15 +57,14 @@ def run(share: float) -> Report:
         failures += ends.failures
         progress(str(ends))
     body.append(table((
-        '', 'times', 'of them in motion', 'motion ceased after, ms: median / 99 % / longest',
-        'valves switched meanwhile', 'motions or valves afterwards',
-        'goals aborted with a reason'), [cut.row, killed.row]))
+        '', 'times', 'in motion', 'motion ceased, ms: median', 'longest', 'valves switched',
+        'moved or switched afterwards', 'goals aborted with a reason'), [cut.row, killed.row]))
     rows, goals = [], max(1, round(share * GOALS))
     for quality in QUALITIES:
         with split(quality) as arm:
             rows.append(_goals(arm, quality, goals, failures))
-    body.append(table(('delay, ms', 'jitter, ms', 'loss', 'goals reached', 'time of one, s: '
-                       'median / longest', 'why others ended'), rows))
+    body.append(table(('delay, ms', 'jitter, ms', 'loss', 'goals reached', 'time, s: median',
+                       'longest'), rows))
     return Report('\n\n'.join(body), tuple(failures))
 
 
@@ -94,9 +94,9 @@ class Ends:
     @property
     def row(self) -> tuple[str, ...]:
         """Of the table."""
-        aborted = str(self.aborted) if self.aborted else 'nobody is left'
-        return (self.what, str(self.count), str(len(self.ceased)),
-                ' / '.join(spread(self.ceased)), str(self.switched), str(self.afterwards), aborted)
+        median, _, longest = spread(self.ceased)
+        return (self.what, str(self.count), str(len(self.ceased)), median, longest,
+                str(self.switched), str(self.afterwards), str(self.aborted or '-'))
 
 
 @contextmanager
@@ -121,11 +121,10 @@ def _goals(arm: SplitArm, quality: Quality, count: int, failures: list[str]) -> 
                 failures.append(f'{quality}: {answer}')
         arm.clear()
     progress(f'{quality}: {len(times)} of {count}; {others}')
-    ordered = sorted(times)
+    ordered = sorted(times) or [nan]
     return (f'{quality.delay * 1e3:g}', f'{quality.jitter * 1e3:g}', f'{quality.loss:.0%}',
             f'{len(times)} of {count}',
-            f'{ordered[len(times) // 2]:.1f} / {ordered[-1]:.1f}' if times else '-',
-            '; '.join(sorted({other.split(';')[0] for other in others})) or '-')
+            *(f'{each:.1f}' for each in (ordered[len(times) // 2], ordered[-1])))
 
 
 def _begin(arm: SplitArm, shape: list[float], lasts: float, ends: Ends) -> bool:

@@ -42,7 +42,6 @@ class Tally:
     operation: float = 0.0
     goals: Counter[str] = field(default_factory=Counter)
     undisturbed: Counter[str] = field(default_factory=Counter)
-    reasons: Counter[str] = field(default_factory=Counter)
     faults: Counter[str] = field(default_factory=Counter)
     compared: int = 0
     unknown: int = 0
@@ -126,9 +125,7 @@ def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) 
     if fault is None and not disturbance:
         tally.undisturbed.update(statuses)
         if statuses != ['SUCCEEDED']:
-            reason = goal.result()[1].error_string.replace(f'{bench.modbus.link.parent}', '...')
-            tally.reasons[reason] += 1
-            progress(f'{statuses[0]} without a fault: {reason}')
+            progress(f'{statuses[0]} without a fault: {goal.result()[1].error_string}')
     bench.wait_for_rest()
     _compare(bench, tally, commanded=statuses[-1] == 'SUCCEEDED')
     bench.restore()
@@ -166,10 +163,6 @@ def _compare(bench: Workbench, tally: Tally, commanded: bool) -> None:
     tally.compared += 1
 
 
-def _in_mm(*metres: float) -> tuple[str, ...]:
-    return tuple(f'{1e3 * each:.4f} mm' for each in metres)
-
-
 def _counts(goals: Counter[str]) -> str:
     return ', '.join(f'{count} {name.lower()}' for name, count in sorted(goals.items())) or '-'
 
@@ -189,28 +182,23 @@ def _claims(tally: Tally) -> list[str]:
 def _body(tally: Tally, board: Board[Any]) -> str:
     growth = ', '.join('-' if isnan(g) else f'{g:+.1f}' for g in tally.growth)
     rows = [
-        ('operation, at the default speed', f'{tally.operation / 60:.1f} min', ''),
-        ('time that it took', f'{tally.seconds / 60:.1f} min', ''),
-        ('goals', _counts(tally.goals), ''),
-        ('of these without fault, cancel or newer goal', _counts(tally.undisturbed), ''),
-        ('faults', str(tally.faults.total() - tally.faults['none']), ''),
-        ('positions compared: commanded, reported, emulated', str(tally.compared), ''),
-        ('the same while the position was declared unknown', str(tally.unknown), ''),
-        ('largest difference between reported and emulated pull', *_in_mm(
-            tally.unreported, board.resolution)),
-        ('between the end of a trajectory that was followed and emulated pull', *_in_mm(
-            tally.missed, board.reach)),
-        ('longest time a segment counted as stiff without its vacuum',
-         f'{tally.falsely_stiff * 1e3:.0f} ms', f'{LATENCY * 1e3:.0f} ms'),
-        ('longest motion while every segment was stiff', f'{tally.moved_stiff * 1e3:.0f} ms',
-         f'{LATENCY * 1e3:.0f} ms'),
-        ('memory of the nodes at the end', f'{tally.memory:.0f} MB', ''),
-        ('its growth in the last third of the time', f'{growth} MB/h', f'{MAX_GROWTH:g} MB/h'),
+        ('reported minus emulated pull, mm', f'{1e3 * tally.unreported:.4f}',
+         f'{1e3 * board.resolution:.4f}'),
+        ('end of a trajectory minus emulated pull, mm', f'{1e3 * tally.missed:.4f}',
+         f'{1e3 * board.reach:.4f}'),
+        ('segment counted as stiff without its vacuum, ms', f'{tally.falsely_stiff * 1e3:.0f}',
+         f'{LATENCY * 1e3:.0f}'),
+        ('motion while every segment was stiff, ms', f'{tally.moved_stiff * 1e3:.0f}',
+         f'{LATENCY * 1e3:.0f}'),
+        ('growth of memory in the last third of the time, MB/h', growth, f'{MAX_GROWTH:g}'),
         ('nodes that died, exceptions, goals that did not end, unrequested motions',
          str(len(tally.failures)), '0'),
     ]
-    faults = ', '.join(f'{name} {count}' for name, count in sorted(tally.faults.items()))
-    reasons = ''.join(f'\n- {count} times: {reason}' for reason, count in tally.reasons.items())
-    if reasons:
-        reasons = f'\n\nWhy undisturbed goals were aborted:\n{reasons}'
-    return f'{table(("", "measured", "allowed"), rows)}\n\nRounds by fault: {faults}.{reasons}'
+    faults = tally.faults - Counter(none=tally.faults['none'])
+    return (
+        f'{tally.operation / 60:.1f} min of operation at the default speed, in '
+        f'{tally.seconds / 60:.1f} min. {faults.total()} faults of {len(faults)} kinds. Goals: '
+        f'{_counts(tally.goals)}. Without fault, cancel or newer goal: '
+        f'{_counts(tally.undisturbed)}. Positions: {tally.compared} compared, {tally.unknown} '
+        f'declared unknown. Memory of the nodes at the end: {tally.memory:.0f} MB.\n\n'
+        + table(('', 'largest', 'allowed'), rows))

@@ -7,7 +7,6 @@ import time
 
 from trajectory_msgs.msg import JointTrajectory
 
-from benchmarks.tables import table
 from soak.report import progress, Report, spread
 from soak.workbench import ClaimError, FAILED, Workbench, workbench
 from support.ros_rig import trajectory
@@ -56,14 +55,11 @@ def run(share: float, board: str = 'grbl') -> Report:
         failures.append(f'{late} of {len(times)} stops took {MAX_STOP_TIME * 1e3:.0f} ms or more')
     if off > bench.board.resolution:
         failures.append(f'a reported pull was {1e3 * off:.3f} mm off')
-    rows = [('stop requests in motion', str(len(times)), ''),
-            ('request to rest, median', f'{median} ms', ''),
-            ('99 %', f'{percentile} ms', ''),
-            ('longest', f'{largest} ms', f'{MAX_STOP_TIME * 1e3:.0f} ms'),
-            (f'{MAX_STOP_TIME * 1e3:.0f} ms or more', str(late), '0'),
-            ('largest difference between reported and emulated pull',
-             f'{1e3 * off:.4f} mm', f'{1e3 * bench.board.resolution:.4f} mm')]
-    return Report(table(('', 'measured', 'allowed'), rows), tuple(failures))
+    return Report(
+        f'{len(times)} stops in motion: median {median} ms, 99 % {percentile} ms, longest '
+        f'{largest} ms. {late} took {MAX_STOP_TIME * 1e3:.0f} ms or more. Reported and emulated '
+        f'pulls differed by at most {1e3 * off:.4f} mm (allowed: '
+        f'{1e3 * bench.board.resolution:.4f} mm).', tuple(failures))
 
 
 def _stop(bench: Workbench, random: Random, side: float) -> float | None:
