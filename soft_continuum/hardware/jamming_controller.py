@@ -71,7 +71,7 @@ class PressureWatch:
         """Watch from the first reading on."""
         self._settings = settings
         self._driven: list[tuple[bool, bool] | None] = [None] * segments
-        self._told: list[float | None] = [None] * segments  # Pa, set-points
+        self._setpoints: list[float | None] = [None] * segments  # Pa, set-points
         self._since = [0.0] * segments
         self._read_at = 0.0
         self._vacuum = [nan] * segments  # Pa, as read last
@@ -124,13 +124,13 @@ class PressureWatch:
     def _fault(self, i: int, reading: JammingReading, now: float) -> str:
         evacuated = holds(reading, i, self._settings)
         vacuum = self._settings.ambient_pressure - reading.pressures[i]
-        told = reading.vacuums[i] if reading.vacuums else None
+        setpoint = reading.vacuums[i] if reading.vacuums else None
         self._follow(i, evacuated, vacuum, now - self._read_at)
         self._vacuum[i] = vacuum
-        driven = evacuated, evacuated and (reading.pump or told is not None)
-        followed = told is not None and abs(vacuum - told) <= self._settings.vacuum_tolerance
-        if driven != self._driven[i] or told != self._told[i] or followed:
-            self._driven[i], self._told[i], self._since[i] = driven, told, now
+        driven = evacuated, evacuated and (reading.pump or setpoint is not None)
+        followed = setpoint is not None and abs(vacuum - setpoint) <= self._settings.vacuum_tolerance
+        if driven != self._driven[i] or setpoint != self._setpoints[i] or followed:
+            self._driven[i], self._setpoints[i], self._since[i] = driven, setpoint, now
         overdue = now - self._since[i] >= RESPONSE_TIME
         name, kilopascals = f'segment {i + 1}', f'{vacuum / 1e3:.1f} kPa of vacuum'
         if not isfinite(vacuum):
@@ -140,12 +140,12 @@ class PressureWatch:
             self._distrusted[i] = False
         elif overdue and not evacuated:
             self._distrusted[i] = True
-        if self._distrusted[i] and told is None:
+        if self._distrusted[i] and setpoint is None:
             return (f'{name}: has {kilopascals} though it was vented; its pressure sensor or its '
                     'valve is stuck, or its vent is blocked. Vent it until the pressure shows it')
-        if told is not None:
+        if setpoint is not None:
             if overdue or self._distrusted[i]:
-                return (f'{name}: has {kilopascals}, its regulator was set to {told / 1e3:.1f} '
+                return (f'{name}: has {kilopascals}, its regulator was set to {setpoint / 1e3:.1f} '
                         'kPa; the regulator, its supply or the pressure sensor fails, or the '
                         'segment leaks. Set it to 0 until the pressure shows it')
         elif overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:

@@ -107,7 +107,7 @@ class ArmObserver(ReportedArm):
     @property
     def regulators(self) -> bool:
         """Whether regulators hold the vacuum of each segment, in place of valves."""
-        return bool(self.stiffness.told)
+        return bool(self.stiffness.setpoints)
 
     @property
     def moves(self) -> bool:
@@ -187,12 +187,12 @@ class ArmObserver(ReportedArm):
 
     @property
     def _vacuums_agreed(self) -> bool:
-        """Whether kinematics has the vacuums that regulators were told, in jams with a law."""
+        """Whether kinematics has the vacuums that the set-points of regulators, in jams with a law."""
         full = self.parameters['full_vacuum']
         segments = zip(
-            self.kinematics.vacuum, self.stiffness.told, self._elastic, strict=False)
-        return all(abs(part * full - min(full, told)) <= VACUUM_ROUNDING
-                   for part, told, elastic in segments if elastic and told)
+            self.kinematics.vacuum, self.stiffness.setpoints, self._elastic, strict=False)
+        return all(abs(part * full - min(full, setpoint)) <= VACUUM_ROUNDING
+                   for part, setpoint, elastic in segments if elastic and setpoint)
 
     def observation(self, motion_failure: Failure | None, fault: str) -> Observation:
         """Return what a Runner needs, with the failures of what it has requested."""

@@ -17,18 +17,18 @@ class JamVacuum:
         self._elastic, self._parameters = elastic, parameters
         self._parts = [1.0] * len(elastic)
 
-    def follow(self, segment: int, pressure: float, told: Sequence[float]) -> None:
+    def follow(self, segment: int, pressure: float, setpoints: Sequence[float]) -> None:
         """
         Take the pressure (absolute, Pa) of a segment (0-based).
 
-        told: set-points of regulators, Pa below ambient; of valves empty.  One that has followed
+        setpoints: of regulators, Pa below ambient; of valves empty.  One that has followed
         counts as its set-point says: if every noise of a sensor let the jam go and grow again, the
         arm would creep in the model.
         """
         vacuum = self._parameters['ambient_pressure'] - pressure
         if not isfinite(vacuum) or not self._elastic[segment]:
             return
-        wanted = told[segment] if told else nan
+        wanted = setpoints[segment] if setpoints else nan
         followed = abs(vacuum - wanted) <= self._parameters['vacuum_tolerance']
         full = self._parameters['full_vacuum']
         part = wanted / full if followed else round(vacuum / full, 2)

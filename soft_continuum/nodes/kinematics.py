@@ -202,7 +202,7 @@ class Kinematics(Node):
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
         """Follow the vacuum of a jam, which counts with the next pulls if it is not rigid."""
-        self._vacuum.follow(segment, message.fluid_pressure, self._next_stiff.told)
+        self._vacuum.follow(segment, message.fluid_pressure, self._next_stiff.setpoints)
 
     def _on_tendon_actuation(self, state: TendonActuationState) -> None:
         self._unknown = ''

@@ -161,12 +161,12 @@ class Stiffness:
     """
     What jamming_valves says of every segment; None where nothing is known yet.
 
-    confirmed: stiff, by its pressure.  told: vacuum that its regulator is set to, Pa below
+    confirmed: stiff, by its pressure.  setpoints: vacuum that its regulator is set to, Pa below
     ambient; of valves empty.
     """
 
     confirmed: tuple[bool | None, ...]
-    told: tuple[float, ...] = ()
+    setpoints: tuple[float, ...] = ()
 
     def jammed(self, elastic: Sequence[bool]) -> tuple[bool | None, ...]:
         """
@@ -175,10 +175,10 @@ class Stiffness:
         elastic: of which segments the description has a law for the jam.  A regulator that is set
         to any vacuum jams them; all others jam once they are confirmed stiff.
         """
-        if not self.told:
+        if not self.setpoints:
             return self.confirmed
-        return tuple(told > 0.0 if law and stiff is not None else stiff for stiff, told, law
-                     in zip(self.confirmed, self.told, elastic, strict=True))
+        return tuple(setpoint > 0.0 if law and stiff is not None else stiff for stiff, setpoint, law
+                     in zip(self.confirmed, self.setpoints, elastic, strict=True))
 
 
 def stiffness_from_ros(state: JammingValvesState, before: Stiffness) -> Stiffness:
@@ -193,7 +193,7 @@ def stiffness_from_ros(state: JammingValvesState, before: Stiffness) -> Stiffnes
     return Stiffness(
         tuple(was if now == JammingValvesState.UNKNOWN else now == JammingValvesState.STIFF
               for was, now in zip(before.confirmed, state.stiffness, strict=True)),
-        tuple(state.vacuums) if state.connected else before.told)
+        tuple(state.vacuums) if state.connected else before.setpoints)
 
 
 def equilibrium_to_ros(state: Equilibrium) -> KinematicsState:

@@ -86,10 +86,10 @@ class TagGroup:
         """Return the size of the tags over the stated one, measured by their distances."""
         guess = _Guess(fit.turn, fit.shift, fit.focal)
         places = self._points @ fit.turn.T + fit.shift
-        errors, slopes, weights = self._system(guess)
-        by_size = (self._slopes(places, fit.focal) @ (
+        errors, jacobian, weights = self._system(guess)
+        by_size = (self._jacobian(places, fit.focal) @ (
             (self._points - self._centres[:, None]) @ fit.turn.T)[..., None])[..., 0]
-        columns = np.concatenate([slopes[..., :6], by_size.reshape(len(slopes), 8, 1)], axis=2)
+        columns = np.concatenate([jacobian[..., :6], by_size.reshape(len(jacobian), 8, 1)], axis=2)
         return 1.0 + float(_solved(*_normal(columns, weights, errors))[6])
 
     def placed(self, fit: PoseFit) -> list[Tag]:
@@ -141,16 +141,16 @@ class TagGroup:
         return misfit, guess
 
     def _fit(self, misfit: float, guess: '_Guess') -> PoseFit:
-        errors, slopes, weights = self._system(guess)
+        errors, jacobian, weights = self._system(guess)
         covariance = np.asarray(np.linalg.inv(self._normal(guess)[0]), dtype=float)
-        per_focal = -_solved(*_normal(slopes[..., :6], weights, slopes[..., 6]))
+        per_focal = -_solved(*_normal(jacobian[..., :6], weights, jacobian[..., 6]))
         return PoseFit(guess.turn, guess.shift, guess.focal, covariance, per_focal, misfit,
                        errors.size - 6, float(np.sqrt(2.0 * np.mean(errors**2))))
 
     def _normal(self, guess: '_Guess') -> tuple[Array, Array]:
         """Return matrix and right-hand side of the normal equations, of what is free."""
-        errors, slopes, weights = self._system(guess)
-        matrix, pull = _normal(slopes[..., :self._free], weights, errors)
+        errors, jacobian, weights = self._system(guess)
+        matrix, pull = _normal(jacobian[..., :self._free], weights, errors)
         if self._stiff:
             matrix[6, 6] += self._stiff
             pull[6] += self._stiff * np.log(self._given / guess.focal)
@@ -179,8 +179,8 @@ class TagGroup:
         arms = self._points @ turn.T
         places = arms + guess.shift
         seen = places[..., :2] / places[..., 2:] * self._focal * guess.focal
-        slopes = self._slopes(places, guess.focal)
-        by_pose = _moved(slopes, np.broadcast_to(np.eye(3), (len(arms), 3, 3)), arms)
+        jacobian = self._jacobian(places, guess.focal)
+        by_pose = _moved(jacobian, np.broadcast_to(np.eye(3), (len(arms), 3, 3)), arms)
         spread = self._by_tag(guess) @ self._spreads
         weights = np.asarray(np.linalg.inv(
             self._noise + spread @ spread.transpose(0, 2, 1)), dtype=float)
@@ -192,16 +192,16 @@ class TagGroup:
         """Return how pixels go when each tag is moved along its own axes, (tags, 8, 6)."""
         turn = guess.turn
         arms = self._points @ turn.T
-        return _moved(self._slopes(arms + guess.shift, guess.focal), turn @ self._axes,
+        return _moved(self._jacobian(arms + guess.shift, guess.focal), turn @ self._axes,
                       arms - (self._centres @ turn.T)[:, None])
 
-    def _slopes(self, places: Array, focal: float) -> Array:
+    def _jacobian(self, places: Array, focal: float) -> Array:
         """Return how pixels go with places (tags, 4, 3) before the camera, (tags, 4, 2, 3)."""
-        slopes = np.zeros((*places.shape[:2], 2, 3))
+        jacobian = np.zeros((*places.shape[:2], 2, 3))
         scale = focal * self._focal / places[..., 2:]
-        slopes[..., 0, 0], slopes[..., 1, 1] = scale[..., 0], scale[..., 1]
-        slopes[..., 2] = -scale * places[..., :2] / places[..., 2:]
-        return slopes
+        jacobian[..., 0, 0], jacobian[..., 1, 1] = scale[..., 0], scale[..., 1]
+        jacobian[..., 2] = -scale * places[..., :2] / places[..., 2:]
+        return jacobian
 
 
 @dataclass(frozen=True)
@@ -230,24 +230,24 @@ def angle(one: Array, other: Array) -> float:
     return float(np.arccos(np.clip((np.trace(one.T @ other) - 1.0) / 2.0, -1.0, 1.0)))
 
 
-def _moved(slopes: Array, axes: Array, arms: Array) -> Array:
+def _moved(jacobian: Array, axes: Array, arms: Array) -> Array:
     """
     Return how pixels go when corners are moved, (tags, 8, 6): shift, then turn, along ``axes``.
 
-    slopes: (tags, 4, 2, 3).  axes: (tags, 3, 3), columns.  arms: (tags, 4, 3), from the centre
+    jacobian: (tags, 4, 2, 3).  axes: (tags, 3, 3), columns.  arms: (tags, 4, 3), from the centre
     of the turn.
     """
     turned = -cross_matrices(arms) @ axes[:, None]
     shifted = np.broadcast_to(axes[:, None], turned.shape)
-    found: Array = (slopes @ np.concatenate([shifted, turned], axis=-1)).reshape(
-        len(slopes), 8, 6)
+    found: Array = (jacobian @ np.concatenate([shifted, turned], axis=-1)).reshape(
+        len(jacobian), 8, 6)
     return found
 
 
-def _normal(slopes: Array, weights: Array, errors: Array) -> tuple[Array, Array]:
+def _normal(jacobian: Array, weights: Array, errors: Array) -> tuple[Array, Array]:
     """Return matrix and right-hand side of the normal equations."""
-    weighted = slopes.transpose(0, 2, 1) @ weights
-    return (weighted @ slopes).sum(axis=0), (weighted @ errors[..., None]).sum(axis=0)[:, 0]
+    weighted = jacobian.transpose(0, 2, 1) @ weights
+    return (weighted @ jacobian).sum(axis=0), (weighted @ errors[..., None]).sum(axis=0)[:, 0]
 
 
 def _solved(matrix: Array, right: Array) -> Array:

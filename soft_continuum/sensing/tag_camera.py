@@ -117,15 +117,15 @@ class Plane:
         errors = self.project_at(self._points) - self._pixels
         self.squares = float((errors**2).sum())
         self.freedom = max(1, errors.size - 8)
-        slopes = self._slopes(self._points).reshape(-1, 8)
-        self._covariance = np.linalg.inv(slopes.T @ slopes)
-        shifts = np.zeros((len(slopes), 2 * len(seen)))  # of the pixels with that of each tag
+        jacobian = self._jacobian(self._points).reshape(-1, 8)
+        self._covariance = np.linalg.inv(jacobian.T @ jacobian)
+        shifts = np.zeros((len(jacobian), 2 * len(seen)))  # of the pixels with that of each tag
         for i, step in enumerate(1e-6 * np.eye(2)):
             moved = (self.project_at(self._points + step)
                      - self.project_at(self._points - step)) / 2e-6
             for k in range(len(seen)):
                 shifts[8 * k:8 * k + 8, 2 * k + i] = moved[4 * k:4 * k + 4].ravel()
-        of_tags = self._covariance @ slopes.T @ shifts
+        of_tags = self._covariance @ jacobian.T @ shifts
         self._placement = of_tags @ of_tags.T
 
     def project_at(self, points: Array, depth: float = 0.0) -> Array:
@@ -145,16 +145,16 @@ class Plane:
         """Return which points of the plane these hide, (k, 2) m."""
         return points + (points - self._foot) * depth / (self._distance - depth)
 
-    def _slopes(self, points: Array, depth: float = 0.0) -> Array:
+    def _jacobian(self, points: Array, depth: float = 0.0) -> Array:
         """Return how the projections change with the homography, (k, 2, 8)."""
-        slopes, hidden = np.empty((len(points), 2, 8)), self._behind(points, depth)
+        jacobian, hidden = np.empty((len(points), 2, 8)), self._behind(points, depth)
         for i in range(8):
             size = 1e-6 * max(1.0, abs(self._matrix.flat[i]))
             there, back = self._matrix.copy(), self._matrix.copy()
             there.flat[i] += size
             back.flat[i] -= size
-            slopes[:, :, i] = (_mapped(there, hidden) - _mapped(back, hidden)) / (2.0 * size)
-        return slopes
+            jacobian[:, :, i] = (_mapped(there, hidden) - _mapped(back, hidden)) / (2.0 * size)
+        return jacobian
 
     def problem(self) -> str:
         """Return what is wrong with the fixed tags, empty for nothing."""
@@ -185,22 +185,22 @@ class Plane:
         angle = float(np.arctan2(up[0], up[1]))
         pose = np.array([0.0, 0.0, angle])
         pose[:2] = flat.mean(axis=0) - layout.disc_corners(disc, pose).mean(axis=0)
-        slopes = np.empty((8, 3))
+        jacobian = np.empty((8, 3))
         for _ in range(ITERATIONS):
             errors = (pixels - self.project_at(layout.disc_corners(disc, pose), depth)).ravel()
             for i, size in enumerate((1e-6, 1e-6, 1e-5)):
                 step = np.zeros(3)
                 step[i] = size
-                slopes[:, i] = (
+                jacobian[:, i] = (
                     self.project_at(layout.disc_corners(disc, pose + step), depth)
                     - self.project_at(layout.disc_corners(disc, pose - step), depth)
                 ).ravel() / (2.0 * size)
-            change = np.linalg.lstsq(slopes, errors, rcond=None)[0]
+            change = np.linalg.lstsq(jacobian, errors, rcond=None)[0]
             pose = pose + change
             if np.abs(change).max() < 1e-9:
                 break
-        own = np.linalg.inv(slopes.T @ slopes)
-        gain = own @ slopes.T @ self._slopes(
+        own = np.linalg.inv(jacobian.T @ jacobian)
+        gain = own @ jacobian.T @ self._jacobian(
             layout.disc_corners(disc, pose), depth).reshape(8, 8)
         residual = pixels - self.project_at(layout.disc_corners(disc, pose), depth)
         covariance = own + gain @ self._covariance @ gain.T
@@ -220,10 +220,10 @@ def _viewpoint(points: Array, pixels: Array, lens: Lens) -> tuple[Array, float, 
     _, turn, shift = cv2.solvePnP(solid, pixels, lens.matrix, None, flags=cv2.SOLVEPNP_IPPE)
     turn, shift = cv2.solvePnPRefineLM(solid, pixels, lens.matrix, None, turn, shift)
     pose = np.concatenate([turn.ravel(), shift.ravel()])
-    slopes = cv2.projectPoints(solid, turn, shift, lens.matrix, None)[1][:, :6]
+    jacobian = cv2.projectPoints(solid, turn, shift, lens.matrix, None)[1][:, :6]
     of_pose = np.column_stack([
         (_camera(pose + step) - _camera(pose - step)) / 2e-6 for step in 1e-6 * np.eye(6)])[:2]
-    covariance = of_pose @ np.linalg.inv(slopes.T @ slopes) @ of_pose.T
+    covariance = of_pose @ np.linalg.inv(jacobian.T @ jacobian) @ of_pose.T
     camera = _camera(pose)
     return camera[:2], abs(float(camera[2])), covariance
 

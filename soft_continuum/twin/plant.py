@@ -193,16 +193,16 @@ class Plant:
         turned = np.cumsum(np.linalg.norm(bent[:, :2], axis=1))[self._span_parts]
         of_span = self._span_tendons
         gain = np.expm1(-self.model_errors.guide_friction * (self._sliding[of_span] * turned))
-        moments: Array = -(tensions[of_span] * gain) @ self._span_slopes()
+        moments: Array = -(tensions[of_span] * gain) @ self._span_jacobian()
         return moments
 
-    def _span_slopes(self) -> Array:
+    def _span_jacobian(self) -> Array:
         """Return how the length of each span grows with each joint, (spans, joints), m."""
         model = self._model
-        slopes = np.zeros((model.ntendon, model.nv))
-        mujoco.mju_sparse2dense(slopes, self._data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr,
+        jacobian = np.zeros((model.ntendon, model.nv))
+        mujoco.mju_sparse2dense(jacobian, self._data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr,
                                 model.ten_J_colind)
-        return slopes[len(self._straight):]
+        return jacobian[len(self._straight):]
 
     def _set_jams(self, vacuum: Array) -> None:
         """Let the jams follow the vacuum, and creep where they bear too much."""

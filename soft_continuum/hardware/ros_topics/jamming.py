@@ -274,7 +274,7 @@ class RosRegulators(RosVacuum):
                 f'{PREFIX}command_type and {PREFIX}state_type are {NUMBER} or {ARRAY}, and '
                 f'{PREFIX}vacuum_scale is not 0')
         self.max_vacuum: float = values[f'{PREFIX}max_vacuum']
-        self._told: dict[int, float] = {}  # Pa, by segment (0-based): the last set-points
+        self._last: dict[int, float] = {}  # Pa, by segment (0-based): the last set-points
 
     def read(self) -> JammingReading:
         """Return the state that was received last."""
@@ -297,9 +297,9 @@ class RosRegulators(RosVacuum):
                     f'segment {i + 1}: its regulator reports a set-point of {vacuum:.4g} Pa of '
                     f'vacuum; allowed: 0 to {self.max_vacuum:g} Pa; check {PREFIX}vacuum_scale '
                     f'and {PREFIX}max_vacuum')
-            if not abs(vacuum - self._told.get(i, inf)) <= tolerance:
-                self._told[i] = 0.0 if abs(vacuum) <= tolerance else vacuum
-        return tuple(self._told[i] for i in range(self._segments))
+            if not abs(vacuum - self._last.get(i, inf)) <= tolerance:
+                self._last[i] = 0.0 if abs(vacuum) <= tolerance else vacuum
+        return tuple(self._last[i] for i in range(self._segments))
 
     def _reported(self) -> tuple[float, ...]:
         return tuple(vacuum / self._scale for vacuum in self._setpoints())
@@ -310,4 +310,4 @@ class RosRegulators(RosVacuum):
         self._set(segment, vacuum / self._scale,
                   lambda state: abs(self._scale * state - vacuum) <= tolerance,
                   f'the regulator of segment {segment + 1}')
-        self._told[segment] = vacuum if vacuum > tolerance else 0.0
+        self._last[segment] = vacuum if vacuum > tolerance else 0.0

@@ -68,15 +68,15 @@ class SpaceLinearisation(Linearisation):
         at_yield = self._jam_parts(most)[1] == 0.0
         joints[at_yield, HELD] -= (1e-7 if loading else -1e-7) * self._away[at_yield]
         self._away = self._angles - joints[:, HELD]
-        band, across, forces, self._by_tension, self._slopes = (
+        band, across, forces, self._by_tension, self._jacobian = (
             _kernel.functions().spatial_linearise(self._rotations, tensions, self._system))
         compliance = statics.stretch_rates(state, sliding)
         self._taut = np.flatnonzero(
             (tensions > 0.0) & ~self._by_force
-            & ((compliance > 0.0) | self._slopes.any(axis=0)))
+            & ((compliance > 0.0) | self._jacobian.any(axis=0)))
         lost, spans, stretched = self._friction(tensions, ways)
         self._columns = np.hstack([self._by_tension[:, self._taut], across, spans])
-        self._rows = np.hstack([(self._slopes - stretched)[:, self._taut], across, lost])
+        self._rows = np.hstack([(self._jacobian - stretched)[:, self._taut], across, lost])
         self._half = band.shape[1] - 1
         self._band, self._pivots = _factored_band(band, np.einsum(
             'kji,kj->ki', self._rotations, self._system[3]))
@@ -253,7 +253,7 @@ class SpaceLinearisation(Linearisation):
         change[taut] += carried[:len(taut)]
         links = np.concatenate([self._rotations @ turned.reshape(-1, 3, parameters),
                                 np.zeros((1, 3, parameters))])
-        return Sensitivity(links[self._link], change, self._slopes.T @ turned, self._state)
+        return Sensitivity(links[self._link], change, self._jacobian.T @ turned, self._state)
 
 
 def _bent(parts: Array) -> Array:
