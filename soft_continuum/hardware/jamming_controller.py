@@ -128,7 +128,8 @@ class PressureWatch:
         self._follow(i, evacuated, vacuum, now - self._read_at)
         self._vacuum[i] = vacuum
         driven = evacuated, evacuated and (reading.pump or setpoint is not None)
-        followed = setpoint is not None and abs(vacuum - setpoint) <= self._settings.vacuum_tolerance
+        followed = (setpoint is not None
+                    and abs(vacuum - setpoint) <= self._settings.vacuum_tolerance)
         if driven != self._driven[i] or setpoint != self._setpoints[i] or followed:
             self._driven[i], self._setpoints[i], self._since[i] = driven, setpoint, now
         overdue = now - self._since[i] >= RESPONSE_TIME
@@ -145,9 +146,10 @@ class PressureWatch:
                     'valve is stuck, or its vent is blocked. Vent it until the pressure shows it')
         if setpoint is not None:
             if overdue or self._distrusted[i]:
-                return (f'{name}: has {kilopascals}, its regulator was set to {setpoint / 1e3:.1f} '
-                        'kPa; the regulator, its supply or the pressure sensor fails, or the '
-                        'segment leaks. Set it to 0 until the pressure shows it')
+                return (f'{name}: has {kilopascals}, its regulator was set to '
+                        f'{setpoint / 1e3:.1f} kPa; the regulator, its supply or the pressure '
+                        'sensor fails, or the segment leaks. Set it to 0 until the pressure shows '
+                        'it')
         elif overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:
             return (f'{name}: has only {kilopascals} after {RESPONSE_TIME:g} s with the pump '
                     'running; it leaks, its valve or its pressure sensor is stuck, or the pump '

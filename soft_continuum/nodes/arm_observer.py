@@ -187,7 +187,7 @@ class ArmObserver(ReportedArm):
 
     @property
     def _vacuums_agreed(self) -> bool:
-        """Whether kinematics has the vacuums that the set-points of regulators, in jams with a law."""
+        """Whether kinematics has the set-points of regulators as vacuums of jams with a law."""
         full = self.parameters['full_vacuum']
         segments = zip(
             self.kinematics.vacuum, self.stiffness.setpoints, self._elastic, strict=False)

@@ -26,7 +26,7 @@ from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sensing.mounted_imus import imu_rotations, MountedImus
-from soft_continuum.sensing.tare import mount_of, straight_heights, Window
+from soft_continuum.sensing.tare import offset_of, straight_heights, Window
 from soft_continuum.sensing.tilt import ImuSample, SensorError
 from soft_continuum.sensing.tracker import Tracker
 
@@ -173,13 +173,13 @@ class DiscSensors(Node):
     def _tare(self) -> str:
         """Take what is measured as that of the straight arm; all or nothing."""
         now = monotonic()
-        mounts, imus = list(self._tracker.mounts), self._imus.mounts.copy()
+        offsets, imus = list(self._tracker.offsets), self._imus.mounts.copy()
         followed, tilted = [], []
         for n, height in enumerate(self._heights):
             source = self._sources[n] or 'pose'
             try:
                 if poses := self._followed[n].recent(now):
-                    mounts[n] = mount_of(poses, height)
+                    offsets[n] = offset_of(poses, height)
                     followed.append(str(n))
                 source = 'imu'
                 if (mount := self._imus.straight(n, now)) is not None:
@@ -189,11 +189,11 @@ class DiscSensors(Node):
                 raise SensorError(f'disc {n}, {source}: {error}; nothing was tared') from None
         if not followed + tilted:
             raise SensorError(f'nothing was measured; {self._nothing()}')
-        self._tracker, self._imus.mounts = replace(self._tracker, mounts=tuple(mounts)), imus
+        self._tracker, self._imus.mounts = replace(self._tracker, offsets=tuple(offsets)), imus
         self._tared = [f'{what} of disc {", ".join(discs)}' for what, discs in (
             ('pose', followed), ('tilt', tilted)) if discs]
         self._report()
-        flat = tuple(float(v) for mount in mounts for v in mount)
+        flat = tuple(float(v) for offset in offsets for v in offset)
         kept = [f'tracker: {{offsets: {as_yaml(flat, 6)}}}'] if followed else []
         name, turns = self._imus.kept()
         kept += [f'imu: {{{name}: {as_yaml(turns, 6)}}}'] if tilted else []

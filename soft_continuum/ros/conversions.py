@@ -177,8 +177,9 @@ class Stiffness:
         """
         if not self.setpoints:
             return self.confirmed
-        return tuple(setpoint > 0.0 if law and stiff is not None else stiff for stiff, setpoint, law
-                     in zip(self.confirmed, self.setpoints, elastic, strict=True))
+        return tuple(
+            setpoint > 0.0 if law and stiff is not None else stiff for stiff, setpoint, law
+            in zip(self.confirmed, self.setpoints, elastic, strict=True))
 
 
 def stiffness_from_ros(state: JammingValvesState, before: Stiffness) -> Stiffness:

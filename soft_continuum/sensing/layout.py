@@ -17,7 +17,7 @@ from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, MODULES
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.sensing.tare import straight_heights, tag_mount
+from soft_continuum.sensing.tare import straight_heights, tag_offset
 from soft_continuum.sensing.tilt import SensorError
 
 if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
@@ -161,17 +161,17 @@ class TagLayout(Layout):
     def tared(self, stuck: tuple[Array, ...], seen: 'Sequence[TagDetections]'
               ) -> tuple[list[int], tuple[Array, ...], str]:
         """Return it of the discs that are seen in more than half of the pictures."""
-        mounts, discs = list(stuck), []
+        offsets, discs = list(stuck), []
         for n, height in enumerate(self.straight_heights):
             try:
                 poses = [sight.discs[n].by_tags for sight in seen if n in sight.discs]
                 if 2 * len(poses) > len(seen):
-                    mounts[n] = tag_mount(poses, height)
+                    offsets[n] = tag_offset(poses, height)
                     discs.append(n)
             except SensorError as error:
                 raise SensorError(f'disc {n}: {error}') from None
-        numbers = tuple(float(v) for mount in mounts for v in planar_pose(mount))
-        return discs, tuple(mounts), f'offsets: {as_yaml(numbers, 6)}'
+        numbers = tuple(float(v) for offset in offsets for v in planar_pose(offset))
+        return discs, tuple(offsets), f'offsets: {as_yaml(numbers, 6)}'
 
     def camera(self, lens: Lens, stuck: tuple[Array, ...]) -> 'DiscCamera':
         """Return a TagCamera."""

@@ -33,16 +33,16 @@ class TagCamera(DiscCamera):
 
     layout: TagLayout
 
-    def __init__(self, layout: TagLayout, lens: Lens, mounts: Sequence[Array] = ()) -> None:
+    def __init__(self, layout: TagLayout, lens: Lens, offsets: Sequence[Array] = ()) -> None:
         """
         Take where the tags are, and the calibration of the camera.
 
-        mounts: by disc, its pose (7,) in the one that its tag tells; none for tags that are where
+        offsets: by disc, its pose (7,) in the one that its tag tells; none for tags that are where
         they are meant to be.
         """
         discs = range(len(layout.heights))
         super().__init__(layout, lens, {*layout.fixed_numbers, *discs})
-        self._mounts = mounts or [np.array(IDENTITY) for _ in discs]
+        self._offsets = offsets or [np.array(IDENTITY) for _ in discs]
 
     def _view(self, picture: Picture, corners: Mapping[int, Array]) -> 'Plane | str':
         """Return the plane that the fixed tags tell, or why they do not."""
@@ -69,7 +69,7 @@ class TagCamera(DiscCamera):
         squares = view.squares + sum(8.0 * fit.residual**2 for _, fit in fits.values())
         stddev = float(np.sqrt(squares / (view.freedom + 5 * len(fits))))
         variance = stddev**2 + SHARED_DEVIATION**2
-        return {n: DiscPose(compose(pose, self._mounts[n]), in_plane(
+        return {n: DiscPose(compose(pose, self._offsets[n]), in_plane(
             fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit))[1],
             fit.residual, pose) for n, (pose, fit) in fits.items()}, stddev
 

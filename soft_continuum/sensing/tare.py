@@ -83,7 +83,7 @@ def refuse_motion(shift: float, turn: float) -> None:
                           'measured; wait until the arm rests')
 
 
-def mount_of(followed: Sequence[Array], height: float) -> Array:
+def offset_of(followed: Sequence[Array], height: float) -> Array:
     """
     Return the pose (7,) of a disc in what is followed, from poses (k, 7) of that in base_link.
 
@@ -98,11 +98,11 @@ def mount_of(followed: Sequence[Array], height: float) -> Array:
     return mount
 
 
-def tag_mount(poses: Sequence[Array], height: float) -> Array:
+def tag_offset(poses: Sequence[Array], height: float) -> Array:
     """
     Return the pose (7,) of a disc in the one that its tag tells, from such poses (k, 7).
 
-    height: as of mount_of.  Raises SensorError when it moves, or is too far off.
+    height: as of offset_of.  Raises SensorError when it moves, or is too far off.
     """
     mount = _mount(poses, height)
     shift, turn = float(np.linalg.norm(mount[:3])), angle_between(mount, np.array(IDENTITY))

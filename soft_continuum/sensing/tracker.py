@@ -33,14 +33,14 @@ class Tracker:
     Where a tracker measures, and what it follows on each disc.
 
     frame: base_link.  own_frame: of the tracker, empty if that is base_link.  to_base: pose (7,)
-    of its frame in base_link.  mounts: by disc, pose (7,) of the disc in what is followed.  reach:
-    m, how far from the base a disc can be.  axes: (6,), as pose_axes of the arm.
+    of its frame in base_link.  offsets: by disc, pose (7,) of the disc in what is followed.
+    reach: m, how far from the base a disc can be.  axes: (6,), as pose_axes of the arm.
     """
 
     frame: str
     own_frame: str
     to_base: Array
-    mounts: tuple[Array, ...]
+    offsets: tuple[Array, ...]
     reach: float
     axes: NDArray[np.bool_]
 
@@ -54,9 +54,10 @@ class Tracker:
             raise ParameterError(
                 f'parameter tracker.offsets has {len(given)} numbers; needed: x, y, z and '
                 f'quaternion x, y, z, w for each of {discs} discs, or 0.0 for none')
-        mounts = tuple(given_pose('tracker.offsets', given[7 * n:7 * n + 7]) for n in range(discs))
+        offsets = tuple(
+            given_pose('tracker.offsets', given[7 * n:7 * n + 7]) for n in range(discs))
         base = given_pose('tracker.base_pose', values['tracker.base_pose'])
-        return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), mounts,
+        return cls(values['frame_id'], values['tracker.frame_id'], inverse(base), offsets,
                    straight_heights(arm)[-1], arm.pose_axes)
 
     def in_base(self, frame: str, pose: Sequence[float]) -> Array:
@@ -87,7 +88,7 @@ class Tracker:
 
         Raises SensorError when it is far from the arm, or where its discs cannot go.
         """
-        pose = compose(followed, self.mounts[n])
+        pose = compose(followed, self.offsets[n])
         if pose[6] < 0.0:
             pose[3:] *= -1.0
         distance = float(np.linalg.norm(pose[:3]))

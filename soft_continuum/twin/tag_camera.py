@@ -82,12 +82,6 @@ class TagTwinCamera(Webcam):
             points[:, 0] - self._foot[0], self._foot[1] - points[:, 1],
             np.full(len(points), self._distance - depth)]))
 
-    def stuck(self, disc: int, pose: Array) -> Array:
-        """Return where a disc at ``pose`` would be if its tag were stuck where it should be."""
-        middle, angle = self._tag_pose(disc, pose)
-        bottom = middle - self._layout.heights[disc] * _directions(angle)[1]
-        return np.array([*bottom, angle])
-
     def _tag_pose(self, disc: int, pose: Array) -> tuple[Array, float]:
         """Return the middle (x, z) m and the angle (rad) of the tag of a disc at ``pose``."""
         across, along, turned = self._offsets[disc]

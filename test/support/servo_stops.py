@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stops of a driver on emulated Dynamixel servos: how long until every tendon rests."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
@@ -20,14 +19,11 @@ class Rest:
     """
     How long it took until spools came to rest, s.
 
-    slow: until every spool stays below REST_SPEED and near where it rests.  near: until every
-    spool stays within REST_DISTANCE of where it rests.  standing: until every speed is exactly 0.
+    slow: until every spool stays below REST_SPEED and within REST_DISTANCE of where it rests.
     pulls: where they rest, m since the beginning.
     """
 
     slow: float
-    near: float
-    standing: float
     pulls: tuple[float, ...]
 
 
@@ -89,12 +85,9 @@ def watch_rest(emulator: DynamixelEmulator, since: float) -> Rest:
         if clock() - since > MAX_WATCH:
             raise WrongStateError(f'the spools never rest: {speed} m/s')
 
-    def last(moves: Callable[[int], bool]) -> float:
-        """Return the last time for which that holds, since then."""
-        return max((time - since for i, time in enumerate(times) if moves(i)), default=0.0)
+    def moves(i: int) -> bool:
+        away = max(abs(a - b) for a, b in zip(pulls[i], pulls[-1], strict=True))
+        return away > REST_DISTANCE or speeds[i] > REST_SPEED
 
-    def away(i: int) -> float:
-        return max(abs(a - b) for a, b in zip(pulls[i], pulls[-1], strict=True))
-
-    return Rest(last(lambda i: away(i) > REST_DISTANCE or speeds[i] > REST_SPEED),
-                last(lambda i: away(i) > REST_DISTANCE), standing - since, pulls[-1])
+    return Rest(max((time - since for i, time in enumerate(times) if moves(i)), default=0.0),
+                pulls[-1])

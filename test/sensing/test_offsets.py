@@ -17,7 +17,7 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.detections import DiscPose, TagDetections
 from soft_continuum.sensing.mounted_imus import imu_rotations
 from soft_continuum.sensing.rigid import compose, planar_pose
-from soft_continuum.sensing.tare import mount_of, straight_heights, tag_mount, turn_of, Window
+from soft_continuum.sensing.tare import offset_of, straight_heights, tag_offset, turn_of, Window
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sensing.tracker import Tracker
 from soft_continuum.user_files import description_file
@@ -49,8 +49,8 @@ def test_after_a_tare_discs_are_measured_wherever_base_and_markers_are(seed, arm
     straight = matrix((0.0, 0.0, 0.2), Rotation.identity())
     found = tracker(base, arm)
     noise = [replace_noise(row(base @ straight @ mounted), rng) for _ in range(50)]
-    mount = mount_of([found.in_base('world', pose) for pose in noise], 0.2)
-    found = replace(found, mounts=(mount,) * 4)
+    offset = offset_of([found.in_base('world', pose) for pose in noise], 0.2)
+    found = replace(found, offsets=(offset,) * 4)
     for angle in (-1.2, 0.0, 2.9):
         disc = matrix((0.1, 0.0, 0.15), Rotation.from_euler('y', angle))
         pose = found.disc(2, found.in_base('world', row(base @ disc @ mounted)))
@@ -101,12 +101,12 @@ def test_what_moves_or_is_far_away_is_no_tare():
     poses = np.zeros((20, 7))
     poses[:, 6] = 1.0
     poses[:, 2] = 0.2
-    assert mount_of(list(poses), 0.2) == pytest.approx([0, 0, 0, 0, 0, 0, 1])
+    assert offset_of(list(poses), 0.2) == pytest.approx([0, 0, 0, 0, 0, 0, 1])
     with pytest.raises(SensorError, match='0.50 m from where its disc is'):
-        mount_of(list(poses), 0.7)
+        offset_of(list(poses), 0.7)
     poses[:, 0] = np.linspace(0.0, 0.004, 20)
     with pytest.raises(SensorError, match='it moves, by 2.1 mm'):
-        mount_of(list(poses), 0.2)
+        offset_of(list(poses), 0.2)
     assert turned_by([0.1] * 10) == pytest.approx([0.0, 0.1, 0.0])
     with pytest.raises(SensorError, match='it moves, by 0.0 mm and 0.1'):
         turned_by(np.linspace(0.0, 0.2, 10))
@@ -160,9 +160,9 @@ def test_tags_that_are_stuck_off_tell_where_the_disc_is_after_a_tare():
     def seen(pose):  # 2 mm to the right of it, 1 mm low, and turned by 0.05 rad
         return in_space(*(pose[:2] + turn(pose[2]) @ [0.002, -0.001]), pose[2] + 0.05)
 
-    mount = tag_mount([seen(np.array([0.0, 0.2, 0.0]))] * 10, 0.2)
+    offset = tag_offset([seen(np.array([0.0, 0.2, 0.0]))] * 10, 0.2)
     for pose in ([0.0, 0.2, 0.0], [0.05, 0.15, 1.0], [-0.1, 0.1, -2.0]):
-        assert planar_pose(compose(seen(np.array(pose)), mount)) == pytest.approx(pose)
+        assert planar_pose(compose(seen(np.array(pose)), offset)) == pytest.approx(pose)
 
 
 def in_space(*planar):
@@ -201,7 +201,7 @@ def test_what_a_tare_answers_is_what_the_parameter_takes():
     ([[0.0, 0.2, 0.01 * n] for n in range(10)], 'it moves, by 0.0 mm and 0.050')])
 def test_tags_of_an_arm_that_bends_or_moves_are_not_tared(poses, named):
     with pytest.raises(SensorError, match=named):
-        tag_mount([in_space(*pose) for pose in poses], 0.2)
+        tag_offset([in_space(*pose) for pose in poses], 0.2)
 
 
 @pytest.mark.parametrize('axes', [
