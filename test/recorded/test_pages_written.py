@@ -9,4 +9,10 @@ def test_what_is_generated_is_what_it_was():
     found = dict(pages())
     assert sorted(found) == sorted(path.name for path in PAGES.iterdir())
     for name, text in found.items():
-        assert text == (PAGES / name).read_text(encoding='utf-8'), name
+        assert facts(text) == facts((PAGES / name).read_text(encoding='utf-8')), name
+
+
+def facts(text: str) -> list[str]:
+    """Return the lines of a page, without the descriptions of parameters: these are words."""
+    return [line.rsplit(' | ', line.count(' | ') - 5)[0] if line.startswith('| `') else line
+            for line in text.splitlines()]
