@@ -42,7 +42,7 @@ class SimulatedJamming:
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter('simulated_jamming.ultimate_vacuum', 94e3,
-                  'vacuum the simulated pump reaches below ambient', 1e3, 101e3, unit='Pa'),
+                  'ultimate vacuum below ambient of the simulated pump', 1e3, 101e3, unit='Pa'),
         Parameter('simulated_jamming.evacuation_time', 0.4,
                   'time constant of evacuating a simulated segment', 0.01, 100.0, unit='s'),
         Parameter('simulated_jamming.venting_time', 0.6,
@@ -50,15 +50,17 @@ class SimulatedJamming:
         Parameter('simulated_jamming.valve_delay', 0.03, 'delay of a simulated valve',
                   0.0, 10.0, unit='s'),
         Parameter('simulated_jamming.leak_rate', 500.0,
-                  'vacuum a simulated segment loses while the pump is off', 0.0, 1e5, unit='Pa/s'),
+                  'rate at which a simulated segment loses vacuum while the pump is off',
+                  0.0, 1e5, unit='Pa/s'),
         Parameter('simulated_jamming.initially_stiff', True,
                   'the simulated rig starts with the pump on and all segments evacuated'),
         Parameter('simulated_jamming.regulators', False,
-                  'the simulated rig has a vacuum regulator per segment in place of valves'),
+                  'the simulated rig has a vacuum regulator for each segment instead of valves'),
         Parameter('simulated_jamming.max_vacuum', 90e3,
-                  'largest set-point of a simulated regulator', 1e3, 101e3, unit='Pa'),
+                  'maximum set-point of a simulated regulator', 1e3, 101e3, unit='Pa'),
         Parameter('simulated_jamming.dead_band', 500.0,
-                  'distance from its set-point at which a simulated regulator rests', 0.0, 1e4,
+                  'deviation from its set-point within which a simulated regulator is idle',
+                  0.0, 1e4,
                   unit='Pa'),
     )
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters that describe the arm, and the Arm that they describe."""
+"""The parameters that describe the arm, and the Arm built from them."""
 
 from collections.abc import Mapping, Sequence
 import hashlib
@@ -30,7 +30,7 @@ from soft_continuum.parameters.parameter import Parameter, ParameterError, sprea
 NO_NAMES = ('',)
 SPATIAL_PER_SEGMENT = (
     Parameter('arm.lateral_bending_stiffnesses', (0.0,),
-              'E I of each segment of a spatial arm about x; 0: as about y, a round spring',
+              'spatial arm: E I of each segment about x; 0: as about y, for a round spring',
               0.0, 1e3, unit='N m^2'),
     Parameter('arm.torsional_stiffnesses', (0.0,),
               'G J of each segment of a spatial arm; 0: it does not twist',
@@ -38,8 +38,8 @@ SPATIAL_PER_SEGMENT = (
 )
 TENDONS = (
     Parameter('arm.tendon_names', NO_NAMES,
-              'name of each tendon, which makes the arm a spatial one; one empty name: a planar '
-              'arm with right_tendon and left_tendon'),
+              'name of each tendon of a spatial arm; one empty name: a planar arm with '
+              'right_tendon and left_tendon'),
     Parameter('arm.tendon_angles', (0.0,),
               'where each tendon is at the base: angle about z from x', -2 * pi, 2 * pi,
               unit='rad'),
@@ -47,7 +47,7 @@ TENDONS = (
               'number of the disc where each tendon ends, 1 above the first segment; 0: the last',
               0, 1000),
     Parameter('arm.tendon_twists', (0.0,),
-              'by how much each tendon winds around the arm; 0: parallel to it', -1e3, 1e3,
+              'rate at which each tendon winds around the arm; 0: parallel to it', -1e3, 1e3,
               unit='rad/m'),
 )
 SPATIAL_PARAMETERS = (
@@ -77,14 +77,14 @@ PER_SEGMENT = (
     Parameter('arm.bending_angle_limits', (pi / 3, pi / 3, pi / 3),
               'largest bending angle of each segment to either side', 1e-3, 2 * pi, unit='rad'),
     Parameter('arm.stiffness_ratios', (0.0,),
-              'K, bending stiffness of each segment stiff over soft; 0: rigid when stiff',
+              'K, ratio of stiff to soft bending stiffness of each segment; 0: rigid when stiff',
               0.0, 1e6),
     Parameter('arm.yield_moments', (0.0,),
               'moment at which each jammed segment yields at full vacuum; 0: never',
               0.0, 1e6, unit='N m'),
     Parameter('arm.stiffness_exponents', (1.0,),
-              'power of the vacuum, as part of the full one, with which the stiffness that '
-              'jamming adds to each segment grows', 0.0, 5.0),
+              'exponent n of each segment: jamming adds stiffness in proportion to (vacuum / full '
+              'vacuum)^n', 0.0, 5.0),
     *SPATIAL_PER_SEGMENT,
 )
 PER_GUIDE = (
@@ -100,14 +100,14 @@ PER_DISC = (
 )
 MEASURED_LAWS = tuple(
     Parameter(f'arm.{state}_{quantity}', (0.0,),
-              f'{quantity} of the measured law of the {state} segments: for each segment a table '
-              f'that starts at 0.0; 0.0 alone: {without}', 0.0, 1e6, unit=unit)
+              f'{quantity} of the measured law of the {state} segments: one table for each '
+              f'segment, each starting at 0.0; 0.0 alone: {without} applies', 0.0, 1e6, unit=unit)
     for state, without in (('soft', 'arm.bending_stiffnesses'), ('stiff', 'arm.stiffness_ratios'))
     for quantity, unit in (('curvatures', '1/m'), ('moments', 'N m')))
 ARM_PARAMETERS = (
     *PER_SEGMENT, *PER_GUIDE, *PER_DISC, *MEASURED_LAWS, *SPATIAL_PARAMETERS,
     Parameter('arm.jamming', True,
-              'whether segments can be stiffened; false: all are always soft, and jamming_valves '
+              'whether segments can be stiffened; false: all are always soft and jamming_valves '
               'is not needed'),
     Parameter('arm.youngs_modulus', 200e9,
               "Young's modulus of the leaf springs", 1e6, 1e12, unit='Pa'),
@@ -134,10 +134,10 @@ MAX_SEGMENTS = 100
 
 def description_digest(values: Mapping[str, Any]) -> str:
     """
-    Return 16 hexadecimal digits that are the same for the same arm only.
+    Return 16 hexadecimal digits that identify the description of an arm.
 
-    values: checked parameters, of which those in ARM_PARAMETERS count; empty if there are none.
-    The digits depend neither on their order nor on how their numbers were written.
+    values: checked parameters; those in ARM_PARAMETERS are used.  Empty if there are none. The
+    digits depend neither on their order nor on the notation of their numbers.
     """
     described = {p.name: p.check(values[p.name]) for p in ARM_PARAMETERS if p.name in values}
     # Python writes the shortest decimal fraction that is read as the same float, on any machine.
@@ -146,28 +146,28 @@ def description_digest(values: Mapping[str, Any]) -> str:
 
 
 def check_jamming(values: Mapping[str, Any]) -> None:
-    """Raise ParameterError for an arm without jamming, for nodes that are nothing without."""
+    """Raise ParameterError for an arm without jamming, in nodes that need it."""
     if not values['arm.jamming']:
         raise ParameterError(
-            'arm.jamming is false: nothing stiffens the segments of this arm, and nodes that '
+            'arm.jamming is false: the segments of this arm cannot be stiffened, so nodes that '
             'switch them are not needed; `soft_continuum up` starts those that are')
 
 
 def check_actuation(arm: Arm, values: Mapping[str, Any]) -> None:
-    """Raise ParameterError for an arm whose segments nothing bends each by itself."""
+    """Raise ParameterError for an arm whose segments cannot be bent independently."""
     if not (values['arm.jamming'] or fully_actuated(arm)):
         raise ParameterError(
-            'arm.jamming is false, and the tendons of this arm do not bend each segment by itself '
-            '(fewer or less independent ones than bending directions): it has no shapes, and '
-            'nodes that set them are not needed; `soft_continuum up` starts those that are')
+            'arm.jamming is false, and the tendons of this arm cannot bend each segment '
+            'independently (fewer independent tendons than bending directions): it has no shapes, '
+            'so nodes that set them are not needed; `soft_continuum up` starts those that are')
 
 
 def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
     """
     Build the arm from parameter values by their names in ARM_PARAMETERS.
 
-    A list of one value counts for every segment, guide, disc or tendon.  A measured law takes the
-    place of a bending stiffness or stiffness ratio.  Without names of tendons it is planar.
+    A list of one value applies to every segment, guide, disc or tendon.  A measured law replaces a
+    bending stiffness or stiffness ratio.  Without tendon names the arm is planar.
 
     Raises ParameterError when the lists do not fit together or a value is not physical.
     """
@@ -261,20 +261,20 @@ def _tendons(get: Mapping[str, Any], count: int) -> tuple[Tendon, ...]:
 
 def _refuse_same_place(names: Sequence[str], angles: Sequence[float], ends: Sequence[int],
                        twists: Sequence[float], count: int) -> None:
-    """Refuse two tendons that are one: at the same angle all the way, to the same disc."""
+    """Refuse two tendons that coincide: at the same angle along the arm, to the same disc."""
     for second in range(len(names)):
         for first in range(second):
             apart = (angles[second] - angles[first] + pi) % (2.0 * pi) - pi
             if (abs(apart) < SAME_ANGLE and twists[first] == twists[second]
                     and (ends[first] or count) == (ends[second] or count)):
                 raise ParameterError(
-                    f'{names[first]} and {names[second]} are one tendon: both are at '
-                    f'{angles[first]:g} rad and end at disc {ends[first] or count}; give '
-                    'another angle in arm.tendon_angles, or another disc in arm.tendon_ends')
+                    f'{names[first]} and {names[second]} coincide: both are at {angles[first]:g} '
+                    f'rad and end at disc {ends[first] or count}; give another angle in '
+                    'arm.tendon_angles, or another disc in arm.tendon_ends')
 
 
 def _refuse_spatial(get: Mapping[str, Any]) -> None:
-    """Refuse what only spatial arms have; get: checked parameters of a planar one, by name."""
+    """Refuse parameters of spatial arms; get: checked parameters of a planar arm, by name."""
     for parameter in (*SPATIAL_PER_SEGMENT, *SPATIAL_PARAMETERS):
         value = get[parameter.name.removeprefix('arm.')]
         if isinstance(value, tuple):

@@ -44,12 +44,13 @@ from soft_continuum.text import printable, write_whole
 WIDTH = 99  # of the comments in one
 
 UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'qos_overrides.')
-"""How names begin that are allowed without being in a table."""
+"""Prefixes of names that are allowed without being in a table."""
 OF_ROS = (
-    Parameter('use_sim_time', False, 'whether the time is that of /clock'),
-    Parameter('start_type_description_service', True, 'whether ~/get_type_description is served'),
+    Parameter('use_sim_time', False, 'whether to use the time of the topic /clock'),
+    Parameter('start_type_description_service', True, 'whether to offer the service '
+              '~/get_type_description'),
 )
-"""What every node has besides."""
+"""Parameters that ROS adds to every node."""
 
 
 def load_description(*paths: str | Path, node: str = '', namespace: str = ''

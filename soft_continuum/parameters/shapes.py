@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of the shape library, the paper's shapes, and the library they make."""
+"""The parameters of the shape library, and the paper's shapes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from math import degrees, pi, radians
@@ -33,23 +33,23 @@ def shape_parameter(name: str) -> Parameter:
     """Return the parameter that has the bending angles of a shape."""
     return Parameter(
         f'{SHAPE_PREFIX}{name}', PAPER_SHAPES.get(name, ()),
-        f'bending angles of the shape {name}, base first, within arm.bending_angle_limits; '
-        'empty: as in the paper, for its shapes', unit='rad')
+        f'bending angles of the shape {name}, base first, within arm.bending_angle_limits; empty: '
+        'those of the paper, for its shapes', unit='rad')
 
 
 def direction_parameter(name: str) -> Parameter:
     """Return the parameter that has the bending directions of a shape."""
     return Parameter(
-        f'{DIRECTION_PREFIX}{name}', (), f'directions towards which the shape {name} bends, base '
-        'first, about z from x of the disc below each segment; empty: 0 for all, the only one '
-        'of a planar arm', unit='rad')
+        f'{DIRECTION_PREFIX}{name}', (), f'bending directions of the shape {name}, base first, '
+        'about z from x of the disc below each segment; empty: 0 for all, as for planar arms',
+        unit='rad')
 
 
 def vacuum_parameter(name: str) -> Parameter:
     """Return the parameter that has the vacuums of a shape."""
     return Parameter(
-        f'{VACUUM_PREFIX}{name}', (), f'vacuum below ambient of each segment while the shape '
-        f'{name} is held, where regulators hold it, base first; empty: every segment stiff',
+        f'{VACUUM_PREFIX}{name}', (), 'for rigs with regulators, vacuum below ambient of each '
+        f'segment while the shape {name} is held, base first; empty: every segment stiff',
         0.0, 101e3, unit='Pa')
 
 

@@ -22,16 +22,16 @@ LOCK_IN_STDDEV = 0.006  # rad
 @dataclass(frozen=True)
 class LoopSettings:
     """
-    When a measurement counts, and how often is corrected.
+    When measurements are used, and the number of corrections.
 
     settling_time: s after a motion or a switch until the arm rests.  measuring_time: s for which
-    it is measured then.  sensor_timeout: s without a measurement, after which there is none.
-    max_corrections: of one segment before it is stiffened.  max_passes: over all segments.
-    abort_when_lost: end the run when measurements stop; otherwise it goes on as predicted.
-    on_anomaly: what to do when measurements say that something is wrong with the arm; one of
-    ON_ANOMALY.  tip_tolerance, angle_tolerance: m and rad, of the aim, beyond which is warned of
-    what was not reached, and of what drifts while it is held.  correct_drift: set segments again
-    then.  release_limit: m by which the tip may move when one of those is softened for that.
+    it is measured then.  sensor_timeout: s after which a measurement is stale. max_corrections: of
+    one segment before it is stiffened.  max_passes: over all segments. abort_when_lost: end the
+    run when measurements stop; otherwise continue open loop. on_anomaly: what to do when an
+    anomaly of the arm is detected; one of ON_ANOMALY.  tip_tolerance, angle_tolerance: m and rad;
+    larger errors, and drift while a shape is held, cause a warning.  correct_drift: set segments
+    again when they drift.  release_limit: m that the tip may move when a segment is softened to
+    correct drift.
     """
 
     settling_time: float = 1.2
@@ -52,15 +52,14 @@ class RunnerSettings:
     """
     Deadlines and tolerances.
 
-    jamming_timeout, settle_timeout: s.  settle_tolerance: m, or more where a tendon
-    cannot come so near.  soft_vacuum: Pa below ambient up to which a segment is soft.
-    full_vacuum: Pa, that regulators hold in a stiff segment.  vacuum_tolerance: Pa by which a
-    vacuum may differ from what its regulator is told.  horizon: s of motion sent ahead; the
-    tendons stop by themselves that soon after the sequencer ended.  retry: s between repeated
-    requests.  jamming: whether segments are switched.  piece_period: s between two pieces of a
-    motion, each of which tendon_actuation has to judge.  on_obstacle: what to do about an obstacle
-    that comes into the way; one of ON_OBSTACLE.  max_replans: plans of one shape that are made
-    again.
+    jamming_timeout, settle_timeout: s.  settle_tolerance: m, or more if a tendon positions less
+    accurately.  soft_vacuum: Pa below ambient up to which a segment is soft. full_vacuum: Pa that
+    regulators hold in a stiff segment.  vacuum_tolerance: Pa that a vacuum may differ from the
+    set-point of its regulator.  horizon: s of motion sent ahead; the tendons stop this long after
+    the sequencer ended.  retry: s between repeated requests.  jamming: whether segments are
+    switched.  piece_period: s between two pieces of a motion, each of which tendon_actuation has
+    to check.  on_obstacle: what to do when an obstacle blocks a motion; one of ON_OBSTACLE.
+    max_replans: number of times that one shape is planned again.
     """
 
     jamming_timeout: float = 10.0
@@ -78,91 +77,94 @@ class RunnerSettings:
 
 
 LOOP_PARAMETERS = (
-    Parameter('closed_loop', True, 'correct every segment by measurements, as long as there are '
-              'any', read_only=False),
-    Parameter('loop.settling_time', LoopSettings.settling_time, 'time after a motion, or a change '
-              'of stiffness, until the arm rests', 0.0, 60.0, read_only=False, unit='s'),
+    Parameter('closed_loop', True, 'correct every segment with measurements while they are '
+              'available', read_only=False),
+    Parameter('loop.settling_time', LoopSettings.settling_time, 'time for the arm to come to rest '
+              'after a motion or a change of stiffness', 0.0, 60.0, read_only=False, unit='s'),
     Parameter('loop.measuring_time', LoopSettings.measuring_time,
-              'time for which the arm is measured then', 0.0, 60.0, read_only=False, unit='s'),
+              'time over which the arm at rest is measured', 0.0, 60.0, read_only=False, unit='s'),
     Parameter('loop.sensor_timeout', LoopSettings.sensor_timeout,
-              'time without a measurement after which there is none', 0.1, 60.0, read_only=False,
+              'age at which a measurement is stale', 0.1, 60.0, read_only=False,
               unit='s'),
     Parameter('loop.max_corrections', LoopSettings.max_corrections,
-              'corrections of one segment before it is stiffened', 0, 20, read_only=False),
-    Parameter('loop.max_passes', LoopSettings.max_passes, 'how often a shape is gone through: '
-              'later segments, and more passes, make up for what stiffening shifted', 1, 10,
+              'maximum number of corrections of one segment before it is stiffened',
+              0, 20, read_only=False),
+    Parameter('loop.max_passes', LoopSettings.max_passes, 'maximum number of passes over all '
+              'segments; later segments and passes correct the shifts that stiffening causes',
+              1, 10,
               read_only=False),
     Parameter('loop.abort_when_lost', LoopSettings.abort_when_lost, 'end the sequence when '
-              'measurements stop in the middle of it; otherwise it goes on as predicted',
+              'measurements stop during it; otherwise it continues open loop',
               read_only=False),
-    Parameter('loop.on_anomaly', LoopSettings.on_anomaly, 'what a sequence does when kinematics '
-              'reports that something is wrong with the arm: go on, abort, or pause, at rest, '
-              'until this parameter is changed or the goal canceled', choices=ON_ANOMALY,
+    Parameter('loop.on_anomaly', LoopSettings.on_anomaly, 'reaction of a sequence to an anomaly '
+              'that kinematics reports: go on, abort, or pause at rest until this parameter is '
+              'changed or the goal is canceled', choices=ON_ANOMALY,
               read_only=False),
-    Parameter('loop.tip_tolerance', LoopSettings.tip_tolerance, 'distance of the tip, when that '
-              'is the aim, from where it should be or was when it was first held, beyond which '
-              'the status warns', 1e-4, 1.0, read_only=False, unit='m'),
-    Parameter('loop.angle_tolerance', LoopSettings.angle_tolerance, 'the same of bending angles',
+    Parameter('loop.tip_tolerance', LoopSettings.tip_tolerance, 'tip goals: deviation of the tip '
+              'from its goal, or from its position when first held, above which the status warns',
+              1e-4, 1.0, read_only=False, unit='m'),
+    Parameter('loop.angle_tolerance', LoopSettings.angle_tolerance, 'bending angles: deviation '
+              'from their goals, or from their values when first held, above which the status '
+              'warns',
               1e-3, 1.0, read_only=False, unit='rad'),
-    Parameter('loop.correct_drift', LoopSettings.correct_drift, 'set segments again when a shape '
-              'drifts by more than that while it is held', read_only=False),
-    Parameter('loop.release_limit', LoopSettings.release_limit, 'a segment that carries so much '
-              'that softening it would move the tip farther is never softened to correct a drift',
+    Parameter('loop.correct_drift', LoopSettings.correct_drift, 'set segments again when a held '
+              'shape drifts by more than these tolerances', read_only=False),
+    Parameter('loop.release_limit', LoopSettings.release_limit, 'tip displacement above which a '
+              'loaded segment is not softened to correct drift',
               0.0, 1.0, read_only=False, unit='m'),
-    Parameter('loop.dead_band', DEAD_BAND, 'a correction that moves no tendon by more is not '
-              'sent: friction does not let it through', 0.0, 0.01, read_only=False, unit='m'),
+    Parameter('loop.dead_band', DEAD_BAND, 'corrections that move every tendon by less are not '
+              'sent: friction absorbs them', 0.0, 0.01, read_only=False, unit='m'),
     Parameter('loop.lock_in_stddev', LOCK_IN_STDDEV,
-              'standard deviation of the angle by which a segment bends when it is stiffened: '
-              'what setting it again cannot better', 0.0, 0.2, read_only=False, unit='rad'),
+              'standard deviation of the angle that a segment bends when it is stiffened; '
+              'repeating cannot improve on it', 0.0, 0.2, read_only=False, unit='rad'),
 )
 REACH_PARAMETERS = (
-    Parameter('reach.position_tolerance', 1e-3, 'how far the tip may be from its '
-              'goal, where the goal does not tell', 1e-5, 0.5, read_only=False, unit='m'),
-    Parameter('reach.angle_tolerance', radians(2.0), 'how far the tip may be turned from its '
-              'goal, where the goal does not tell', 1e-4, pi, read_only=False, unit='rad'),
-    Parameter('reach.states', 10_000, 'how many states of the arm are judged in search of a '
-              'better plan to a goal of the tip; before a goal is accepted the first one counts',
+    Parameter('reach.position_tolerance', 1e-3, 'position tolerance of tip goals that give none',
+              1e-5, 0.5, read_only=False, unit='m'),
+    Parameter('reach.angle_tolerance', radians(2.0), 'orientation tolerance of tip goals that '
+              'give none', 1e-4, pi, read_only=False, unit='rad'),
+    Parameter('reach.states', 10_000, 'number of states of the arm evaluated in the search for a '
+              'better plan to a tip goal; the first plan found is enough to accept the goal',
               10, 100_000_000, read_only=False),
-    Parameter('reach.time_limit', 120.0, 'when a search ends at the latest, however slow the '
-              'machine is; it says so then', 0.1, 600.0, read_only=False, unit='s'),
-    Parameter('reach.max_softenings', 6, 'most softenings of one plan '
-              'to a goal of the tip', 1, 50, read_only=False),
-    Parameter('reach.weights', (0.0,), 'what a softening, a second and a newton of tension cost; '
+    Parameter('reach.time_limit', 120.0, 'maximum duration of a search, however slow the machine '
+              'is; a search that reaches it reports so', 0.1, 600.0, read_only=False, unit='s'),
+    Parameter('reach.max_softenings', 6, 'maximum number of softenings in a plan to a tip goal',
+              1, 50, read_only=False),
+    Parameter('reach.weights', (0.0,), 'costs of a softening, a second and a newton of tension; '
               '0.0 alone: fewest softenings, then least time, then least tension', 0.0, 1e6),
-    Parameter('reach.seed', 0, 'of what is drawn at random; the same seed has '
-              'the same plan on every machine, unless reach.time_limit ends the search', 0,
+    Parameter('reach.seed', 0, 'seed of the random search; the same seed gives the same plan on '
+              'every machine, unless reach.time_limit ends the search', 0,
               1_000_000, read_only=False),
-    Parameter('reach.softening_time', 4.0, 'how long it takes to soften a segment and to stiffen '
-              'it again, as plans compare their time', 0.0, 600.0, read_only=False, unit='s'),
-    Parameter('reach.max_deviation', 0.02, 'how far the arm may be from its plan before it is '
-              'planned again; near an obstacle less, but never less than obstacles.margin', 1e-3,
+    Parameter('reach.softening_time', 4.0, 'time to soften a segment and stiffen it again, as '
+              'assumed when plans are compared', 0.0, 600.0, read_only=False, unit='s'),
+    Parameter('reach.max_deviation', 0.02, 'deviation of the arm from its plan above which it is '
+              'planned again; smaller near obstacles, but never below obstacles.margin', 1e-3,
               1.0, read_only=False, unit='m'),
-    Parameter('reach.max_replans', 3, 'how often a shape is planned again on its way before the '
-              'goal ends', 0, 100, read_only=False),
-    Parameter('obstacles.margin', 0.005, 'distance that the arm keeps from '
-              'obstacles', 0.0, 1.0, read_only=False, unit='m'),
-    Parameter('obstacles.on_change', REPLAN, 'what a sequence does when an obstacle comes into '
-              'the way of a motion: stop it and plan again, or abort; counts from the next goal '
-              'on',
+    Parameter('reach.max_replans', 3, 'maximum number of times that a shape is planned again '
+              'during its motion before the goal is aborted', 0, 100, read_only=False),
+    Parameter('obstacles.margin', 0.005, 'minimum distance of the arm from obstacles',
+              0.0, 1.0, read_only=False, unit='m'),
+    Parameter('obstacles.on_change', REPLAN, 'reaction of a sequence to an obstacle that blocks '
+              'its motion: stop and plan again, or abort; changes apply from the next goal',
               choices=ON_OBSTACLE,
               read_only=False),
 )
 
 
 def loop_from_parameters(parameters: Mapping[str, Any]) -> LoopSettings:
-    """Return the settings that parameters ``loop.*`` ask for."""
+    """Return the settings from parameters ``loop.*``."""
     return LoopSettings(**{
         field.name: parameters[f'loop.{field.name}'] for field in fields(LoopSettings)})
 
 
 def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':
-    """Return the settings of plans by tip; raises ParameterError for weights that are none."""
+    """Return the settings for planning to tip goals; raises ParameterError for invalid weights."""
     from soft_continuum.sequencing.reach import ReachSettings
     weights = tuple(values['reach.weights'])
     if len(weights) not in (1, 3) or (len(weights) == 1) != (not any(weights)):
         raise ParameterError(
-            f'parameter reach.weights is {list(weights)}; needed: three numbers, what a '
-            'softening, a second and a newton cost, one above 0; or 0.0 alone')
+            f'parameter reach.weights is {list(weights)}; needed: three numbers, the costs of a '
+            'softening, a second and a newton, at least one above 0; or 0.0 alone')
     return ReachSettings(
         margin=values['obstacles.margin'],
         lock_in=values['loop.lock_in_stddev'] if values['arm.jamming'] else 0.0,

@@ -152,37 +152,38 @@ class RosJamming(RosVacuum):
                   tuple(f'segment_{n}/vacuum_sensor' for n in (1, 2, 3)),
                   'topic with the pressure of each segment, or one with all of them',
                   form=TOPIC_NAME),
-        Parameter(f'{PREFIX}pressure_type', PRESSURE, 'what is published there',
+        Parameter(f'{PREFIX}pressure_type', PRESSURE, 'message type of that topic',
                   choices=(PRESSURE, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}pressure_scales', (1.0,), 'pressure per unit of the message, Pa; '
-                  'negative where vacuum is shown as positive; one counts for all', -1e7, 1e7),
-        Parameter(f'{PREFIX}pressures_are', ABSOLUTE, 'absolute, or gauge: relative to '
-                  'ambient_pressure', choices=(ABSOLUTE, GAUGE)),
-        Parameter(f'{PREFIX}plausible_pressures', (2e3, 200e3), 'absolute pressures that a '
-                  'segment can have; what is beyond is in another unit', 0.0, 1e6,
+                  'negative if vacuum is reported as positive; a single value applies to all',
+                  -1e7, 1e7),
+        Parameter(f'{PREFIX}pressures_are', ABSOLUTE, 'reference of the pressures: absolute, or '
+                  'gauge relative to ambient_pressure', choices=(ABSOLUTE, GAUGE)),
+        Parameter(f'{PREFIX}plausible_pressures', (2e3, 200e3), 'range of absolute pressures that '
+                  'a segment can have; values outside are taken to be in another unit', 0.0, 1e6,
                   is_range=True, unit='Pa'),
-        Parameter(f'{PREFIX}regulators', False, 'each segment has a vacuum regulator, which takes '
-                  'a set-point, in place of a valve'),
+        Parameter(f'{PREFIX}regulators', False, 'each segment has a vacuum regulator with a '
+                  'set-point instead of a valve'),
         Parameter(f'{PREFIX}command_topics', tuple(f'segment_{n}/valve' for n in (1, 2, 3)),
                   'topic of the commands for the valve or the regulator of each segment, or one '
                   'for all of them', form=TOPIC_NAME),
-        Parameter(f'{PREFIX}command_type', BOOL, 'what is published there; of valves true, or 1, '
-                  'evacuates', choices=(BOOL, NUMBER, ARRAY)),
+        Parameter(f'{PREFIX}command_type', BOOL, 'message type of that topic; for valves, true or '
+                  '1 evacuates', choices=(BOOL, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}state_topics', tuple(f'segment_{n}/valve_state' for n in (1, 2, 3)),
-                  'topic on which the valve or the regulator of each segment reports what it was '
-                  'set to, or one for all of them', form=TOPIC_NAME),
-        Parameter(f'{PREFIX}state_type', BOOL, 'what is published there',
+                  'topic on which the valve or the regulator of each segment reports its command, '
+                  'or one for all of them', form=TOPIC_NAME),
+        Parameter(f'{PREFIX}state_type', BOOL, 'message type of that topic',
                   choices=(BOOL, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}vacuum_scale', 1.0, 'vacuum per unit of the set-point of a regulator, '
-                  'Pa; negative where it takes gauge pressures', -1e7, 1e7),
-        Parameter(f'{PREFIX}max_vacuum', 90e3, 'largest set-point of a regulator, as vacuum below '
+                  'Pa; negative if set-points are gauge pressures', -1e7, 1e7),
+        Parameter(f'{PREFIX}max_vacuum', 90e3, 'maximum set-point of a regulator, as vacuum below '
                   'ambient', 1e3, 101e3, unit='Pa'),
         Parameter(f'{PREFIX}pump_topic', '', 'topic that switches the pump (std_msgs/Bool); '
-                  'empty: it runs by itself', form=TOPIC_NAME),
+                  'empty: the pump switches itself', form=TOPIC_NAME),
         Parameter(f'{PREFIX}pump_state_topic', '', 'topic on which the pump reports whether it '
                   'runs (std_msgs/Bool)', form=TOPIC_NAME),
-        Parameter(f'{PREFIX}timeout', 0.3, 'age at which a pressure or a state is stale, and wait '
-                  'for a state to follow its command', 0.05, 1.0, unit='s'),
+        Parameter(f'{PREFIX}timeout', 0.3, 'age at which a pressure or a state is stale, and '
+                  'maximum wait for a state to follow its command', 0.05, 1.0, unit='s'),
     )
 
     @classmethod

@@ -44,30 +44,30 @@ class RosTendons(RosDevice):
     reference_moves = False
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter(f'{PREFIX}state_topic', 'joint_state_broadcaster/joint_states',
-                  'topic of the joint states (sensor_msgs/JointState), of one publisher',
+                  'topic of the joint states (sensor_msgs/JointState), with a single publisher',
                   form=TOPIC_NAME),
         Parameter(f'{PREFIX}command_topic', 'position_controller/commands',
                   'topic of the commands, with no other publisher', form=TOPIC_NAME),
-        Parameter(f'{PREFIX}command_type', POSITIONS, 'what is published there: positions '
+        Parameter(f'{PREFIX}command_type', POSITIONS, 'message type of that topic: positions '
                   '(std_msgs/Float64MultiArray, in the order of ros_tendons.joints) or trajectory '
                   '(trajectory_msgs/JointTrajectory)', choices=(POSITIONS, TRAJECTORY)),
-        Parameter(f'{PREFIX}joints', ('',), 'joint that pulls each tendon; empty: joints with the '
-                  'names of the tendons'),
+        Parameter(f'{PREFIX}joints', ('',), 'joint that pulls each tendon; empty: joints are '
+                  'named like their tendons'),
         Parameter(f'{PREFIX}scales', (0.01,), 'pull per unit of the position of each joint: the '
-                  'radius of a spool in m/rad, 1.0 for a slide in m; negative where the joint '
-                  'pays out as its position grows; one counts for all', -10.0, 10.0),
-        Parameter(f'{PREFIX}zeros', (0.0,), 'position of each joint, in its unit, when the arm is '
-                  'straight, at least roughly; one counts for all', -1e6, 1e6),
-        Parameter(f'{PREFIX}absolute', False, 'the joints keep their position when they are '
-                  'switched off, so that ros_tendons.zeros is the reference; false: ~/reference '
-                  'sets it after each start'),
+                  'radius of a spool in m/rad, 1.0 for a linear joint in m; negative if '
+                  'increasing positions pay out; a single value applies to all', -10.0, 10.0),
+        Parameter(f'{PREFIX}zeros', (0.0,), 'approximate position of each joint, in its unit, '
+                  'when the arm is straight; a single value applies to all', -1e6, 1e6),
+        Parameter(f'{PREFIX}absolute', False, 'the joints keep their position when powered off, '
+                  'so ros_tendons.zeros is the reference; false: ~/reference sets it after each '
+                  'start'),
         Parameter(f'{PREFIX}effort_scales', (0.0,), 'tension per unit of the effort of each '
-                  'joint, N, such as 1 over the radius of a spool whose effort is in N m; 0.0 '
-                  'alone: effort does not tell tension', -1e6, 1e6),
+                  'joint, N, such as 1 / radius for a spool whose effort is in N m; 0.0 alone: '
+                  'tensions are not derived from effort', -1e6, 1e6),
         Parameter(f'{PREFIX}timeout', 0.25, 'age at which the joint states are stale', 0.05, 2.0,
                   unit='s'),
-        Parameter(f'{PREFIX}following_error', 0.003, 'distance of a tendon from where it was sent '
-                  'that may not last', 1e-5, 0.1, unit='m'),
+        Parameter(f'{PREFIX}following_error', 0.003, 'position error of a tendon that is a fault '
+                  'if it lasts', 1e-5, 0.1, unit='m'),
     )
     _known: ClassVar[dict[bytes, tuple[Joints, tuple[float, ...], tuple[float, ...],
                                        tuple[float, ...]]]] = {}
