@@ -66,7 +66,7 @@ OF_SENSORS = {CAMERA: calibrate_camera.main, LOAD_CELLS: calibrate_load_cells.ma
 WITH_VALUE = ('--output', '--params-file', '--namespace')
 APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up': 'zero',
            'leak_time': 'vacuum'}
-"""Which option belongs to which procedure."""
+"""The procedure that each option belongs to."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,26 +76,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         if word in OF_SENSORS and words[at - 1] not in WITH_VALUE:  # nothing as with the rest
             return OF_SENSORS[word]([*words[:at], *words[at + 1:]])
     parser = Parser(NAME, 'Measure a rig: scales and signs of the motors, the zero of the '
-                    'tendons, pump and segments. Results are a parameter file to give to the '
-                    'nodes after the others.', *FOR_ANALYSIS)
+                    'tendons, pump and segments. Results are written to a parameter file; pass it '
+                    'to the nodes after the others.', *FOR_ANALYSIS)
     per_tendon: dict[str, Any] = {'nargs': '+', 'metavar': 'TENDON'}
     parser.add_argument('what', choices=[*PROCEDURES, 'all', *OF_SENSORS],
                         help='what to measure; all: vacuum, signs, steps, zero; '
                         f'{" and ".join(OF_SENSORS)}: see {NAME} {CAMERA} --help')
     parser.add_argument('--yes', action='store_true',
-                        help='everything is safe and prepared: ask nothing')
+                        help='do not ask: everything is prepared and safe')
     parser.add_argument('--measured', type=number_in(0.01, 1000.0, 'mm'), **per_tendon,
-                        help='steps: travel of each tendon in mm, measured before; nothing '
-                        'moves')
+                        help='steps: travel of each tendon in mm, already measured; nothing moves')
     parser.add_argument('--distance', type=number_in(1.0, MM * MAX_MOVE, 'mm'), metavar='MM',
                         help='steps: commanded travel in mm (default: 5)')
     parser.add_argument('--seen', choices=tuple(DIRECTIONS), **per_tendon,
-                        help=f'signs: {PULLED_IN} or {PAID_OUT} for each tendon, seen before; '
-                        'nothing moves')
+                        help=f'signs: {PULLED_IN} or {PAID_OUT} for each tendon, already '
+                        'observed; nothing moves')
     parser.add_argument('--take-up', type=number_in(-10.0, 10.0, 'mm'), **per_tendon,
-                        help='zero: pull in each tendon by this much in mm instead of jogging')
+                        help='zero: pull in each tendon by this many mm instead of jogging')
     parser.add_argument('--leak-time', type=number_in(1.0, 600.0, 's'), metavar='S',
-                        help='vacuum: how long the loss is watched in s (default: 10)')
+                        help='vacuum: time in s over which the loss is measured (default: 10)')
     for ended in (signal.SIGTERM, signal.SIGHUP):  # a closed terminal must not leave a pump on
         signal.signal(ended, signal.default_int_handler)
     try:
@@ -123,10 +122,10 @@ def _run(options: argparse.Namespace) -> None:
                                                         or options.what == name)]
     for procedure in procedures:
         procedure(job)
-        if job.results:  # after each, so that what went well is not lost with what did not
+        if job.results:  # after each, so that a later failure loses no results
             write_parameters(path, job.results, [f'Measured by {NAME} {options.what}.'])
     if job.results:
-        print(f'\nWritten: {path}. Give it to the nodes as one more parameter file, after the '
+        print(f'\nWritten: {path}. Pass it to the nodes as another parameter file, after the '
               'others.')
     if job.failures:
         raise HardwareError('; '.join(job.failures))
@@ -150,11 +149,11 @@ def _jamming(job: Job) -> Iterator[JammingDriver | RegulatorDriver]:
 def _bench(job: Job, text: str, sets_zero: bool = False
            ) -> Iterator[tuple[TendonBench, TendonDriver]]:
     """
-    Soften segments and open the steppers; afterwards forget a provisional zero.
+    Soften segments and open the steppers; afterwards clear a provisional zero.
 
-    Of what each tendon bends, the segment below its end is softened.
+    For each tendon, the segment below its end is softened.
     """
-    # Slack is taken up by whoever calibrates.
+    # The user takes up slack.
     values, arm = job.values | {TAKE_UP: 0.0}, arm_from_parameters(job.values)
     soft = sorted({end - 1 for end in arm.tendon_ends}) if job.jamming else []
     if soft and values['jamming_driver'] == 'simulated':
@@ -166,9 +165,8 @@ def _bench(job: Job, text: str, sets_zero: bool = False
         TENDON_DRIVERS, values['tendon_driver'], values, STEADY)
     if tendons.reference_moves:
         raise CalibrationError(
-            'the tendons are homed (grbl.homed_pulls), which calibrate does not do: take '
-            'grbl.homed_pulls out of the files and set $22=0 for as long as this takes, as '
-            f'{GUIDE} says')
+            'the tendons are homed (grbl.homed_pulls), which calibrate does not do: remove '
+            f'grbl.homed_pulls from the files and set $22=0 during calibration, see {GUIDE}')
     with _jamming(job) if soft else nullcontext() as jamming:
         bench = TendonBench(
             tendons, jamming, soft,
@@ -178,7 +176,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
         provisional = False
         try:
             bench.soften()
-            # To be moved, tendons need a zero: the present position, for as long as this takes.
+            # Tendons need a zero to move: the present position serves meanwhile.
             provisional = not tendons.read().referenced
             if provisional:
                 tendons.reference()
@@ -194,24 +192,24 @@ def _clear_zero(values: Mapping[str, Any]) -> None:
     try:
         clear_zero(values)
     except HardwareError as error:
-        print('The device of the tendons may still hold a provisional zero: power-cycle it before '
+        print('The tendon device may still hold a provisional zero: power-cycle it before '
               f'anything else ({error})', file=sys.stderr)
 
 
 UNHOOK_REQUEST = (
-    'The tendons move by up to {:g} mm, one after the other, and nothing may be strained: '
-    'unhook them from the arm, or pay out that much slack by hand.')
+    'The tendons move by up to {:g} mm, one after the other, so nothing may be strained: unhook '
+    'them from the arm, or pay out that much slack by hand.')
 
 
 def _must_ask(job: Job, why: str, option: str, note: str = '') -> None:
-    """Raise CalibrationError where --yes says that nobody is there to answer."""
+    """Raise CalibrationError if --yes is given although an answer is needed."""
     if job.options.yes:
         raise CalibrationError(
             f'{why}: give {option} {" ".join(job.names).upper()}{note}, or leave out --yes')
 
 
 def _signs(job: Job) -> None:
-    """Find out in which direction each stepper pulls."""
+    """Find the direction in which each stepper pulls."""
     seen = job.options.seen
     if seen is None:
         _must_ask(job, 'somebody must watch the tendons', '--seen')
@@ -268,7 +266,7 @@ def _travel(text: str, distance: float) -> float:
 
 
 def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
-    """Keep a result, if the rig has the driver that it is for."""
+    """Keep a result if the rig uses the driver it belongs to."""
     print(f'{name}: {as_yaml(values)} ({", ".join(job.names)}); it was '
           f'{as_yaml(job.values[name])}')
     job.values[name] = values
@@ -279,7 +277,7 @@ def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
 
 
 def _zero(job: Job) -> None:
-    """Take up the slack of all tendons; then the straight arm is zero."""
+    """Take up the slack of all tendons, then set the zero at the straight arm."""
     take_up = job.options.take_up
     if take_up is None:
         _must_ask(job, 'somebody must look at the slack', '--take-up', ' (0: just taut)')
@@ -295,10 +293,10 @@ def _zero(job: Job) -> None:
     print('The straight arm is zero.')
     if parameter := job.drive.zeros:
         _take(job, parameter, tuple(tendons.zeros))  # type: ignore[attr-defined]
-        print('If the joints keep their position while they are switched off, set '
-              f'{parameter.partition(".")[0]}.absolute: true, and the arm is referenced after '
-              'every start. Else start the nodes, and with the arm straight and all tendons just '
-              'taut type soft_continuum reference.')
+        print('If the joints keep their position when switched off, set '
+              f'{parameter.partition(".")[0]}.absolute: true; the arm is then referenced at every '
+              'start. Otherwise start the nodes and, with the arm straight and all tendons just '
+              'taut, type soft_continuum reference.')
         return
     tendons.open()  # as the node will
     try:
@@ -307,14 +305,14 @@ def _zero(job: Job) -> None:
         tendons.close()
     print('The controller keeps it: start the nodes.' if kept else
           f'The controller does not keep it, because opening its port resets it ({GUIDE}): start '
-          'the nodes, and with the arm straight and all tendons just taut type soft_continuum '
+          'the nodes and, with the arm straight and all tendons just taut, type soft_continuum '
           'reference.')
 
 
 def _jog(bench: TendonBench, job: Job) -> None:
     names = job.names
-    print(f'Type a tendon ({", ".join(names)}, or its first letters) and by how many mm to pull '
-          f'it in, up to {MAX_JOG:g}; negative pays out.\nFor example: {names[0]} 0.5. Type done '
+    print(f'Type a tendon ({", ".join(names)}, or its first letters) and how many mm to pull it '
+          f'in, up to {MAX_JOG:g}; negative pays out.\nFor example: {names[0]} 0.5. Type done '
           'when all are just taut.')
     while True:
         distances = ask('TENDON MM, or done:', partial(_jog_distances, job))

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``calibrate camera``: the lens of a camera, from pictures of the printed board."""
+"""``calibrate camera``: the lens of a camera, from images of the printed board."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -23,11 +23,11 @@ SIZE = 1280, 960  # px that a device is asked for
 def main(argv: Sequence[str] | None = None) -> int:
     """Calibrate; return the exit status."""
     parser = Parser('calibrate camera', 'Find focal length, centre and distortion of a camera '
-                    'from pictures of the board that `tags` prints, held at all angles and into '
-                    f'all corners. Writes {FILE}, which camera.calibration names.',
+                    'from images of the board that `tags` prints, held at many angles and in all '
+                    f'corners. Writes {FILE}; set camera.calibration to it.',
                     *FOR_ANALYSIS)
-    parser.add_argument('source', help='a folder of pictures, a video file, or a device such as '
-                        '/dev/video0, which is looked at for 30 s')
+    parser.add_argument('source', help='a folder of images, a video file, or a device such as '
+                        '/dev/video0, which is recorded for 30 s')
     return run_verb(parser, _run, argv, 'cv2')
 
 
@@ -35,8 +35,8 @@ def _run(options: argparse.Namespace) -> None:
     from soft_continuum.sensing.lens_calibration import calibrate
     path, = reserve_outputs(options.output, [FILE], options.force)
     if is_device(options.source):
-        print(f'{SECONDS:g} s of {options.source}: turn the board slowly to all sides, hold it '
-              'into all corners ...', flush=True)
+        print(f'{SECONDS:g} s of {options.source}: tilt the board slowly in all directions, hold '
+              'it in all corners ...', flush=True)
     made = calibrate(_spread(pictures(options.source, SIZE), options.source))
     path.write_text(made.lens.text('camera'), encoding='utf-8')
     focal = (made.lens.matrix[0, 0] + made.lens.matrix[1, 1]) / 2.0
@@ -45,7 +45,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _spread(found: Iterator[Picture], source: str) -> Iterator[Picture]:
-    """Yield all pictures of a folder, two per second of a device, every fifteenth of a video."""
+    """Yield all images of a folder, two per second of a device, every fifteenth of a video."""
     if Path(source).is_dir():
         yield from found
     elif not is_device(source):

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the procedures of ``calibrate`` share: options, parameters as corrected so far, results."""
+"""Shared by the procedures of ``calibrate``: options, parameters corrected so far, results."""
 
 import argparse
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ PER_TENDON = 'measured', 'seen', 'take_up'
 @dataclass
 class Job:
     """
-    The options, the parameters as corrected so far, the results and what failed.
+    The options, the parameters corrected so far, the results and the failures.
 
     names: of the tendons, as they are typed.
     """
@@ -31,7 +31,7 @@ class Job:
     names: tuple[str, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Find the names; raises CalibrationError for options that are not for each of them."""
+        """Find the names; raises CalibrationError if an option lacks a value for one of them."""
         tendons = arm_from_parameters(self.values).tendon_names
         self.names = tuple(name.removesuffix('_tendon') for name in tendons)
         for option in PER_TENDON:
@@ -58,7 +58,7 @@ class Job:
 
     @property
     def drive(self) -> Drive:
-        """What signs and scale of the tendon driver are called; of others, those of grbl."""
+        """The driver's sign and scale parameters by name; those of grbl for other drivers."""
         return DRIVES.get(self.values['tendon_driver'], DRIVES['grbl'])
 
     def one(self, tendon: int, distance: float) -> tuple[float, ...]:

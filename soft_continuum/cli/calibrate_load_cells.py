@@ -34,7 +34,7 @@ MIN_SIGNAL = 10.0  # standard deviations by which a load has to be seen
 
 @dataclass(frozen=True)
 class Shown:
-    """What a load cell shows, in its own unit: the mean and the standard deviation."""
+    """Reading of a load cell in its own unit: mean and standard deviation."""
 
     mean: float
     stddev: float
@@ -42,20 +42,20 @@ class Shown:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Calibrate; return the exit status."""
-    parser = Parser(NAME, 'Measure what the load cells on the topic load_cells show without '
-                    f'tension, and with a known mass. Moves nothing. Writes {FILE}, to give to '
-                    'the nodes after the other parameter files.',
+    parser = Parser(NAME, 'Measure the readings of the load cells on the topic load_cells without '
+                    f'tension and with a known mass. Moves nothing. Writes {FILE}; pass it to the '
+                    'nodes after the other parameter files.',
                     '--namespace', '--timeout', *FOR_ANALYSIS)
     parser.add_argument('--mass', type=number_in(*MASSES, 'kg'), metavar='KG',
-                        help='mass that is hung on each tendon in turn (default: asked for)')
+                        help='mass hung on each tendon in turn (default: ask)')
     parser.add_argument('--zero-only', action='store_true',
                         help='the cells show N: measure their zeros only')
     parser.add_argument('--yes', action='store_true',
-                        help='with --zero-only: the tendons are slack, ask nothing')
+                        help='with --zero-only: do not ask, the tendons are slack')
     from soft_continuum.client.errors import ClientError, NodesMissingError
     given = parser.parse_args(argv)
     if given.yes and not given.zero_only:
-        parser.error('--yes is for --zero-only: a mass has to be hung up in between')
+        parser.error('--yes needs --zero-only: otherwise a mass has to be hung up in between')
     if given.mass and given.zero_only:
         parser.error('--mass or --zero-only, not both')
     try:
@@ -89,11 +89,11 @@ def _run(options: argparse.Namespace) -> None:
         'load_cells.enabled': True,
         'load_cells.zeros': tuple(slack[name].mean for name in tendons),
         'load_cells.scales': tuple(scales.values())}, [f'Measured by {NAME}.'])
-    print(f'\nWritten: {path}. Give it to the nodes as one more parameter file, after the others.')
+    print(f'\nWritten: {path}. Pass it to the nodes as another parameter file, after the others.')
 
 
 def _scale(requests: 'Requests', tendon: str, slack: Shown, mass: float | None) -> float:
-    """Return N over the unit of a cell, by a mass that the user hangs on its tendon."""
+    """Return N per unit of a cell, from a mass that the user hangs on its tendon."""
     confirm(f'Hang {"a known mass" if mass is None else f"{mass:g} kg"} on {tendon}, at rest.',
             yes=False)
     if mass is None:
@@ -108,12 +108,12 @@ def _scale(requests: 'Requests', tendon: str, slack: Shown, mass: float | None) 
 
 
 def _read(requests: 'Requests', tendons: Sequence[str]) -> dict[str, Shown]:
-    """Return what the cells of some tendons show; raises NoAnswerError, CalibrationError."""
+    """Return the readings of some tendons' cells; raises NoAnswerError, CalibrationError."""
     from soft_continuum.client.errors import NoAnswerError
     samples = requests.start(_listen(requests, tendons)).result()
     if few := [tendon for tendon in tendons if len(samples[tendon]) < MIN_SAMPLES]:
         raise NoAnswerError(
-            f'fewer than {MIN_SAMPLES} numbers of {", ".join(few)} on the topic {LOAD_CELLS} '
+            f'fewer than {MIN_SAMPLES} readings of {", ".join(few)} on the topic {LOAD_CELLS} '
             f'within {DURATION:g} s; its node has to publish sensor_msgs/JointState with the '
             f'names {", ".join(tendons)} and their efforts')
     shown = {}
@@ -127,7 +127,7 @@ def _read(requests: 'Requests', tendons: Sequence[str]) -> dict[str, Shown]:
 
 
 async def _listen(requests: 'Requests', tendons: Sequence[str]) -> dict[str, list[float]]:
-    """Collect what comes on load_cells, once there is something; on the thread of the node."""
+    """Collect messages on load_cells once they arrive; on the thread of the node."""
     from sensor_msgs.msg import JointState
 
     from soft_continuum.client.tasks import until

@@ -29,13 +29,13 @@ REBOOT_TIME = 1.0  # s
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if a servo could not be set up."""
     parser = Parser(NAME, 'Write the settings that Dynamixel servos need into their EEPROM, and '
-                    'reboot those that have shut down. Both switch their torque off: the tendons '
-                    'must be slack. What is going to be changed is shown before. Nodes that use '
-                    'the servos must not run.', '--params-file')
+                    'reboot those that have shut down. Both switch the torque off: the tendons '
+                    'must be slack. Changes are shown first. Nodes that use the servos must not '
+                    'run.', '--params-file')
     parser.add_argument('--reboot', type=int, nargs='+', default=[], metavar='ID',
-                        help='reboot these servos too, which forgets their turns')
+                        help='reboot these servos too; they lose their turn count')
     parser.add_argument('--yes', action='store_true',
-                        help='the tendons are slack: ask nothing')
+                        help='do not ask: the tendons are slack')
     try:
         return run_verb(parser, _run, argv)
     except (HardwareError, DeclinedError) as error:
@@ -61,7 +61,7 @@ def _run(options: argparse.Namespace) -> None:
 
 def _set_up(bus: DynamixelBus, servo: Servo, speed_limit: float,
             options: argparse.Namespace) -> None:
-    """Show what one servo needs, ask, and do it."""
+    """Show the changes that one servo needs, ask, and make them."""
     unfit = unfit_settings(servo, speed_limit)
     error = servo.get(HARDWARE_ERROR)
     print(f'{servo}: {servo.describe()}')
@@ -74,9 +74,9 @@ def _set_up(bus: DynamixelBus, servo: Servo, speed_limit: float,
         print('  nothing to change')
         return
     steps = [*(['writes this into its EEPROM'] if unfit else []),
-             *(['reboots it, which forgets its turns'] if reboot else [])]
-    confirm(f'This {" and ".join(steps)}. Its torque is switched off for that: the tendon must be '
-            'slack, and nothing may hang on it.', options.yes)
+             *(['reboots it, and its turn count is lost'] if reboot else [])]
+    confirm(f'This {" and ".join(steps)}. Its torque is switched off meanwhile: the tendon must '
+            'be slack and carry no load.', options.yes)
     if reboot:
         bus.reboot(servo.id)
         STEADY.sleep(REBOOT_TIME)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What ``calibrate vacuum`` says of the segments that it measured, and the parameters."""
+"""Output of ``calibrate vacuum``: assessment of the segments, and parameters."""
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
@@ -22,7 +22,7 @@ HEAD = ('segment', 'to stiff s', 'reaches kPa', 'evacuates s', 'loses Pa/s', 've
 
 
 def show(results: Sequence[SegmentVacuum], problems: Sequence[Sequence[str]]) -> None:
-    """Print what was measured, and what is wrong with each segment."""
+    """Print the measurements and the problems of each segment."""
     print(text_table(HEAD, [
         [str(r.segment + 1), *map(_cell, (r.time_to_stiff, r.ultimate_vacuum / 1e3,
                                           r.evacuation_time, r.leak_rate, r.venting_time)),
@@ -36,7 +36,7 @@ def show(results: Sequence[SegmentVacuum], problems: Sequence[Sequence[str]]) ->
 
 def regulators(driver: RegulatorDriver, values: Mapping[str, Any], settings: JammingSettings
                ) -> list[str]:
-    """Let one segment after the other follow its regulator; return what is not good."""
+    """Test each segment's regulator in turn; return the problems."""
     settings.check_regulators(driver.max_vacuum)
     segments, results = len(values['arm.segment_lengths']), []
     for segment in range(segments):
@@ -51,7 +51,7 @@ def regulators(driver: RegulatorDriver, values: Mapping[str, Any], settings: Jam
 
 def _show_regulators(results: Sequence[RegulatorResponse], problems: Sequence[Sequence[str]],
                      full_vacuum: float) -> None:
-    """Print what was measured of regulators, and what is wrong; full_vacuum: Pa."""
+    """Print the measurements and problems of regulators; full_vacuum: Pa."""
     levels = [f'at {level * full_vacuum / 1e3:.0f} kPa off by kPa' for level in LEVELS]
     print(text_table(('segment', 'to full s', 'to soft s', *levels, 'is'), [
         [str(r.segment + 1), *map(_cell, (r.rise, r.fall, *(e / 1e3 for e in r.errors))),

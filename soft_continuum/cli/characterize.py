@@ -3,8 +3,8 @@
 """
 Stiffness of a segment from force-displacement curves (paper, IV-A).
 
-A segment of a spatial arm may be another one about x than about y: it is pushed along x, which
-bends it about y, and to the side, along y.
+A segment of a spatial arm may differ in stiffness about x and y.  Pushing it along x bends it
+about y, pushing it along y bends it about x.
 """
 
 import argparse
@@ -48,23 +48,23 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='CSV files of the soft segment, one repetition or more in each')
     parser.add_argument('--lateral', type=given_path, nargs='+', default=[], metavar='FILE',
                         help='CSV files of the soft segment of a spatial arm, pushed along y of '
-                        'its lower disc; the others are of one that is pushed along x')
+                        'its lower disc; the other files: pushed along x')
     parser.add_argument('--stiff', type=given_path, nargs='+', default=[], metavar='FILE',
                         help='CSV files of the stiff segment')
     parser.add_argument('--segment', type=int, required=True, metavar='N',
-                        help='which segment was measured, 1 is the lowest')
+                        help='number of the measured segment, 1 at the base')
     parser.add_argument('--lever-arm', type=number_in(1e-4, 1.0, 'm'), required=True,
-                        metavar='M', help='l_k of eq. 8: from the end of the spring to where the '
-                        'force acts, m')
+                        metavar='M', help='l_k of eq. 8: distance from the end of the spring to '
+                        'the force, m')
     parser.add_argument('--trust-stiffness', action='store_true',
                         help='accept a stiffness that looks like a wrong unit')
     for name in COLUMNS:
         parser.add_argument(f'--{name}-column', metavar='HEADER',
-                            help=f'header of the column of {name}, where it is not recognised, or '
+                            help=f'header of the column of {name}, if it is not recognised, or '
                             'its number')
     for name in UNITS:
         parser.add_argument(f'--{name}-unit', metavar='UNIT',
-                            help=f'unit of {name}, in place of what the header says')
+                            help=f'unit of {name}, overrides the header')
     return run_verb(parser, _run, argv, 'matplotlib')
 
 
@@ -80,7 +80,7 @@ def _run(options: argparse.Namespace) -> None:
     segment = arm.segments[index]
     described = _stiffnesses(arm, index)
     if options.lateral and LATERAL not in described:
-        raise ArmError('--lateral is of spatial arms; a planar one does not bend to the side')
+        raise ArmError('--lateral is for spatial arms; a planar arm does not bend to the side')
     leaf = None if LATERAL in described else _stiffnesses(arm_from_parameters(
         values | {'arm.bending_stiffnesses': (0.0,)}), index)[SOFT]
     files = {state: paths for state, paths in (
@@ -97,7 +97,7 @@ def _run(options: argparse.Namespace) -> None:
     if not options.trust_stiffness:
         _question(files, results, leaf, described, soft)
     parameters, tables = _parameters(results, values, arm, index, soft)
-    arm_from_parameters(values | parameters)  # what the nodes would refuse is not written
+    arm_from_parameters(values | parameters)  # never write what the nodes would refuse
     figure, layer = reserve_outputs(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
 
     print(f'Segment {options.segment}, bending length {segment.length:g} m, lever arm '
@@ -111,17 +111,17 @@ def _run(options: argparse.Namespace) -> None:
         print(f'\nThe {state.name} segment is not linear: {100 * state.result.linearity_error:.1f}'
               f' % of the largest force off a line (more than {100 * NONLINEAR:g} % counts). Its '
               'moment over curvature is '
-              + ('written as a table, which takes the place of '
+              + ('written as a table, which replaces '
                  f'{"K" if state.name == STIFF else "E I"}.' if state.name in tables else
-                 'not written: a description has one table, that of the softer axis.'))
+                 'not written: a description has a single table, for the softer axis.'))
     for state in states:
         if not isfinite(state.result.linearity_error):
             print(f'\nE I of the {state.name} segment is a mean only: its curves are no line '
                   f'(R^2 = {state.result.regression.determination:.3f}), and no law that rises '
                   'fits them. Look at the figure; leave out where it slips.')
         if len(state.curves) == 1:
-            print(f'\nOne repetition of the {state.name} segment does not tell how far they '
-                  'scatter, so there is no\nconfidence interval: measure three or more.')
+            print(f'\nThe {state.name} segment has a single repetition, so there is '
+                  'no\nconfidence interval: measure three or more.')
     stiffness_figure(figure, states, f'segment {options.segment}')
     write_parameters(layer, parameters, [
         f'Stiffness of segment {options.segment}, by {NAME} from',
@@ -136,8 +136,8 @@ def _refuse_twice(paths: Sequence[Path]) -> None:
     """Refuse a file that is given twice: it would count as two independent measurements."""
     for i, path in enumerate(paths):
         if path.resolve() in [other.resolve() for other in paths[:i]]:
-            raise MeasurementError(f'{path} is given twice; a repetition is a measurement of its '
-                                   'own')
+            raise MeasurementError(f'{path} is given twice; each repetition must be a separate '
+                                   'measurement')
 
 
 def _given(options: argparse.Namespace, what: str) -> dict[str, str]:
@@ -188,7 +188,7 @@ def _table(states: Sequence[MeasuredState], bodies: int, leaf: float | None, len
             'c_phi = E I / l, N m/rad': f'{stiffness / length:.4g}',
             f'c_phi_i, n = {bodies}, N m/rad (eq. 5)': f'{joint:.4g}',
             **beside,
-            'furthest from a line, of largest force':
+            'deviation from a line, of largest force':
                 _cell(100 * result.linearity_error, ' %'),
             'spread between repetitions, N': _cell(result.spread),
             'settling, last over first force': _cell(100 * result.settling, ' %', '+.2g'),
@@ -206,7 +206,7 @@ def _cell(value: float, unit: str = '', digits: str = '.2g') -> str:
 
 
 def _listed(items: Sequence[str]) -> str:
-    """Return the items, of many the first and the last few."""
+    """Return the items; if there are many, the first and last few."""
     return ' '.join(items if len(items) <= 6 else [*items[:3], '...', *items[-2:]])
 
 
@@ -214,9 +214,9 @@ def _parameters(results: Mapping[str, Characterisation], values: Mapping[str, Va
                 arm: Arm, index: int, soft: float
                 ) -> tuple[dict[str, Value], tuple[str, ...]]:
     """
-    Return what replaces the lists of the description, and of which states tables are in them.
+    Return the lists that replace those of the description, and the states with tables.
 
-    Whole lists, as those are.  The table of the soft segment is that about its softer axis.
+    Lists are whole.  The table of the soft segment is for its softer axis.
     """
     parameters: dict[str, Value] = {}
     for name, result in results.items():

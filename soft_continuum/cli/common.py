@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the verbs that need no nodes share: the arm, and errors in one line."""
+"""Shared by the verbs that need no nodes: the arm, and one-line errors."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -42,15 +42,16 @@ def shapes_parser(name: str, description: str, known: str) -> Parser:
     """Return the parser of a verb on measured shapes; known: columns that pulls may have."""
     parser = Parser(name, description, *FOR_ANALYSIS, '--decimal')
     parser.add_argument('points', type=given_path,
-                        help='CSV file: shape, point, x, z; in space also y')
+                        help='CSV file: shape, point, x, z; for spatial arms also y')
     parser.add_argument('pulls', type=given_path,
-                        help=f'CSV file: shape, segment, right, left and, if known, {known}; '
-                        'in space the tendons by name, and no segment without jamming')
+                        help=f'CSV file: shape, segment, right, left and, if known, {known}; for '
+                        'spatial arms one column for each tendon name; without jamming no segment '
+                        'column')
     return parser
 
 
 def recording_parser(name: str, description: str) -> Parser:
-    """Return the parser of a verb on a recording, which writes beside that by default."""
+    """Return the parser of a verb that reads a recording and writes beside it by default."""
     parser = Parser(name, description, '--namespace', '--output', '--force')
     parser.add_argument('recording', type=given_path, metavar='RECORDING',
                         help='directory that record wrote, or an MCAP file')
@@ -62,7 +63,7 @@ def given_recording(options: argparse.Namespace, done: str) -> tuple[Recording, 
     """
     Read the recording of recording_parser; return it, and the directory of the results.
 
-    done: what becomes of one whose end is missing, as is said then.  Raises MeasurementError.
+    done: what is done with an incomplete recording, for the message.  Raises MeasurementError.
     """
     path: Path = options.recording
     recording = read_recording(path, options.namespace)
@@ -83,7 +84,7 @@ def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],
     """
     Run a verb with its options; return its exit status, with an error as one line.
 
-    needs: modules that it imports late; raises ImportError at once for one that is missing.
+    needs: modules that it imports late; a missing one raises ImportError at once.
     """
     options = parser.parse_args(argv)
     for module in needs:

@@ -3,7 +3,8 @@
 """
 Tab completion by argcomplete, which ros2cli uses too.
 
-Names of shapes come from a cache that ``soft_continuum shapes`` writes: TAB waits for no node.
+Names of shapes come from a cache that ``soft_continuum shapes`` writes, so TAB does not wait for
+nodes.
 """
 
 from collections.abc import Iterable, Sequence
@@ -29,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def cached_shapes(**_: Any) -> list[str]:
-    """Return the names of the shape library when it was last listed."""
+    """Return the names in the shape library when it was last listed."""
     try:
         return read_bytes(shape_names(), MAX_CACHE).decode('utf-8').splitlines()
     except (OSError, ValueError):
@@ -37,7 +38,7 @@ def cached_shapes(**_: Any) -> list[str]:
 
 
 def cache_shapes(names: Iterable[str]) -> None:
-    """Keep the names of the shape library for the next TAB, where there is a cache."""
+    """Cache the names in the shape library for the next TAB."""
     with suppress(OSError):
         shape_names().parent.mkdir(parents=True, exist_ok=True)
         shape_names().write_text('\n'.join(names), encoding='utf-8')

@@ -28,9 +28,9 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='relative change that counts as converged (default: 0.001)')
     parser.add_argument('--most', type=whole_number_in(3, 200), metavar='N',
                         help=f'largest number of bodies (default: {USUAL_BODIES}, or with spacers '
-                        f'{USUAL_SPANS} in each of their spans if that is more)')
+                        f'{USUAL_SPANS} for each span if that is more)')
     parser.add_argument('--gravity', action='store_true',
-                        help='with the weight of the arm (default: without, as in the paper)')
+                        help='include the weight of the arm (default: without, as in the paper)')
     return run_verb(parser, _run, argv, 'matplotlib')
 
 
@@ -45,8 +45,8 @@ def _run(options: argparse.Namespace) -> None:
     found = converge(arm, [np.radians(options.angle)] * len(arm.segments), options.tolerance,
                      most, jamming)
     segments = range(1, len(arm.segments) + 1)
-    print(f'Pulls constant at those that bend every segment to {options.angle:g} degrees with '
-          f'n = {arm.bodies_per_segment}, {"with" if options.gravity else "without"} gravity.\n')
+    print(f'Constant pulls: those that bend every segment to {options.angle:g} degrees with n = '
+          f'{arm.bodies_per_segment}, {"with" if options.gravity else "without"} gravity.\n')
     rows = [[f'{n}{" *" if n == found.converged else ""}',
              *(f'{np.degrees(a):.3f}' for a in angles),
              *(f'{100 * c:.4f}' if np.isfinite(c) else '' for c in change),

@@ -3,8 +3,8 @@
 """
 The shapes of an arm on a simulated rig, by default the paper's three: ``./run demo``.
 
-Starts the nodes as processes in a namespace of their own, sends the sequence like any
-client, shows its progress, then prints a table per shape and writes a picture.
+Starts the nodes as processes in a separate namespace, sends the sequence like any client, shows
+its progress, prints a table for each shape and writes a picture.
 """
 
 from collections.abc import Mapping
@@ -48,16 +48,16 @@ STARTING_TIMEOUT = 60.0  # s: the model may have to be compiled
 
 def main() -> int:
     """Run the demo; return the exit status."""
-    parser = Parser('demo', 'Set the three shapes of the paper on a simulated rig, or those of '
-                    'an arm in space.')
+    parser = Parser('demo', 'Set the three shapes of the paper, or those of a spatial arm, on a '
+                    'simulated rig.')
     parser.add_argument('--arm', choices=ARMS, default=ARMS[0],
                         help='one of the descriptions in config/ (default: %(default)s, the arm '
                         'of the paper)')
     parser.add_argument('--picture', type=given_path, default=Path('demo_shapes.png'),
                         help='where to write the picture (default: %(default)s)')
     parser.add_argument('--tendon-driver', choices=TENDON_MOTORS,
-                        help='what pulls the tendons of the '
-                        'twin: steppers (grbl, the default) or servos (dynamixel)')
+                        help='motors of the twin: steppers (grbl, the default) or servos '
+                        '(dynamixel)')
     add_twin_options(parser)
     options = parser.parse_args()
     if not options.picture.resolve().parent.is_dir():
@@ -67,7 +67,7 @@ def main() -> int:
     if options.tendon_driver and not options.twin:
         parser.error('--tendon-driver needs --twin here')
     if options.camera and not options.twin:
-        parser.error('--camera needs --twin here: nothing else can be seen')
+        parser.error('--camera needs --twin here: no other rig has camera images')
     require('matplotlib')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'
@@ -96,7 +96,7 @@ def main() -> int:
 
 
 def _take_as_straight(arm: Arm, *, jamming: bool) -> None:
-    """Do what comes first on a rig: stiffen the arm if it can be, and say that it is straight."""
+    """Prepare a rig: stiffen the arm if possible, and reference it as straight."""
     arm.wait_for(lambda state: state.speeds and None not in state.stiff)
     if jamming:
         arm.stiffen()
@@ -110,8 +110,8 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     hold = HOLD + SETTLING + MEASURING if camera else HOLD
     reached, measured = _follow(arm, arm.start(*shapes, hold=hold), camera=camera)
     if unseen := ', '.join(name for name in shapes if name not in reached):
-        raise ClientError(f'{unseen} was set, but not seen while it was held; is the computer '
-                          'overloaded? Try again with less beside it')
+        raise ClientError(f'{unseen} was set, but not measured while it was held; is the computer '
+                          'overloaded? Close other programs and try again')
     drawn, chain = {}, Chain(description)
     for name, angles in shapes.items():
         towards = arm.shape_directions.get(name, ())
@@ -128,7 +128,7 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
 
 def _show_poses(description: mechanics.Arm, bending: Array, state: ArmState,
                 measured: Mapping[int, MeasuredDisc]) -> None:
-    """Print where segments and tip are, by the chain, as measured and by constant curvature."""
+    """Print the positions of segments and tip: chain model, measured, constant curvature."""
     signed = description.pose_axes[3:].sum() == 1  # then one angle tells where it points
     arcs, turns = constant_curvature.poses(description, bending)
     poses = [(f'end of segment {i}, rigid chain', pose)
@@ -156,7 +156,7 @@ def _pose(pose: Array) -> Pose:
 
 def _follow(arm: Arm, running: RunningSequence, *, camera: bool
             ) -> tuple[dict[str, ArmState], dict[str, dict[int, MeasuredDisc]]]:
-    """Show the progress; return the state in which each shape was held, and what was seen."""
+    """Show the progress; return the state in which each shape was held, and its measurements."""
     reached: dict[str, ArmState] = {}
     measured: dict[str, dict[int, MeasuredDisc]] = {}
     shown = ''
@@ -172,7 +172,7 @@ def _follow(arm: Arm, running: RunningSequence, *, camera: bool
 
 
 def _measure(arm: Arm) -> dict[int, MeasuredDisc]:
-    """Return the discs at rest, none where the computer is too slow for the pictures."""
+    """Return the discs at rest; none if the computer is too slow for the images."""
     sleep(SETTLING)
     try:
         return arm.measure(MEASURING)

@@ -39,21 +39,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status, FAILED if a check failed."""
     parser = Parser('doctor', 'Check parameter files, model, ports, firmware, settings, valves '
                     'and sensors step by step. Nothing is moved or switched. Nodes that use the '
-                    'rig must not run, but with --sensors and --network they must.',
+                    'rig must not run, except with --sensors and --network, which need them.',
                     '--params-file', '--json', '--namespace')
     parser.add_argument('--sensors', action='store_true',
                         help='check cameras, trackers, IMUs and load cells while the nodes run')
     parser.add_argument('--network', action='store_true',
-                        help='check which node runs on which computer: round trips, loss, clocks, '
-                        'versions, descriptions')
+                        help='list the nodes on each computer and check round trips, loss, '
+                        'clocks, versions, descriptions')
     parser.add_argument('--duration', type=number_in(1.0, 60.0, 's'), default=None, metavar='S',
-                        help='how long --sensors listens (default: 3 s)')
+                        help='time for which --sensors receives (default: 3 s)')
     options = parser.parse_args(argv)
     running = options.sensors or options.network
     if options.sensors and options.network:
-        parser.error('--sensors and --network are two commands; give one of them')
+        parser.error('--sensors and --network cannot be combined; give one of them')
     if running and options.params_file:
-        parser.error('--params-file is for a rig whose nodes do not run, not for --sensors or '
+        parser.error('--params-file is for a rig without running nodes, not for --sensors or '
                      '--network')
     if options.duration is not None and not options.sensors:
         parser.error('--duration needs --sensors')
@@ -98,7 +98,7 @@ def _network_checks(namespace: str) -> Iterator[Check]:
 
 
 def checks(paths: Sequence[Path], namespace: str = '') -> Iterator[Check]:
-    """Yield what each step finds; steps that need one that failed are left out."""
+    """Yield the result of each step; steps that depend on a failed one are skipped."""
     yield from _check_packages()
     model = _check_model()
     yield model
@@ -126,13 +126,13 @@ def _check_packages() -> Iterator[Check]:
         return
     found = [Check(f'packages for {extra}', WARN, text)
              for extra in USES if (text := missing(extra))]
-    yield from found or [Check('packages', OK, 'all that a verb can need are installed')]
+    yield from found or [Check('packages', OK, 'all optional packages are installed')]
 
 
 def _check_model() -> Check:
     step, begin = 'model', monotonic()
     try:
-        # Here, not above: an installation that cannot compile is to be diagnosed too.
+        # Imported here so that an installation that cannot compile can be diagnosed too.
         statics = import_module('soft_continuum.mechanics.statics')
         kernel = import_module('soft_continuum.mechanics._kernel')
         if kernel.must_build():
@@ -141,13 +141,13 @@ def _check_model() -> Check:
         runs_in = kernel.functions().runs_in
     except Exception as error:  # numba and its compiler fail in many ways
         return Check(step, FAIL, f'does not compile: {type(error).__name__}: {_first(error)}; '
-                     'check that ~/.cache can be written to, and the versions of numba and NumPy')
+                     'check that ~/.cache is writable, and the versions of numba and NumPy')
     if runs_in == 'python':
         return Check(step, WARN, 'works, but numba is not installed, so it runs many times '
                      'slower; install python3-numba (apt) or numba (pip)')
     if runs_in == 'numba':
-        return Check(step, WARN, 'works, but every start takes seconds longer, since it could not '
-                     f'be built: {kernel.why_not_built()}')
+        return Check(step, WARN, 'works, but every start takes seconds longer because it could '
+                     f'not be built: {kernel.why_not_built()}')
     return Check(step, OK, f'compiled, ready after {monotonic() - begin:.1f} s')
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``doctor --network``: which node is on which computer, and whether they make one arm."""
+"""``doctor --network``: the computer of each node, and whether all nodes agree on the arm."""
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -33,8 +33,8 @@ DISCOVERY = 4.0  # s
 CALLS = 50
 ANSWER_TIMEOUT = 1.0  # s
 CALL_PERIOD = 0.05  # s between two calls of a node
-LONG, TOO_LONG = 0.15, 0.4  # s, of a round trip: longer than what is measured; motion is refused
-LOSSY = 0.06  # share of the messages: more than what is measured
+LONG, TOO_LONG = 0.15, 0.4  # s, of a round trip: longer than tested; motion is refused
+LOSSY = 0.06  # share of the messages: more than tested
 OFF, TOO_FAR_OFF = 0.02, 0.15  # s by which clocks differ: measurements suffer, and are refused
 PEERS, DOMAIN = 'ROS_STATIC_PEERS', 'ROS_DOMAIN_ID'
 NODE_INFO_TYPE = 'soft_continuum_interfaces/srv/GetNodeInfo'
@@ -48,11 +48,11 @@ NOBODY = ('no node answers in namespace {}; do they run, with the same {} and '
 @dataclass
 class Answers:
     """
-    What one node answered and sent.
+    Replies and messages of one node.
 
-    said: its answers.  trips, offsets: of each, how long it took and by how much its clock is
-    ahead of this one, s; the latter is known to half of the former.  calls: how many were made.
-    heard: the times, s, of the signs of life that came.
+    said: its replies.  trips, offsets: for each reply, its round trip and the lead of its clock
+    over this one, s; the latter is known to half of the former.  calls: number of calls.  heard:
+    the times, s, of received heartbeats.
     """
 
     said: list[GetNodeInfo.Response] = field(default_factory=list)
@@ -63,14 +63,14 @@ class Answers:
 
     @property
     def expected(self) -> int:
-        """How many signs of life were sent from the first to the last that came."""
+        """Number of heartbeats sent from the first to the last that was received."""
         if not self.heard:
             return 0
         return max(len(self.heard), round((max(self.heard) - min(self.heard)) / PERIOD) + 1)
 
 
 def network_checks(namespace: str) -> Iterator[Check]:
-    """Ask every node of an arm; yield what the network and the computers are like."""
+    """Query every node of an arm; yield checks of the network and the computers."""
     connection = None
     try:
         connection = Connection(f'doctor_{os.getpid()}', namespace)
@@ -88,7 +88,7 @@ def network_checks(namespace: str) -> Iterator[Check]:
 
 
 def settings() -> Check:
-    """Return what decides which computers this process reaches."""
+    """Return the settings that decide which computers this process reaches."""
     profile = next(filter(None, map(os.environ.get, PROFILES)), '')
     text = ', '.join((
         f'{DOMAIN} {os.environ.get(DOMAIN) or 0}', f'{RANGE} {os.environ.get(RANGE) or "unset"}',
@@ -99,7 +99,7 @@ def settings() -> Check:
 
 
 async def _ask_all(requests: Requests) -> dict[str, Answers]:
-    """Return what each node that serves ~/get_node_info answers, by its name."""
+    """Return the replies of each node that serves ~/get_node_info, by its name."""
     node, found = requests.node, dict[str, Answers]()
     space = node.get_namespace().rstrip('/') + '/'
     ending = GET_NODE_INFO.removeprefix('~')
@@ -127,7 +127,7 @@ def _note(answers: Answers, message: Heartbeat) -> None:
 
 
 def _call(node: Any, client: Any, answers: Answers) -> Any:
-    """Begin a call; what comes in time is noted when it comes."""
+    """Begin a call; a reply in time is noted on arrival."""
     def now() -> float:
         return float(node.get_clock().now().nanoseconds * 1e-9)
 
@@ -148,7 +148,7 @@ def _call(node: Any, client: Any, answers: Answers) -> Any:
 
 async def _shared_parameters(requests: Requests, nodes: Iterable[str]
                              ) -> dict[str, dict[str, Any]]:
-    """Return the parameters that more than one node has, by node; none of those without answer."""
+    """Return the parameters that several nodes have, by node; none for nodes that do not reply."""
     counts = Counter(p.name for table in NODE_PARAMETERS.values() for p in table)
     found = {}
     for name in nodes:
@@ -158,13 +158,13 @@ async def _shared_parameters(requests: Requests, nodes: Iterable[str]
             try:
                 found[name] = await requests.parameters(name, shared)
             except ClientError:
-                continue  # that it does not answer is said elsewhere
+                continue  # reported elsewhere
     return found
 
 
 def judged(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]], space: str
            ) -> Iterator[Check]:
-    """Yield a check for each computer, and whether the nodes have one program and one arm."""
+    """Yield a check for each computer, and whether versions and descriptions agree."""
     answered = {name: answers for name, answers in found.items() if answers.said}
     if not answered:
         yield Check('nodes', FAIL, NOBODY.format(space, DOMAIN, RANGE, HOW_TO))
@@ -178,13 +178,12 @@ def judged(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]]
     for host, names in sorted(hosts.items()):
         yield Check(f'computer {host}', OK, ', '.join(names))
     if silent := sorted(found.keys() - answered.keys()):
-        yield Check('unanswered', FAIL, f'{", ".join(silent)}: there, but no answer within '
+        yield Check('unanswered', FAIL, f'{", ".join(silent)}: found, but no answer within '
                     f'{ANSWER_TIMEOUT:g} s; is the computer overloaded, or the network cut?')
     if missing := [name for name in NODES if name not in found]:
         yield Check('missing', WARN, f'{", ".join(missing)}: not found; an arm without jamming '
-                    'has no jamming_valves, and, where tendons do not bend each segment by '
-                    'itself, no shape_sequencer; otherwise '
-                    f'see {HOW_TO}')
+                    'has no jamming_valves and, unless its tendons bend each segment '
+                    f'independently, no shape_sequencer; otherwise see {HOW_TO}')
     for host, names in sorted(hosts.items()):
         of_host = [answered[name] for name in names]
         yield _round_trip(host, of_host)
@@ -204,8 +203,8 @@ def _round_trip(host: str, nodes: Sequence[Answers]) -> Check:
         return Check(f'round trip to {host}', FAIL, f'{text}; with more than '
                      f'{TOO_LONG * 1e3:g} ms motions come late and are refused: use a cable')
     if middle > LONG or lost:
-        return Check(f'round trip to {host}', WARN, f'{text}; goals were measured to succeed up '
-                     'to 100 ms with 5 % loss: use a cable')
+        return Check(f'round trip to {host}', WARN, f'{text}; goals are tested up to 100 ms with '
+                     '5 % loss: use a cable')
     return Check(f'round trip to {host}', OK, text)
 
 
@@ -213,31 +212,31 @@ def _messages(host: str, nodes: Sequence[Answers]) -> Check:
     sent, came = sum(one.expected for one in nodes), sum(len(one.heard) for one in nodes)
     step = f'messages from {host}'
     if not came:
-        return Check(step, FAIL, f'none came, though calls are answered; does {HEARTBEAT} differ '
-                     'in type or version?')
+        return Check(step, FAIL, f'none received, although calls are answered; does {HEARTBEAT} '
+                     'differ in type or version?')
     text = f'{sent - came} of {sent} lost'
     if sent - came > max(1, LOSSY * sent):
-        return Check(step, WARN, f'{text}: more than 5 % was not measured; use a cable, and keep '
-                     'pictures off this network')
+        return Check(step, WARN, f'{text}: more than 5 % is not tested; use a cable, and keep '
+                     'images off this network')
     return Check(step, OK, text)
 
 
 def _clock(host: str, nodes: Sequence[Answers]) -> Check:
-    """Judge how far the clock of a computer is ahead, by the call that took the least time."""
+    """Check the clock offset of a computer, from its fastest call."""
     trip, offset = min((trip, offset) for one in nodes
                        for trip, offset in zip(one.trips, one.offsets, strict=True))
     step, unsure = f'clock of {host}', 0.5 * trip
     text = f'{offset * 1e3:+.1f} ms from this one, known to {unsure * 1e3:.1f} ms'
     least = max(0.0, abs(offset) - unsure)
-    remedy = 'let all computers take their time from one server (chrony)'
+    remedy = 'synchronise all computers to one time server (chrony)'
     if least > TOO_FAR_OFF:
-        return Check(step, FAIL, f'{text}; allowed: {TOO_FAR_OFF * 1e3:g} ms. Measurements from '
-                     f'there are not used, and motions come too late or are refused: {remedy}')
+        return Check(step, FAIL, f'{text}; allowed: {TOO_FAR_OFF * 1e3:g} ms. Its measurements '
+                     f'are not used, and motions come too late or are refused: {remedy}')
     if least > OFF:
-        return Check(step, WARN, f'{text}; from {OFF * 1e3:g} ms on, what is measured of an arm '
-                     f'that moves counts for a wrong time: {remedy}')
+        return Check(step, WARN, f'{text}; from {OFF * 1e3:g} ms, measurements of a moving arm '
+                     f'are assigned to the wrong time: {remedy}')
     if unsure > TOO_FAR_OFF:
-        return Check(step, WARN, f'{text}: the network is too slow to tell')
+        return Check(step, WARN, f'{text}: the network is too slow for a better estimate')
     return Check(step, OK, text)
 
 
@@ -272,7 +271,7 @@ def _same_arm(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, An
 
 def _differences(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]]
                  ) -> Iterator[tuple[str, str]]:
-    """Yield each parameter, and how it differs between nodes; empty where it does not."""
+    """Yield each parameter and its difference between nodes; empty if there is none."""
     for name in sorted({name for given in values.values() for name in given}):
         by_value = defaultdict(list)
         for node, given in sorted(values.items()):

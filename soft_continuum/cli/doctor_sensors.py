@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``doctor --sensors``: listens to the sensors of a running arm, and says what is wrong."""
+"""``doctor --sensors``: checks the sensors of a running arm."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
@@ -30,12 +30,12 @@ from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.text import MAX_NAME, printable
 
-LOOK_PERIOD = 0.25  # s between two looks for topics that are new
+LOOK_PERIOD = 0.25  # s between two searches for new topics
 MAX_MESSAGES = 20_000  # of one topic
-MAX_DELAY, LATE = 1.0, 0.3  # s between a stamp and now: the nodes refuse it, it comes late
+MAX_DELAY, LATE = 1.0, 0.3  # s between a stamp and now: refused by the nodes, late
 MIN_RATE = {'pose': 2.0, 'imu': 20.0, 'load cells': 5.0}  # Hz
 MAX_DEVIATION_PX = 1.0  # of the corners of tags
-MAX_GRAVITY_ERROR = 0.1  # relative, in which disc_sensors takes an acceleration
+MAX_GRAVITY_ERROR = 0.1  # relative, accelerations that disc_sensors accepts
 REST_RATE = 0.05  # rad/s, standard deviation of a gyroscope at rest
 MAX_BIAS = 0.1  # rad/s
 STATUS = rf'(?:{"|".join(SENSORS)})\w*/status'  # of camera_2, too
@@ -47,17 +47,17 @@ KINDS: dict[str, tuple[Any, Any]] = {
     'tendon_states': (JointState, SENSOR),
     STATUS: (DiagnosticStatus, EVERY_STATE),
 }
-"""By pattern of the topics in the namespace that are listened to."""
-NOTHING = ('no sensor publishes in namespace {}: there is no disc_N/measured_pose, disc_N/imu or '
-           'load_cells; start camera or disc_sensors, and the drivers of the sensors')
-SILENT = 'no sensor sends anything; do their drivers run, and is what they publish remapped?'
+"""By name pattern of the subscribed topics in the namespace."""
+NOTHING = ('no sensor publishes in namespace {}: no disc_N/measured_pose, disc_N/imu or '
+           'load_cells; start camera or disc_sensors, and the sensor drivers')
+SILENT = 'no messages from any sensor; do the drivers run, and are their topics remapped?'
 IMU = 'sensor_msgs/msg/Imu'
 Heard = Sequence[tuple[float, Any]]
-"""Messages, each with the time when it came, s, of the clock of the stamps."""
+"""Messages, each with its time of arrival, s, on the clock of the stamps."""
 
 
 def sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
-    """Listen for ``duration`` s; yield what each sensor of an arm is like."""
+    """Receive for ``duration`` s; yield a check for each sensor of an arm."""
     connection = None
     try:
         connection = Connection(f'doctor_{os.getpid()}', namespace)
@@ -74,7 +74,7 @@ def sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
 
 
 class _Listening:
-    """Collects what the sensors publish; on the thread that spins the node."""
+    """Collects sensor messages on the thread that spins the node."""
 
     def __init__(self, node: Any) -> None:
         self.heard: dict[str, list[tuple[float, Any]]] = {}
@@ -117,7 +117,7 @@ class _Listening:
 
 def judged(heard: dict[str, Any], sources: dict[str, tuple[str, ...]], space: str
            ) -> Iterator[Check]:
-    """Yield a check for each sensor of which messages were heard, by topic."""
+    """Yield a check for each sensor, from its messages by topic."""
     poses, imus = (sorted((t for t in heard if re.fullmatch(pattern, t)),
                           key=lambda t: (len(t), t))  # disc_9 before disc_10
                    for pattern in (r'disc_\d+/measured_pose', r'disc_\d+/imu|/.*'))
@@ -155,21 +155,22 @@ def _status(node: str, message: DiagnosticStatus) -> Check:
             off = float('nan')
         if off > MAX_DEVIATION_PX:
             status = WARN if status == OK else status
-            parts.append('calibrate the lens and check where the tags are')
+            parts.append('calibrate the lens and check the positions of the tags')
     return Check(node, status, printable('; '.join(parts)))
 
 
 def _check(step: str, messages: Heard, kind: str,
            judge: Callable[[Sequence[Any]], tuple[str, str]]) -> Check:
-    """Return what is wrong with the times of the messages of a sensor, or else with them."""
+    """Return the problem of a sensor's message times, or else of the messages."""
     if not messages:
-        return Check(step, WARN, 'nothing received; does its sensor see it, is its type right?')
+        return Check(step, WARN, 'nothing received; does its sensor see the disc, is the message '
+                     'type right?')
     times = np.array([time for time, _ in messages])
     stamps = np.array([seconds(message.header.stamp) for _, message in messages])
     delay = float(np.median(times - stamps))
     if abs(delay) > MAX_DELAY:
-        return Check(step, FAIL, f'stamped {delay:.1f} s ago; set the clocks of the computers '
-                     'alike (negative: from the future; very large: no stamp)')
+        return Check(step, FAIL, f'stamped {delay:.1f} s ago; synchronise the clocks of the '
+                     'computers (negative: from the future; very large: no stamp)')
     status, text = judge([message for _, message in messages])
     span = float(np.ptp(times))
     rate = (len(times) - 1) / span if span > 0.0 else 0.0
@@ -219,7 +220,7 @@ def _imu(messages: Sequence[Imu]) -> tuple[str, str]:
     if abs(magnitude - STANDARD_GRAVITY) > MAX_GRAVITY_ERROR * STANDARD_GRAVITY:
         return FAIL, f'{text}, at rest it is 9.81; is it in m/s^2, gravity included?'
     if len(rows) > 10 and not np.ptp(rows, axis=0).any():
-        return WARN, f'{text}; the same numbers each time: is it frozen, or simulated?'
+        return WARN, f'{text}; identical readings each time: is it frozen, or simulated?'
     if rows[:, 3:].std(axis=0).max() > REST_RATE:
         return OK, f'{text}, turning'
     bias = float(np.abs(rows[:, 3:].mean(axis=0)).max())

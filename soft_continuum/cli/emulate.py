@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``emulate grbl``, ``modbus`` and ``dynamixel``: devices to try the hardware drivers on."""
+"""``emulate grbl``, ``modbus`` and ``dynamixel``: devices to test the hardware drivers with."""
 
 import argparse
 from collections.abc import Sequence

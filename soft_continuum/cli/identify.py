@@ -34,13 +34,13 @@ NAME = 'identify'
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = shapes_parser(NAME, 'Fit what is not known of the arm to measured points. Errors on '
-                           'shapes that the fit did not see are reported.', 'payload')
+    parser = shapes_parser(NAME, 'Fit unknown parameters of the arm to measured points. Reports '
+                           'errors on shapes left out of the fit.', 'payload')
     parser.add_argument('--fit', nargs='+', metavar='UNKNOWN',
                         help='stiffness_N, ratio_N, segment_mass_N, disc_mass_N, offset_N of '
                              'segment N; stiffness, mass, offset (one factor for all), friction, '
-                             'stretch, tilt; in space also angle_N of the tendons that end at '
-                             'disc N (default: stiffness of every segment)')
+                             'stretch, tilt; for spatial arms also angle_N of the tendons that '
+                             'end at disc N (default: stiffness of every segment)')
     parser.add_argument('--hold-out', nargs='+', default=[], metavar='SHAPE',
                         help='shapes to leave out of the fit (default: fit all, then leave out '
                              'each in turn)')
@@ -73,8 +73,8 @@ def _run(options: argparse.Namespace) -> None:
     print(f'\nParameters: {layer}', flush=True)
     results = [_held_out(begun, found, shape, kept, options.hold_out)
                for shape in progress(shapes, 'without each shape')]
-    print('\nLargest position error of each shape in mm; without it: of a fit that has not seen '
-          'it.\n')
+    print('\nLargest position error of each shape in mm; without it: of a fit that leaves it '
+          'out.\n')
     print(text_table(['shape', 'as described', 'identified', 'without it'], [
         [r.name, _mm(r.described), _mm(r.identified), _mm(r.held_out)] for r in results]))
     if not all(np.isfinite(r.held_out) for r in results if not options.hold_out):
@@ -85,7 +85,7 @@ def _run(options: argparse.Namespace) -> None:
 
 def _held_out(begun: Values, found: Identification, shape: MeasuredShape,
               kept: Sequence[MeasuredShape], named: Sequence[str]) -> ShapeResult:
-    """Return the errors of one shape, after another fit without it unless some were named."""
+    """Return the errors of one shape, from a fit without it unless shapes were named."""
     described, identified = (_largest(one, shape) for one in (begun, found.arm))
     held_out = nan
     if shape.name in named:

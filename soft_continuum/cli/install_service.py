@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-``install-service``: shows the units and rules that start the nodes, then writes them.
+``install-service``: shows the systemd units and udev rules, then writes them.
 
-Units of systemd make the nodes a service; rules of udev name the boards of this computer.
+Units start the nodes as a service; rules name the boards of this computer.
 """
 
 import argparse
@@ -41,8 +41,8 @@ ENVIRONMENT = (
     'ROS_PYTHON_VERSION', 'RMW_IMPLEMENTATION', '_ROS_WHEELS_BOOTSTRAP_COMPLETE',
     'ROS_STATIC_PEERS', 'ROS_SECURITY_ENABLE', 'ROS_SECURITY_STRATEGY', 'ROS_SECURITY_KEYSTORE',
     'CYCLONEDDS_URI', 'XDG_STATE_HOME', 'XDG_CONFIG_HOME', 'XDG_CACHE_HOME')
-"""Variables of the shell that nodes need, as they are when the service is installed."""
-FTDI = 0x0403  # vendor of adapters that keep what they receive for 16 ms unless told otherwise
+"""Environment variables that nodes need, with their values at installation."""
+FTDI = 0x0403  # vendor of adapters that buffer received data for 16 ms by default
 RULES = '99-soft_continuum.rules'
 
 UNIT = """\
@@ -83,17 +83,17 @@ WantedBy=default.target
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
-    parser = Parser('install-service', 'Have systemd start the nodes with this computer, as this '
-                    'user, and udev name the boards. Shows every file, asks, and writes below '
-                    '~/.config; what takes root it says and does not do.',
+    parser = Parser('install-service', 'Start the nodes at boot with systemd, as this user, and '
+                    'name the boards with udev. Shows every file, asks, and writes to ~/.config; '
+                    'commands that need root are printed, not run.',
                     '--params-file', '--namespace')
     parser.add_argument('--nodes', choices=('all', 'hardware'), default='all',
-                        help='hardware: only those that own devices; the others run on another '
+                        help='hardware: only nodes that own devices; the others run on another '
                         'computer (default: %(default)s)')
     parser.add_argument('--domain', type=whole_number_in(0, MAX_DOMAIN), metavar='N',
                         help='ROS_DOMAIN_ID (default: that of this terminal)')
     parser.add_argument('--yes', action='store_true', help='write without asking')
-    parser.add_argument('--remove', action='store_true', help='remove what it has written')
+    parser.add_argument('--remove', action='store_true', help='remove the files it has written')
     try:
         return run_verb(parser, _run, argv)
     except DeclinedError as error:
@@ -109,7 +109,7 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _folder() -> Path:
-    """Return where systemd finds the units of a user."""
+    """Return the directory of the user's systemd units."""
     return config_home() / 'systemd' / 'user'
 
 
@@ -130,8 +130,8 @@ def _install(options: argparse.Namespace) -> None:
         files[rules] = udev_rules(boards.values())
     _show(files)
     for name in ports.keys() - boards.keys():
-        print(f'No rule for {name}: {ports[name]} is not plugged in here, or no USB port. Plug it '
-              'in, and call this again.')
+        print(f'No rule for {name}: {ports[name]} is not plugged in, or is not a USB port. Plug '
+              'it in and run this again.')
     _confirm('Write these files?', options.yes)
     for path, text in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -152,7 +152,7 @@ def _show(files: Mapping[Path, str]) -> None:
     for path, text in files.items():
         there = path.read_text(encoding='utf-8', errors='replace') if path.is_file() else None
         state = ('new' if there is None else
-                 'as it is already' if there == text else 'takes the place of another')
+                 'unchanged' if there == text else 'replaces another')
         print(f'--- {path} ({state})\n{text}')
 
 
@@ -162,7 +162,7 @@ def _confirm(question: str, yes: bool) -> None:
 
 
 def _next(name: str, boards: Mapping[str, object], rules: Path) -> list[str]:
-    """Return what the user does next, a line each."""
+    """Return the user's next steps, one in each line."""
     lines = []
     if boards:
         lines += [f'sudo cp {shlex.quote(str(rules))} {UDEV} && {LOAD_RULES}',
@@ -172,9 +172,9 @@ def _next(name: str, boards: Mapping[str, object], rules: Path) -> list[str]:
             lines.append(f'sudo usermod -aG dialout {getuser()}   (and log in again)')
     return [*lines, 'systemctl --user daemon-reload',
             f'systemctl --user enable --now {name}.target',
-            'loginctl enable-linger   (to start with the computer, before anybody logs in)',
+            'loginctl enable-linger   (to start at boot, before login)',
             f"journalctl --user -u '{name}@*' -f   (the log)",
-            f'systemctl --user stop {name}.target   (the end: tendons are held)']
+            f'systemctl --user stop {name}.target   (to stop: tendons are held)']
 
 
 def _in_group(name: str) -> bool:
@@ -190,13 +190,13 @@ def _remove(options: argparse.Namespace) -> None:
               config_home() / 'soft_continuum' / RULES]
     there = [path for path in wanted if os.path.lexists(path)]
     if not there:
-        raise ParameterError(f'there is nothing to remove: no {wanted[1]}; --namespace says of '
-                             'which arm')
+        raise ParameterError(f'there is nothing to remove: no {wanted[1]}; give the namespace of '
+                             'the arm with --namespace')
     print('To be removed:', *there, sep='\n  ')
     _confirm('Remove these files?', options.yes)
     for path in there:
         path.unlink()
-    print('Removed. Nodes that run go on; next:',
+    print('Removed. Running nodes continue; next:',
           f'systemctl --user stop {name}.target',
           'systemctl --user daemon-reload',
           *([f'sudo rm {UDEV / RULES} && {LOAD_RULES}'] if (UDEV / RULES).exists() else []),
@@ -206,9 +206,9 @@ def _remove(options: argparse.Namespace) -> None:
 @dataclass(frozen=True)
 class Board:
     """
-    A serial port that a parameter names; vendor, product: of USB.
+    A serial port named by a parameter; vendor, product: of USB.
 
-    socket: where it is plugged in, by which it is known when it has no serial number.
+    socket: where it is plugged in, which identifies it when it has no serial number.
     """
 
     name: str
@@ -219,7 +219,7 @@ class Board:
 
 
 def unit_name(namespace: str) -> str:
-    """Return the name of the target of an arm: soft_continuum, with its namespace behind it."""
+    """Return the name of an arm's target: soft_continuum, followed by its namespace."""
     return '_'.join(['soft_continuum', *filter(None, namespace.split('/'))])
 
 
@@ -228,8 +228,8 @@ def units(namespace: str, nodes: Sequence[str], command: Sequence[str],
     """
     Return the units of an arm by file name: one for each node, as a template, and their target.
 
-    command: what starts a node but its name, which is '%i'.  Raises ParameterError for what a unit
-    cannot hold.
+    command: starts a node whose name is '%i'.  Raises ParameterError for text that a unit cannot
+    hold.
     """
     name, where = unit_name(namespace), f' in {namespace}' if namespace else ''
     listed = '\n'.join(f'Environment={_quoted(f"{key}={value}")}'
@@ -245,7 +245,7 @@ def units(namespace: str, nodes: Sequence[str], command: Sequence[str],
 
 
 def _quoted(word: str) -> str:
-    """Return a word as systemd reads it back."""
+    """Return a word quoted for systemd."""
     if not word.isprintable():
         raise ParameterError(f'{printable(word)} has a control character, which no unit can hold; '
                              'rename it')
@@ -254,7 +254,7 @@ def _quoted(word: str) -> str:
 
 
 def ports_of(values: Mapping[str, Value]) -> dict[str, str]:
-    """Return the serial ports that parameters name, by the name that a rule gives each."""
+    """Return the serial ports in the parameters, by the name that a rule gives each."""
     found: dict[str, str] = {}
     for name, value in values.items():
         device, _, last = name.rpartition('.')
@@ -266,7 +266,7 @@ def ports_of(values: Mapping[str, Value]) -> dict[str, str]:
 
 def boards_of(ports: Mapping[str, str], present: Iterable[Any]) -> dict[str, Board]:
     """
-    Return the boards behind ports, by the names of those, as far as they are plugged in by USB.
+    Return the USB boards that are plugged in, by the names of their ports.
 
     present: the ports of this computer, as serial.tools.list_ports.comports() returns them.
     """
@@ -279,9 +279,9 @@ def boards_of(ports: Mapping[str, str], present: Iterable[Any]) -> dict[str, Boa
 
 def udev_rules(boards: Iterable[Board]) -> str:
     """
-    Return rules that give boards names of their own, below /dev/soft_continuum.
+    Return rules that give boards stable names in /dev/soft_continuum.
 
-    They are opened by the group dialout, left alone by ModemManager, and answer at once.
+    The group dialout may open them, ModemManager ignores them, and they reply at once.
     """
     lines = ['# Written by soft_continuum install-service.']
     for board in boards:
@@ -300,5 +300,5 @@ def udev_rules(boards: Iterable[Board]) -> str:
 
 
 def _safe(text: str) -> str:
-    """Return a text of a board for a rule: what a pattern or a quote would mean is any letter."""
+    """Return a text of a board for a rule; pattern characters and quotes become wildcards."""
     return ''.join(c if c.isascii() and (c.isalnum() or c in '-_.:+ ') else '?' for c in text)

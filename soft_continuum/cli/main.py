@@ -56,7 +56,7 @@ def call(verb: Verb, options: Sequence[str]) -> int:
         return Parser(verb.name, '').fail(text)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:  # such as into head: what was printed so far was enough
+    except BrokenPipeError:  # such as into head: the reader has closed the pipe
         return DONE
 
 
@@ -66,12 +66,12 @@ def _parser() -> Parser:
         '\n'.join([f'{group}:', *(f'  {verb.name:<{width}}  {verb.help}' for verb in verbs)])
         for group, verbs in GROUPS.items())
     parser = Parser(
-        '', 'Tendon-driven continuum arms with jamming segments: operate them, analyse them, '
-        'set them up.\nVERB --help shows the options of a verb. Pages that messages name, such as '
+        '', 'Tendon-driven continuum arms with jamming segments: operate them, analyse them, set '
+        'them up.\nVERB --help shows the options of a verb. Pages quoted in messages, such as '
         f'docs/index.md, are in {pages()}\n\n{listing}',
         *FOR_NODES, usage='%(prog)s VERB [OPTION]...',
         formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument('--version', action='store_true', help='print the version and end')
+    parser.add_argument('--version', action='store_true', help='print the version and exit')
     return parser
 
 

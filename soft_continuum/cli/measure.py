@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``measure``: sets shapes, measures the discs, and writes what identify and validate read."""
+"""``measure``: sets shapes, measures the discs, and writes the input of identify and validate."""
 
 import argparse
 from collections import Counter
@@ -23,22 +23,21 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics import arm as mechanics
 
 FILES = 'points.csv', 'pulls.csv'
-SETTLING = 1.0  # s of holding before it is measured
-CHECK = 1.5  # s in which something must be measured before anything moves
+SETTLING = 1.0  # s of holding before the measurement
+CHECK = 1.5  # s within which a measurement must arrive before anything moves
 Pulls = tuple[float, ...]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
     parser = Parser('measure', 'Set shapes one after the other, each from the straight arm, and '
-                    'measure the discs by disc_N/measured_pose (the nodes camera and '
-                    'disc_sensors). Writes '
-                    f'{" and ".join(FILES)} for identify and validate.', '--namespace',
+                    'measure the discs with disc_N/measured_pose (nodes camera and disc_sensors). '
+                    f'Writes {" and ".join(FILES)} for identify and validate.', '--namespace',
                     '--timeout', '--output', '--force')
     parser.add_argument('shapes', nargs='*', metavar='SHAPE',
                         help='names in the shape library (default: all)')
     parser.add_argument('--duration', type=number_in(0.5, 60.0, 's'), default=2.0, metavar='S',
-                        help='how long each shape is measured (default: 2 s)')
+                        help='time for which each shape is measured (default: 2 s)')
     from soft_continuum.client.errors import ClientError, NodesMissingError
     try:
         return run_verb(parser, _run, argv)
@@ -93,8 +92,8 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
     """
     Return each segment that was stiffened with its pulls, in order, and the measured discs.
 
-    In closed loop a segment may be set more than once.  Without jamming it is the pulls at which
-    the arm was measured, of segment 0.
+    In closed loop a segment may be set more than once.  Without jamming, the pulls at the
+    measurement count as those of segment 0.
     """
     from soft_continuum.client.errors import ClientError
     from soft_continuum.sequencing.progress import Phase
@@ -117,24 +116,24 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
                 discs = seen
     running.result()
     if not discs or not steps or not all(pulls for _, pulls in steps):
-        raise ClientError(f'{name} was set too quickly to be followed, or corrected while it was '
+        raise ClientError(f'{name} was set too quickly to be recorded, or corrected while it was '
                           'held; measure it again')
     return steps, discs
 
 
 def _with_position(discs: 'dict[int, MeasuredDisc]') -> 'dict[int, MeasuredDisc]':
-    """Return the discs of which the position is measured; raises ClientError without any."""
+    """Return the discs with measured positions; raises ClientError without any."""
     from soft_continuum.client.errors import ClientError
     found = {n: disc for n, disc in discs.items() if disc.has_position}
     if not found:
-        raise ClientError('only angles of the discs are measured; points need positions, by a '
+        raise ClientError('only angles of the discs are measured; points need positions from a '
                           'camera or a tracker')
     return found
 
 
 def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'mechanics.Arm'
           ) -> list[list[str]]:
-    """Return the bottom and the top of each disc as rows; without orientation the bottom only."""
+    """Return the bottom and the top of each disc as rows; without orientation only the bottom."""
     rows = []
     axes = arm.pose_axes[:3]
     for n, disc in discs.items():

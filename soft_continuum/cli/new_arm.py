@@ -44,15 +44,15 @@ FILE_NAME = re.compile(r'\w[\w.-]{0,99}', re.ASCII)
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
-    parser = Parser(NAME, 'Describe an arm: asks for it in millimetres and degrees, and writes '
-                    'NAME.yaml, for `up --params-file`, and a picture, NAME.png. '
-                    'What is not known is assumed, and marked so. Options are answers; lists '
-                    'have commas, base first, and one number counts for all.',
+    parser = Parser(NAME, 'Describe an arm: asks for its data in millimetres and degrees, and '
+                    'writes NAME.yaml, for `up --params-file`, and a picture, NAME.png. Unknown '
+                    'values are assumed and marked. Options are answers; lists are '
+                    'comma-separated, base first, and a single number applies to all.',
                     '--output', '--force')
     parser.add_argument('name', nargs='?', default='my_arm', type=_file_name, metavar='NAME',
                         help='of the files (default: my_arm)')
     parser.add_argument('--yes', action='store_true',
-                        help='ask nothing: assume what no option says')
+                        help='do not ask: assume values without an option')
     for question in QUESTIONS:
         parser.add_argument(question.option, type=_reader(question), help=question.text,
                             metavar=_metavar(question))
@@ -97,8 +97,8 @@ def _run(options: argparse.Namespace) -> None:
         description = describe(found)
         Chain(description.arm)  # or what is wrong with it
     else:
-        print('What Enter takes is marked in the file as assumed. Ctrl-C ends, and nothing is '
-              'written.')
+        print('Values accepted with Enter are marked as assumed in the file. Ctrl-C exits without '
+              'writing.')
         found, description = _agreed(given, path)
     write_parameters(path, description.values, [
         f'An arm, described by soft_continuum {NAME}. {ASSUMED} marks what was not given: measure '
@@ -115,19 +115,19 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _may_overwrite(folder: Path, names: Sequence[str]) -> bool:
-    """Ask about files that are there; raises ResultError for a no."""
+    """Ask whether to overwrite existing files; raises ResultError for a no."""
     there = [path for name in names if os.path.lexists(path := Path(folder, name))]
     if not there:
         return False
     listed = ' and '.join(map(str, there))
     if ask(f'{listed} exists: overwrite? (yes, no)', one_of('yes', 'no')) == 'no':
-        raise ResultError(f'{there[0]} exists and stays as it is; give another NAME')
+        raise ResultError(f'{there[0]} exists and is unchanged; give another NAME')
     return True
 
 
 def _agreed(given: dict[str, Given], path: Path) -> tuple[dict[str, Answer], Description]:
-    """Ask until the answers make an arm, and are confirmed; return them and their description."""
-    known, asked = dict(given), set(given)  # of the latter also what was left to the suggestion
+    """Ask until the answers make a valid, confirmed arm; return them and their description."""
+    known, asked = dict(given), set(given)  # also answers left to the suggestion
 
     def ask_once(question: Question, before: Answers, suggested: Answer) -> Given | None:
         if question.name in asked:
@@ -151,7 +151,8 @@ def _agreed(given: dict[str, Given], path: Path) -> tuple[dict[str, Answer], Des
             choice = error.name
         except ParameterError as error:
             print(f'\n{error}', flush=True)
-            choice = ask('Which answer is to be changed? (its name, or no)', _one_of_names('no'))
+            choice = ask('Which answer do you want to change? (its name, or no)',
+                         _one_of_names('no'))
         if choice == 'yes':
             return found, description
         if choice == 'no':
@@ -174,7 +175,7 @@ def _one_of_names(*answers: str) -> Callable[[str], str]:
 
 
 def _ask(question: Question, before: Answers, suggested: Answer) -> Given | None:
-    """Return what is typed; None for nothing, which takes the suggestion."""
+    """Return the typed answer; None accepts the suggestion."""
     print(DRAWINGS.get(question.name, '\n'), end='')
     print(question.text)
     for name, meaning in (question.choices or {}).items():
@@ -203,7 +204,7 @@ def _table(found: dict[str, Answer]) -> str:
 
 
 def _preview(picture: Path, description: Description) -> None:
-    """Draw the arm; say what the shape needs, and where that is more than is allowed."""
+    """Draw the arm; print the pulls and tension of the shape, and any limit they exceed."""
     arm = description.arm
     states: list[tuple[str, Equilibrium]] = [('straight', Chain(arm).straight())]
     jamming = bool(description.values.get('arm.jamming', True))
@@ -212,7 +213,7 @@ def _preview(picture: Path, description: Description) -> None:
         state: Equilibrium = set_shape(Statics(arm), bending_vectors(
                 arm, description.shape, description.directions), jamming=jamming)
     except StaticsError as error:
-        print(f'The statics do not find the shape {SHAPE} ({angles} degrees): {error}')
+        print(f'The statics do not converge for the shape {SHAPE} ({angles} degrees): {error}')
     else:
         states.append((f'{SHAPE}: {angles} degrees', state))
         tension, pull = state.tensions.max(), np.abs(state.pulls).max()
@@ -222,8 +223,7 @@ def _preview(picture: Path, description: Description) -> None:
                                   ('pull', pull, 'pull_limits')):
             limit = np.max(description.values[name])
             if value > limit:
-                print(f'That {what} is more than {name} allows, '
-                      f'{as_yaml(description.values[name])}: describe the arm, or the limit, '
-                      'otherwise.')
+                print(f'This {what} exceeds {name}, {as_yaml(description.values[name])}: change '
+                      'the arm or the limit.')
     preview_figure(picture, states)
     print(f'Picture: {picture}')

@@ -136,8 +136,8 @@ def description_digest(values: Mapping[str, Any]) -> str:
     """
     Return 16 hexadecimal digits that identify the description of an arm.
 
-    values: checked parameters; those in ARM_PARAMETERS are used.  Empty if there are none. The
-    digits depend neither on their order nor on the notation of their numbers.
+    values: checked parameters; those in ARM_PARAMETERS are used; empty if there are none.
+    The digits depend neither on their order nor on the notation of their numbers.
     """
     described = {p.name: p.check(values[p.name]) for p in ARM_PARAMETERS if p.name in values}
     # Python writes the shortest decimal fraction that is read as the same float, on any machine.

@@ -177,7 +177,7 @@ def test_a_segment_in_space_is_characterized_along_x_and_to_the_side(tmp_path):
         status, text, error = run(characterize, along, '--lateral', bent, *given, '--force',
                                   '--trust-stiffness')
         assert status == 0, error
-        assert ('is written as a table' if softer else 'a description has one table') in text
+        assert ('is written as a table' if softer else 'a description has a single table') in text
         assert (load_arm(arm, 'characterize.yaml').segments[1].soft_law is not None) == softer
     status, _, error = run(characterize, along, '--lateral', side, *CHARACTERIZE)
     assert (status, 'does not bend to the side' in error) == (2, True)

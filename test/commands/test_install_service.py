@@ -81,7 +81,7 @@ def test_everything_is_shown_and_nothing_is_written_without_a_yes(
                  'loginctl enable-linger', '/dev/soft_continuum/grbl', 'No rule for modbus'):
         assert line in shown
     assert main(command) == 1  # the end of the input is no yes
-    assert 'as it is already' in capsys.readouterr().out
+    assert 'unchanged' in capsys.readouterr().out
     assert main(['install-service', '--remove', '--namespace', 'left', '--yes']) == 0
     assert not files(home)
     assert main(['install-service', '--remove', '--yes']) == 2
