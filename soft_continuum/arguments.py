@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""How every command reads its options: one style of help, errors, numbers and exit codes."""
+"""Options of every command: one style of help, errors, numbers and exit codes."""
 
 import argparse
 from collections.abc import Callable
@@ -20,9 +20,9 @@ EXIT_CODES = ('exit status: 0 done, 1 refused or failed, 2 wrong usage or bad in
 SERVICE = re.compile(
     r'(call )?/?(?:(?:~|\btendon_actuation|\bkinematics)/(stop|resume|reference|reset)\b'
     r'|\bjamming_valves/segment_(\w+)/set_stiff)')
-"""Services that a verb calls, as messages of the nodes name them."""
+"""Services that verbs call, as they appear in messages of the nodes."""
 PROGRAM = 'SOFT_CONTINUUM_PROGRAM'
-"""Environment variable: what the user typed before the verb, where that is a wrapper (./run)."""
+"""Environment variable: text that the user typed before the verb of a wrapper (./run)."""
 
 
 def command_name(verb: str = '') -> str:
@@ -47,7 +47,7 @@ def in_verbs(text: str) -> str:
     """Return a message of a node with the verbs of the command line in place of ROS services."""
     def verb(match: re.Match[str]) -> str:
         call, name, segment = match.groups()
-        if name == 'stop':  # which may be called from anywhere
+        if name == 'stop':  # available everywhere
             return name
         typed = command_name(name or 'soften')
         return f'{"type " if call else ""}`{typed}{f" {segment}" if segment else ""}`'
@@ -89,20 +89,20 @@ def given_path(text: str) -> Path:
 COMMON_OPTIONS: dict[str, dict[str, Any]] = {
     '--params-file': {
         'type': given_path, 'action': 'append', 'default': [], 'metavar': 'FILE',
-        'help': 'parameter file as the nodes take it; may be repeated, later ones win '
+        'help': 'ROS 2 parameter file; may be repeated, later files override earlier ones '
                 "(default: the paper's arm, simulated)"},
     '--output': {
         'type': given_path, 'default': Path(), 'metavar': 'DIR',
-        'help': 'directory that results are written to (default: %(default)s)'},
-    '--force': {'action': 'store_true', 'help': 'overwrite results that exist'},
+        'help': 'output directory (default: %(default)s)'},
+    '--force': {'action': 'store_true', 'help': 'overwrite existing results'},
     '--namespace': {
         'default': '', 'metavar': 'NAME', 'help': 'namespace of the nodes, such as left'},
     '--timeout': {
         'type': number_in(0.01, 3600.0, 's'), 'default': 5.0, 'metavar': 'S',
-        'help': 'longest wait for nodes to be found and to answer (default: 5 s)'},
+        'help': 'maximum wait for nodes to be found and to answer (default: 5 s)'},
     '--decimal': {
         'choices': ('.', ','),
-        'help': 'decimal mark of the CSV files, where their numbers may be read with both'},
+        'help': 'decimal mark of the CSV files, if their numbers are ambiguous'},
     '--json': {
         'action': 'store_true', 'help': 'print JSON, one document per line, in SI units'},
 }
@@ -112,22 +112,22 @@ FOR_NODES = ('--namespace', '--timeout', '--json')
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that answers wrong usage in one line, and completes on TAB (argcomplete)."""
+    """A parser that reports wrong usage in one line and completes on TAB (argcomplete)."""
 
     def __init__(self, verb: str, description: str, *common: str, **settings: Any) -> None:
         """verb: empty for the command line as a whole.  common: names in COMMON_OPTIONS."""
         super().__init__(prog=command_name(verb), description=description, epilog=EXIT_CODES,
                          allow_abbrev=False, **settings)
-        if '--params-file' in common:  # which may have sections for several arms
+        if '--params-file' in common:  # it may have sections for several arms
             common = tuple(dict.fromkeys((*common, '--namespace')))
         for name in common:
             self.add_argument(name, **COMMON_OPTIONS[name])
-        # Values such as -10,20 are no options.
+        # Values such as -10,20 are not options.
         self._negative_number_matcher = re.compile(r'-[\d.]')
 
     # The base class is typed by overloads for namespaces of other types, which nobody here uses.
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; on TAB print what fits instead, and end the process."""
+        """Parse; on TAB print completions instead and exit."""
         if '_ARGCOMPLETE' in os.environ:
             import argcomplete
             argcomplete.autocomplete(self)
@@ -139,11 +139,11 @@ class Parser(argparse.ArgumentParser):
         return options
 
     def error(self, message: str) -> NoReturn:
-        """End the process with one line on stderr."""
+        """Exit with one line on stderr."""
         sys.exit(self.fail(f'{message} ({self.prog} --help)', WRONG_USAGE))
 
     def fail(self, reason: object, status: int = FAILED) -> int:
-        """Say in one line on stderr why the verb failed; return its exit status."""
+        """Print in one line on stderr why the verb failed; return its exit status."""
         print(f'{self.prog}: {printable(in_verbs(str(reason)), MAX_LINE)}', file=sys.stderr,
               flush=True)
         return status

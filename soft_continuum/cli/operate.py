@@ -45,10 +45,10 @@ INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 @dataclass(frozen=True)
 class Action:
     """
-    What a verb does.
+    A verb on a running arm.
 
     run: called with the arm; returns the exit status.  add_options: adds the verb's own options.
-    missing: returns what the options lack, empty if nothing.
+    missing: returns what the options lack, empty if they are complete.
     """
 
     run: Callable[['Arm', Namespace, Output], int]
@@ -62,7 +62,7 @@ def main(verb: str, argv: Sequence[str] | None = None) -> int:
 
 
 def run_action(verb: str, action: Action, argv: Sequence[str] | None = None) -> int:
-    """Run what a verb does on a running arm; return the exit status."""
+    """Run a verb's function on a running arm; return the exit status."""
     parser = Parser(verb, VERBS[verb].help, *FOR_NODES)
     action.add_options(parser)
     options = parser.parse_args(argv)
@@ -104,12 +104,12 @@ def bendings(text: str) -> tuple['Bending', ...]:
     if not all(len(value) in (1, 2) and all(map(isfinite, value)) for value in values):
         raise ArgumentTypeError(
             f'{text!r} given; needed: a bending angle in degrees for each segment, such as '
-            '10,20,30; of a spatial arm with a direction, such as 10@0,20@120,30@-60')
+            '10,20,30; for spatial arms with a direction, such as 10@0,20@120,30@-60')
     return tuple(value[0] if len(value) == 1 else (value[0], value[1]) for value in values)
 
 
 def _shape_name(text: str) -> str:
-    """Read the name of a shape; recognise bending angles, which need an option."""
+    """Read the name of a shape; point out bending angles, which need an option."""
     try:
         bendings(text)
     except ArgumentTypeError:
@@ -123,23 +123,24 @@ def _run_options(parser: Parser) -> None:
     shapes.completer = cached_shapes  # type: ignore[attr-defined]
     parser.add_argument('--angles', action='append', type=bendings, default=[],
                         metavar='A,B,C', help='bending angle of each segment, base first, '
-                        'degrees, to set after the named shapes; may be repeated. Of a spatial '
-                        'arm, A@D bends towards the direction D, degrees about z from x')
+                        'degrees, set after the named shapes; may be repeated. For spatial arms, '
+                        'A@D bends towards the direction D, degrees about z from x')
     add_hold(parser)
     add_vacuums(parser)
     parser.add_argument('--aim', choices=AIMS, default=AIMS[0],
-                        help='what is to be right in the end, where measurements close the loop: '
-                        'the angle of every segment, or the position of the tip (default: '
-                        '%(default)s)')
-    parser.add_argument('--repeat', type=_rounds, metavar='N', help='how often all of that is '
-                        'set, 0: until Ctrl-C (default: 1; a saved sequence alone: as it says)')
+                        help='controlled quantity in closed loop: the angle of every segment, or '
+                        'the position of the tip (default: %(default)s)')
+    parser.add_argument('--repeat', type=_rounds, metavar='N', help='number of times to repeat '
+                        'everything, 0: until Ctrl-C (default: 1; for a single saved sequence its '
+                        'own number)')
 
 
 def add_vacuums(parser: Parser) -> None:
-    """Add the vacuums with which shapes are held."""
-    parser.add_argument('--vacuums', type=_vacuums, metavar='A,B,C', help='vacuum of each segment '
-                        'while shapes are held, base first, kPa, where regulators hold it '
-                        '(default: every segment stiff, or as the shape in the library says)')
+    """Add the option for the vacuums at which shapes are held."""
+    parser.add_argument('--vacuums', type=_vacuums, metavar='A,B,C', help='for rigs with '
+                        'regulators, vacuum of each segment while shapes are held, base first, '
+                        'kPa (default: that of the shape in the library, else every segment '
+                        'stiff)')
 
 
 def _rounds(text: str) -> int:
@@ -149,13 +150,13 @@ def _rounds(text: str) -> int:
 
 
 def add_hold(parser: Parser) -> None:
-    """Add the option that says how long shapes are held."""
+    """Add the option for the hold time of shapes."""
     parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
-                        help='how long each shape is held (default: 0 s)')
+                        help='hold time of each shape (default: 0 s)')
 
 
 def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
-    """Set shapes, as often as is asked for."""
+    """Set shapes as often as requested."""
     rounds = options.repeat
     if rounds is None:
         rounds = 1
@@ -191,14 +192,14 @@ def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
         except KeyboardInterrupt:
             interrupted = True
             if not output.as_json:
-                output.print('canceling; Ctrl-C again leaves at once')
+                output.print('canceling; press Ctrl-C again to exit at once')
             sequence.cancel()
         result = sequence.result(CANCEL_TIMEOUT)
         reached = f'\n{reached_text(result.reached)}' if result.reached else ''
         lacks = f', but {result.message}' if result.message else ''
         output.print(f'done{lacks}{reached}', result='done', **asdict(result))
         if interrupted:
-            return INTERRUPTED  # by a Ctrl-C that came too late
+            return INTERRUPTED  # by a late Ctrl-C
         return AS_PREDICTED if result.reached and result.reached.lost else DONE
     except SequenceError as error:
         if output.as_json:
@@ -300,7 +301,8 @@ def _move(text: str) -> tuple[str, float]:
 
 def _jog_options(parser: Parser) -> None:
     parser.add_argument('moves', nargs='*', type=_move, metavar='TENDON=MM',
-                        help='how far to pull in a tendon, such as right=1.5; negative: pay out')
+                        help='distance in mm to pull in a tendon, such as right=1.5; negative: '
+                        'pay out')
 
 
 def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
@@ -314,15 +316,17 @@ def _jog(arm: 'Arm', options: Namespace, output: Output) -> int:
 
 def _obstacles_options(parser: Parser) -> None:
     parser.add_argument('file', nargs='?', type=given_path, metavar='FILE',
-                        help='YAML file with obstacles to add, as config/obstacles_example.yaml')
+                        help='YAML file with obstacles to add, such as '
+                        'config/obstacles_example.yaml')
     parser.add_argument('--remove', action='append', default=[], metavar='NAME',
                         help='obstacle to remove; may be repeated')
     parser.add_argument('--clear', action='store_true',
-                        help='remove all, before those of FILE are added')
+                        help='remove all before those of FILE are added')
     parser.add_argument('--list', action='store_true',
-                        help='only list what shape_sequencer plans with, as without options')
+                        help='only list the obstacles that shape_sequencer plans with (as without '
+                        'options)')
     parser.add_argument('--unit', choices=('m', 'mm'), default='m',
-                        help='of the list; FILE says its own (default: %(default)s)')
+                        help='unit of the printed list; FILE has its own (default: %(default)s)')
 
 
 def _obstacles(arm: 'Arm', options: Namespace, output: Output) -> int:
@@ -370,8 +374,8 @@ def _watch(arm: 'Arm', _: Namespace, output: Output) -> int:
 
 
 def _sure_options(parser: Parser) -> None:
-    parser.add_argument('--yes', action='store_true', help='do not ask whether the arm is '
-                        'straight when it was bent as far as is known')
+    parser.add_argument('--yes', action='store_true', help='do not ask for confirmation if the '
+                        'arm was last known to be bent')
 
 
 ACTIONS = {
@@ -386,7 +390,7 @@ ACTIONS = {
     'jog': Action(_jog, _jog_options, lambda options: '' if options.moves
                   else 'give TENDON=MM, such as right=1.5 left=-1.5'),
     'obstacles': Action(_obstacles, _obstacles_options, lambda options: (
-        '--list changes nothing; leave it out, or FILE, --remove and --clear'
+        '--list cannot be combined with FILE, --remove or --clear; leave out one or the other'
         if options.list and (options.file or options.remove or options.clear) else '')),
     'stop': Action(lambda arm, _, output: output.done(arm.stop())),
     'resume': Action(lambda arm, _, output: output.done(arm.resume())),

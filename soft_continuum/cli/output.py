@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the verbs on a running arm print: text for people, or JSON."""
+"""Output of the verbs on a running arm: text, or JSON."""
 
 from dataclasses import asdict
 import json
@@ -17,7 +17,7 @@ BAR_LENGTH = 24  # characters
 
 
 class Output:
-    """Prints for people or, with ``--json``, one JSON document per line."""
+    """Prints text or, with ``--json``, one JSON document per line."""
 
     def __init__(self, parser: Parser, as_json: bool) -> None:
         """parser: reports failures to people."""
@@ -44,7 +44,7 @@ class Output:
         return self._parser.fail(reason, status)
 
     def progress(self, now: 'Progress', before: 'Progress | None') -> None:
-        """Show how far a sequence is: a bar on a terminal, else a line per phase."""
+        """Show the progress of a sequence: a bar on a terminal, else one line for each phase."""
         if self.as_json:
             self.print('', **asdict(now))
             return
@@ -70,12 +70,12 @@ class Output:
 
 
 def _step(now: 'Progress') -> tuple[object, ...]:
-    """Return what is worth a line of its own."""
+    """Return the part of the progress that starts a new line when it changes."""
     return now.shape_index, now.segment, now.phase, now.correction
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON has it: not a number becomes null."""
+    """Return a value for JSON: nan becomes null."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

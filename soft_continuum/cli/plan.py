@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""How the tip would be brought to a position, step by step, without nodes."""
+"""The plan that brings the tip to a position, step by step, without nodes."""
 
 import argparse
 from collections.abc import Sequence
@@ -37,32 +37,31 @@ NAME = 'plan'
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = Parser(NAME, 'How the tip would be brought to a position: which segment is softened '
-                    'when, to which angle, how long that takes, with which tension and at which '
-                    'distance from obstacles. Needs neither a rig nor nodes.',
+    parser = Parser(NAME, 'Plan how to bring the tip to a position: order of softened segments, '
+                    'bending angles, duration, tension and distance from obstacles. Needs neither '
+                    'a rig nor nodes.',
                     '--params-file', '--json', '--force', '--decimal')
     add_tip(parser, needed=False)
     parser.add_argument('--path', type=given_path, metavar='FILE',
                         help='instead of a position, a path: a CSV file with the columns x and z, '
-                        'or x, y and z, and, if wanted, angle')
+                        'or x, y and z, and optionally angle')
     parser.add_argument('--from', dest='start', type=bendings, metavar='A,B,C',
                         help='bending angle of each segment at the start, base first, degrees '
-                        '(default: straight). Of a spatial arm A@D bends towards the direction D')
+                        '(default: straight). For spatial arms, A@D bends towards the direction D')
     parser.add_argument('--obstacles', type=given_path, metavar='FILE',
                         help='YAML file of obstacles')
     parser.add_argument('--margin', type=number_in(0.0, 1000.0, 'mm'), metavar='MM',
-                        help='distance to keep from obstacles (default: as obstacles.margin says)')
+                        help='minimum distance from obstacles (default: obstacles.margin)')
     parser.add_argument('--time-limit', type=number_in(0.1, 600.0, 's'), metavar='S',
-                        help='when the search ends at the latest (default: as reach.time_limit '
-                        'says)')
+                        help='maximum duration of the search (default: reach.time_limit)')
     parser.add_argument('--states', type=whole_number_in(10, 100_000_000), metavar='N',
-                        help='how many states of the arm to judge in search of a better plan '
-                        '(default: as reach.states says)')
+                        help='number of states to evaluate in the search for a better plan '
+                        '(default: reach.states)')
     parser.add_argument('--seed', type=whole_number_in(0, 1_000_000), metavar='N',
-                        help='of what is drawn at random (default: as reach.seed says)')
+                        help='seed of the random search (default: reach.seed)')
     parser.add_argument('-o', '--picture', type=given_path, metavar='FILE',
-                        help='write a picture of every step (.png, .svg or .pdf) or a moving '
-                        'picture (.gif)')
+                        help='write a picture of every step (.png, .svg or .pdf) or an animation '
+                        '(.gif)')
     return run_verb(parser, lambda options: _run(parser, options), argv)
 
 
@@ -77,8 +76,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
             parser.error(f'-o {options.picture}: allowed: names that end in '
                          f'{", ".join(SUFFIXES)}')
         if not os.access(options.picture.parent, os.W_OK):
-            parser.error(f'-o {options.picture}: the directory does not exist, or nothing may be '
-                         'written there')
+            parser.error(f'-o {options.picture}: the directory does not exist or is not writable')
         if options.picture.exists() and not options.force:
             raise ResultError(f'{options.picture} exists; add --force to overwrite it')
     values, arm = described_arm(options)
@@ -98,14 +96,14 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
                     np.array([tip.place for tip in tips]))
         print(f'Picture: {options.picture}', file=sys.stderr)
     if found.cut_short and not found.why:
-        print('The time limit ended the search: with more time it may find a better plan.',
+        print('The time limit ended the search; more time may give a better plan.',
               file=sys.stderr)
     return parser.fail(found.why, FAILED) if found.why else DONE
 
 
 def _planned(arm: Arm, values: dict[str, Any], around: CollisionScene,
              start: Sequence[Any] | None, tips: Sequence[Tip]) -> tuple[Any, Reach]:
-    """Return the state at the start, and the plan; raises PlanError for what is no goal."""
+    """Return the state at the start, and the plan; raises PlanError for an invalid goal."""
     planner, settings = Planner(arm, PlanSettings.of(values)), reach_from_parameters(values)
     goals = tuple(_goal(tip, values) for tip in tips)
     for goal in goals:
@@ -132,7 +130,7 @@ def _goal(tip: Tip, values: dict[str, Any]) -> TipGoal:
 
 
 def _print(found: Reach, as_json: bool, path: bool) -> None:
-    """Print the steps, and what they come to; path: whether there are several goals."""
+    """Print the steps and their totals; path: whether there are several goals."""
     moves = found.plan.moves if found.plan is not None else ()
     if as_json:
         print(json.dumps({

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a plan: one panel for each step, or a moving picture."""
+"""Pictures of a plan: one panel for each step, or an animation."""
 
 from collections.abc import Sequence
 from math import ceil
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = '.png', '.svg', '.pdf', '.gif'
 COLUMNS = 4
-FRAMES = 20  # of each step of a moving picture
+FRAMES = 20  # of each step of an animation
 RATE, REST = 12, 6  # frames per second, and that many at the end of each step
 PATH, GOAL = 'tab:blue', 'tab:green'
 GIF_DPI = 90
@@ -34,8 +34,8 @@ def plan_figure(path: Path, start: Any, found: Reach, obstacles: Sequence[Obstac
     """
     Write a picture of a plan that has steps, in mm.
 
-    path: its suffix, one of SUFFIXES, tells the kind.  start: the state at the start.  goals:
-    (k, 3) m, where the tip shall be.  A planar arm, and what is around it, is seen along y.
+    path: its suffix, one of SUFFIXES, selects the kind.  start: the state at the start.  goals:
+    (k, 3) m, of the tip.  Planar arms and their obstacles are seen along y.
     """
     picture = _Picture(start, found, obstacles, goals)
     if path.suffix == '.gif':
@@ -45,7 +45,7 @@ def plan_figure(path: Path, start: Any, found: Reach, obstacles: Sequence[Obstac
 
 
 class _Picture:
-    """What is drawn again and again."""
+    """Drawing shared by all panels and frames."""
 
     def __init__(self, start: Any, found: Reach, obstacles: Sequence[Obstacle], goals: Array
                  ) -> None:
@@ -80,7 +80,7 @@ class _Picture:
         figure.savefig(path, dpi=DPI)
 
     def move(self, path: Path) -> None:
-        """Write a moving picture."""
+        """Write an animation."""
         from matplotlib.animation import PillowWriter
         from matplotlib.figure import Figure
         figure = Figure(figsize=(5.0, 5.0))
@@ -101,7 +101,7 @@ class _Picture:
 
     def _draw(self, axes: Any, state: Any, title: str, soft: int | None, done: int,
               running: Array | None = None) -> None:
-        """Draw a state with the way of the tip in the steps that are done, and in this one."""
+        """Draw a state with the path of the tip in previous steps and in this one."""
         draw_arm(axes, state)
         draw_obstacles(axes, self.obstacles)
         for tips in (*self.tips[:done], *([] if running is None else [running])):

@@ -1,11 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-``policy``: who may do what over DDS, as a policy file of SROS 2.
+``policy``: access permissions over DDS, as a policy file for SROS 2.
 
-It is made of the tables in ``msg_docs``, so that what is documented is allowed, and nothing else.
-The schema is policy.xsd, version 0.2.0, of ros2/sros2.  docs/how_to/set_up_the_network.md says how
-it is used.
+It is generated from the tables in ``msg_docs``: only documented interfaces are allowed. The schema
+is policy.xsd, version 0.2.0, of ros2/sros2.  See docs/how_to/set_up_the_network.md.
 """
 
 import argparse
@@ -55,8 +54,8 @@ NAMESPACE = re.compile(r'/?([a-z]\w*(/[a-z]\w*)*)?/?', re.ASCII | re.IGNORECASE)
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
     return run_verb(Parser(
-        'policy', f'Write {FILE} for SROS 2: what every node of an arm, and every kind of '
-        'program, may publish, subscribe to and call. To use it takes ROS 2 from apt.',
+        'policy', f'Write {FILE} for SROS 2: the topics, services and actions that each node of '
+        'an arm and each kind of program may use. Using it needs ROS 2 from apt.',
         '--params-file', '--namespace', '--output', '--force'), _run, argv)
 
 
@@ -65,29 +64,25 @@ def _run(options: argparse.Namespace) -> None:
     text = policy(load_rig(options.params_file, namespace), namespace)
     path, = reserve_outputs(options.output, [FILE], options.force)
     write_whole(path, text)
-    print(f'Written: {path}\n'
-          f'  {full_name("NODE", namespace)}: one for each node, which takes it by itself\n'
-          f'  {full_name(CLIENT, namespace)}: whoever commands: soft_continuum, the Python '
-          'client, the browser\n'
-          f'  {full_name(VIEWER, namespace)}: whoever only looks, such as RViz\n'
-          f'  {full_name(INPUTS, namespace)}: drivers of sensors, an emergency stop\n'
-          'Make the keys, with ROS 2 from apt:\n'
-          '  ros2 security create_keystore keystore\n'
-          f'  ros2 security generate_artifacts -k keystore -p {shlex.quote(str(path))}\n'
-          'docs/how_to/set_up_the_network.md goes on from here.')
+    print(f'Written: {path}\n  {full_name("NODE", namespace)}: one for each node, which uses it '
+          f'automatically\n  {full_name(CLIENT, namespace)}: programs that command: '
+          f'soft_continuum, the Python client, the browser\n  {full_name(VIEWER, namespace)}: '
+          f'programs that only observe, such as RViz\n  {full_name(INPUTS, namespace)}: drivers '
+          'of sensors, an emergency stop\nMake the keys, with ROS 2 from apt:\n  ros2 security '
+          'create_keystore keystore\n  ros2 security generate_artifacts -k keystore -p '
+          f'{shlex.quote(str(path))}\nNext steps: docs/how_to/set_up_the_network.md.')
 
 
 def policy(values: Mapping[str, Value], namespace: str = '') -> str:
     """
     Return policy.xml for an arm in a namespace.
 
-    values: its parameters, as load_rig returns them: how many segments and discs there are, and
-    the topics whose names are parameters.  Raises ParameterError for a name that ROS does not
-    take.
+    values: its parameters, as load_rig returns them: the numbers of segments and discs, and topic
+    names set by parameters. Raises ParameterError for a name that is not valid in ROS.
     """
     if not NAMESPACE.fullmatch(namespace):
-        raise ParameterError(f'namespace {namespace!r} is not one that ROS takes: use letters, '
-                             'digits, _ and /, and begin with a letter')
+        raise ParameterError(f'namespace {namespace!r} is not valid in ROS: use letters, digits, '
+                             '_ and /, and begin with a letter')
     root = ElementTree.Element('policy', version=VERSION)
     enclaves = ElementTree.SubElement(root, 'enclaves')
     for name, allowed in profiles(values).items():
@@ -106,18 +101,18 @@ def policy(values: Mapping[str, Value], namespace: str = '') -> str:
 
 def profiles(values: Mapping[str, Value]) -> dict[str, set[Interface]]:
     """
-    Return what each node and each kind of program may do, by its name; as of policy.
+    Return the permissions of each node and each kind of program, by its name; see policy.
 
-    VIEWER looks, as the recorder does.  INPUTS publishes what nodes subscribe to and no node
-    publishes: sensors, obstacles, an emergency stop.  CLIENT does both, commands the tendons, and
-    calls every service and action.
+    VIEWER subscribes, as the recorder does.  INPUTS publishes the topics that nodes subscribe to
+    and no node publishes: sensors, obstacles, an emergency stop.  CLIENT does both, commands the
+    tendons, and calls every service and action.
     """
     listed = {name: {*_numbered(interfaces(name), values)} for name in documented_nodes()}
     for parameter, node in DRIVERS.items():
         listed[node] |= {*_of_driver(values, parameter)}
     found = {name: own | {*OF_EVERY_NODE, *(OF_LIFECYCLE_NODES * is_lifecycle_node(name))}
              for name, own in listed.items()}
-    # Their nodes may have any name. Ours have no parameters.
+    # Nodes of other packages may have any name; those of this one have no parameters.
     program = {one for one in OF_EVERY_NODE if one.kind == 'topic'} | {DESCRIBES_TYPES}
     found[VIEWER] = program | {one for one in listed[RECORDER]
                                if one.role in ('subscribes', 'calls')}
@@ -139,7 +134,7 @@ def profiles(values: Mapping[str, Value]) -> dict[str, set[Interface]]:
 
 
 def _outside(node: str, one: Interface) -> Interface:
-    """Return an interface as other nodes name it: without ~."""
+    """Return the name of an interface for other nodes: without ~."""
     return replace(one, name=re.sub('^~', node, one.name))
 
 
@@ -149,8 +144,8 @@ def _of_driver(values: Mapping[str, Value], parameter: str) -> Iterator[Interfac
                             strict=True):
         for name, kind in topics.items():
             if not TOPIC.fullmatch(name):
-                raise ParameterError(f'a topic of {parameter} is {name!r}, which is no name of '
-                                     'one: use letters, digits, _ and /')
+                raise ParameterError(f'a topic of {parameter} is {name!r}, which is not a valid '
+                                     'topic name: use letters, digits, _ and /')
             yield Interface('topic', role, name, kind.replace('/', '/msg/'))
 
 

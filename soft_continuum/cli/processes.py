@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes as processes of their own, so that none can delay another; for machines without launch."""
+"""Runs each node as a separate process, so that none can delay another, without launch."""
 
 from collections.abc import Sequence
 from importlib import import_module
@@ -23,7 +23,7 @@ from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.ros.network import SAID
 
 END_TIMEOUT = 20.0
-"""s that nodes are given to hold and end: a fraction of one is enough, but on a busy computer."""
+"""s for nodes to hold and exit; a fraction of one is enough unless the computer is busy."""
 CHILD = ('import signal; signal.signal(signal.SIGINT, signal.SIG_DFL); '  # while it imports
          'from soft_continuum.cli.processes import child; child()')
 
@@ -32,18 +32,18 @@ class NodeProcesses:
     """
     Nodes that run while this context manager is open, each in a process of its own.
 
-    A node that ends by itself is reported in one line; the others go on.  All end, holding the
-    tendons, when the context is left, and also when this process is killed.
+    A node that exits unexpectedly is reported in one line; the others continue.  All exit, holding
+    the tendons, when the context is left, and also when this process is killed.
     """
 
     def __init__(self, names: Sequence[str], arguments: Sequence[str],
                  output: int | None = None) -> None:
         """
-        Check everything that can be checked; nothing is started yet.
+        Check everything that can be checked before the start.
 
         arguments: program, then ROS arguments, for every node.  output: descriptor of a file for
-        what they write, None: where this process writes.  Raises ParameterError for a
-        parameter file, one of runtime.ROS_ARGUMENT_ERRORS for arguments that ROS does not take.
+        their output, None: the output of this process. Raises ParameterError for a parameter file,
+        one of runtime.ROS_ARGUMENT_ERRORS for arguments that are not valid in ROS.
         """
         check_parameter_files(arguments, names)
         require_log_folder(os.environ)
@@ -55,9 +55,9 @@ class NodeProcesses:
         self._children: list[Child] = []
 
     def __enter__(self) -> Self:
-        """Start the nodes; to be called on the main thread, with which they end."""
+        """Start the nodes; call it on the main thread, with which they exit."""
         self._children = [
-            Child(name, self._arguments, 'the other nodes go on', self._output, self._output,
+            Child(name, self._arguments, 'the other nodes continue', self._output, self._output,
                   alone=name == self._names[0]) for name in self._names]
         return self
 
@@ -67,19 +67,20 @@ class NodeProcesses:
         return any(child.running for child in self._children)
 
     def __exit__(self, *_: object) -> None:
-        """Let all nodes hold and end; kill those that do not."""
+        """Make all nodes hold and exit; kill those that do not."""
         end(self._children)
 
 
 class Child:
-    """A node, or the twin, in a process that ends with this one; says when it ends by itself."""
+    """A node, or the twin, in a process that exits with this one; reports unexpected exits."""
 
     def __init__(self, name: str, arguments: Sequence[str], consequence: str,
                  stdout: int | None = None, stderr: int | None = None, alone: bool = True) -> None:
         """
-        Start it; consequence: said when it ends by itself.
+        Start it; consequence: printed when it exits unexpectedly.
 
-        stdout, stderr: as of Popen.  alone: whether no other says who can command the arm.
+        stdout, stderr: as of Popen.  alone: whether it is the only one to print who can command
+        the arm.
         """
         self.name, self._consequence, self._ending = name, consequence, False
         # Out of the terminal's process group: Ctrl-C comes to it through this process.
@@ -118,7 +119,7 @@ class Child:
 
 
 def end(children: Sequence[Child]) -> None:
-    """Let all of them end, at the same time; kill those that do not."""
+    """Make all of them exit at the same time; kill those that do not."""
     for one in children:
         one.interrupt()
     deadline = monotonic() + END_TIMEOUT
@@ -140,6 +141,6 @@ def child() -> None:
             raise
         print(f'{name}: {text}', file=sys.stderr)
         status = 1
-    except KeyboardInterrupt:  # before the node takes over the signals
+    except KeyboardInterrupt:  # before the node handles the signals
         status = 130
     sys.exit(status)

@@ -9,15 +9,15 @@ T = TypeVar('T')
 
 
 class DeclinedError(Exception):
-    """The user did not confirm, or there is no terminal to ask on."""
+    """The user did not confirm, or there is no terminal for questions."""
 
 
 def ask(question: str, read: Callable[[str], T]) -> T:
     """
-    Ask until the answer is valid; return what ``read`` makes of it.
+    Ask until the answer is valid; return it as parsed by ``read``.
 
-    read: raises ValueError, with what is allowed, for an answer that is not valid.
-    Raises DeclinedError at the end of the input.
+    read: raises ValueError, naming the allowed answers, for an invalid one. Raises DeclinedError
+    at the end of the input.
     """
     while True:
         try:
@@ -31,7 +31,7 @@ def ask(question: str, read: Callable[[str], T]) -> T:
 
 
 def confirm(text: str, yes: bool) -> None:
-    """Print what is going to happen; unless ``yes``, ask for consent or raise DeclinedError."""
+    """Print what is about to happen; unless ``yes``, ask for consent or raise DeclinedError."""
     print(f'\n{text}', flush=True)
     if not yes and ask('Ready? (yes, no)', one_of('yes', 'y', 'no', 'n')) in ('no', 'n'):
         raise DeclinedError('not confirmed, so nothing more was done')
@@ -48,7 +48,7 @@ def one_of(*answers: str) -> Callable[[str], str]:
 
 
 def number(text: str, low: float, high: float, unit: str) -> float:
-    """Return a typed number; raises ValueError when it is not between the bounds."""
+    """Return a typed number; raises ValueError if it is outside the bounds."""
     try:
         value = float(text.replace(',', '.'))
     except ValueError:

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that bring the tip of a running arm somewhere, ``reach`` and ``follow``."""
+"""The verbs ``reach`` and ``follow``, which move the tip of a running arm."""
 
 from argparse import Namespace
 from typing import TYPE_CHECKING
@@ -41,10 +41,10 @@ def _reach(arm: 'Arm', options: Namespace, output: Output) -> int:
 
 def _follow_options(parser: Parser) -> None:
     parser.add_argument('file', type=given_path, metavar='FILE',
-                        help='CSV file with the columns x and z or x, y and z, and, if wanted, '
+                        help='CSV file with the columns x and z or x, y and z, and optionally '
                         'angle')
     parser.add_argument('--decimal', **COMMON_OPTIONS['--decimal'])
-    add_unit(parser, 'of lengths where the header does not tell, and of the tolerance')
+    add_unit(parser, 'unit of lengths if the header has none, and of the tolerance')
     add_tolerance(parser)
     add_hold(parser)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``record``: what the nodes publish, as an MCAP file."""
+"""``record``: records all topics of the nodes to an MCAP file."""
 
 from collections.abc import Sequence
 from math import inf
@@ -14,15 +14,15 @@ from soft_continuum.extras import require
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
-    parser = Parser('record', f'Record everything that a running arm publishes into {BAG}, until '
-                    'Ctrl-C. report, export and replay read it, ros2 bag, Foxglove and '
-                    'PlotJuggler too.', '--namespace', '--output', '--force')
+    parser = Parser('record', f'Record everything that a running arm publishes to {BAG}, until '
+                    'Ctrl-C. It can be read with report, export and replay, and with ros2 bag, '
+                    'Foxglove and PlotJuggler.', '--namespace', '--output', '--force')
     parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S', default=inf,
-                        help='end after so many seconds')
+                        help='stop after this many seconds')
     parser.add_argument('--goal', action='store_true',
-                        help='end when the goal that runs, or begins next, has ended')
+                        help='stop when the running goal, or the next one, has ended')
     parser.add_argument('--pictures', action='store_true',
-                        help='record the pictures of cameras too: tens of MB per second')
+                        help='also record camera images: tens of MB per second')
     parser.set_defaults(output=Path('recording'))
     options = parser.parse_args(argv)
     require('mcap')

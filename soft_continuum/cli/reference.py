@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Tables in pages that are written from the code: parameters, verbs, calls of the client.
+Tables in pages that are generated from the code: parameters, verbs, calls of the client.
 
-Each stands between two markers; ``python -m soft_continuum.cli.reference`` rewrites them,
-and so does ``./run docs``.
+Each stands between two markers; ``python -m soft_continuum.cli.reference`` and ``./run docs``
+rewrite them.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -43,7 +43,7 @@ def tables() -> Iterator[tuple[str, Sequence[Parameter]]]:
 
 
 def pages() -> Iterator[tuple[Path, str]]:
-    """Return every page that has a table, and what is to be in it."""
+    """Return every page that has a table, and the content of the table."""
     for name, parameters in tables():
         yield ROOT / 'msg_docs' / name, table(parameters)
     yield ROOT / 'docs/reference/command_line.md', markdown_table(('verb', 'function'), (
@@ -65,7 +65,7 @@ def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str
 
 
 def _call(name: str) -> tuple[str, str]:
-    """Return a call of ``Arm`` with its arguments, and the first sentence about it."""
+    """Return a call of ``Arm`` with its arguments, and the first sentence of its docstring."""
     member = inspect.getattr_static(Arm, name)
     about = re.split(r'(?<=[^.])\.(?:\s|$)', inspect.getdoc(member) or '')[0].replace('``', '`')
     if isinstance(member, property):

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Every verb of ``soft_continuum VERB``, and where its function is.
+Every verb of ``soft_continuum VERB``, and the location of its function.
 
-Adding a verb is adding a line here.  A function is imported when its verb is called, so that
-``stop`` waits for nothing that it does not need.
+To add a verb, add a line here.  A function is imported when its verb is called, so that ``stop``
+does not load unneeded modules.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ class Verb:
     A verb.
 
     help: one line.  target: ``module:function`` in soft_continuum; the function reads its options
-    from ``sys.argv[1:]`` and returns the exit status.  arguments: what it is called with.
+    from ``sys.argv[1:]`` and returns the exit status.  arguments: of the function.
     """
 
     name: str
@@ -54,24 +54,24 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _operate('status', 'show the state of the arm and its nodes'),
         _operate('watch', 'show the state of the arm twice per second, until Ctrl-C'),
         _operate('shapes', 'list the shape library'),
-        _operate('run', 'set shapes one after the other; Ctrl-C cancels'),
-        Verb('reach', 'bring the tip to a position; Ctrl-C cancels', 'cli.reach:main',
+        _operate('run', 'set shapes in sequence; Ctrl-C cancels'),
+        Verb('reach', 'move the tip to a position; Ctrl-C cancels', 'cli.reach:main',
              ('reach',)),
-        Verb('follow', 'bring the tip along a path from a file', 'cli.reach:main', ('follow',)),
+        Verb('follow', 'move the tip along a path from a file', 'cli.reach:main', ('follow',)),
         _operate('stiffen', 'evacuate a segment, or all, and wait until it is stiff'),
         _operate('soften', 'vent a segment and wait until it is soft'),
-        _operate('vacuum', 'set the vacuum of a segment, where it has a regulator'),
-        _operate('jog', 'pull in or pay out tendons by some mm, while a segment is soft'),
+        _operate('vacuum', 'set the vacuum of a segment with a regulator'),
+        _operate('jog', 'pull in or pay out tendons by some mm while a segment is soft'),
         _operate('obstacles', 'list, add or remove obstacles'),
-        _operate('home', 'straighten the arm from any shape, by a sequence or all at once'),
-        Verb('teleop', 'steer by the keyboard', 'cli.teleop:main'),
+        _operate('home', 'straighten the arm from any shape, with a sequence or all at once'),
+        Verb('teleop', 'steer with the keyboard', 'cli.teleop:main'),
         _operate('stop', 'stop all motion, holding tension'),
         _operate('resume', 'allow motion after a stop'),
-        _operate('reference', 'set the present pulls as those of the straight arm'),
+        _operate('reference', 'set the present pulls as the zero of the straight arm'),
         _operate('reset', 'reset kinematics to the straight arm'),
-        _operate('tare', 'use the present measurements as the straight arm'),
+        _operate('tare', 'take the present measurements as those of the straight arm'),
         Verb('record', 'record everything that the arm publishes', 'cli.record:main'),
-        Verb('measure', 'set shapes and measure the discs, for identify and validate',
+        Verb('measure', 'set shapes and measure the discs for identify and validate',
              'cli.measure:main'),
         Verb('save-estimate', 'save the estimated parameters of the arm',
              'cli.save_estimate:main'),
@@ -86,11 +86,12 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('calibrate', 'measure a rig: vacuum, signs, steps, zero; set up servos',
              'cli.calibrate:main'),
         Verb('emulate', 'emulate a device: grbl, dynamixel or modbus', 'cli.emulate:main'),
-        Verb('twin', 'simulate a rig: the arm in MuJoCo behind both devices', 'cli.twin:main'),
+        Verb('twin', 'simulate a rig: the arm in MuJoCo with emulated boards', 'cli.twin:main'),
         Verb('twin_camera', 'simulate a camera of that rig', 'cli.twin_camera:main'),
-        Verb('tags', 'write the tags for discs and board, to print', 'cli.tags:main'),
-        Verb('policy', 'write a policy for SROS 2: who may do what over DDS', 'cli.policy:main'),
-        Verb('install-service', 'start the nodes at boot, by systemd',
+        Verb('tags', 'write printable tags for discs and board', 'cli.tags:main'),
+        Verb('policy', 'write a policy for SROS 2: access permissions over DDS',
+             'cli.policy:main'),
+        Verb('install-service', 'start the nodes at boot with systemd',
              'cli.install_service:main'),
     ),
     'analyse measurements': (
@@ -99,7 +100,8 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('identify', 'fit parameters of the arm to measured shapes', 'cli.identify:main'),
         Verb('validate', 'compare the models with measured shapes',
              'cli.validate:main'),
-        Verb('converge', 'check how the model converges with its resolution', 'cli.converge:main'),
+        Verb('converge', 'check the convergence of the model with its resolution',
+             'cli.converge:main'),
         Verb('workspace', 'sample the positions that the tip reaches', 'cli.workspace:main'),
         Verb('study', 'compare designs of arms', 'cli.study:main'),
         Verb('report', 'write a one-page report of a recording', 'cli.report:main'),
@@ -108,14 +110,14 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
     ),
     'single nodes and devices, as `ros2 run soft_continuum` names them': (
         _node('tendon_actuation', 'moves the tendons'),
-        _node('jamming_valves', 'owns pump, valves and pressure sensors'),
+        _node('jamming_valves', 'controls pump, valves and pressure sensors'),
         _node('kinematics', 'computes the shape of the arm'),
         _node('shape_sequencer', 'executes shape sequences'),
-        _node('camera', 'measures the poses of the discs by printed tags'),
+        _node('camera', 'measures the poses of the discs with printed tags'),
         _node('disc_sensors', 'converts trackers and IMUs to poses of the discs'),
-        _node('servo', 'follows a moving target with the segment that is soft'),
-        Verb('teleop_node', 'the node teleop: steers by a joystick', NODE, ('teleop',)),
-        _node('recorder', 'records what the arm publishes, on request'),
+        _node('servo', 'follows a moving target with the soft segment'),
+        Verb('teleop_node', 'the node teleop: steers with a joystick', NODE, ('teleop',)),
+        _node('recorder', 'records the topics of the arm on request'),
         Verb('grbl_emulator', 'the same as emulate grbl', 'emulators.grbl:main'),
         Verb('dynamixel_emulator', 'the same as emulate dynamixel', 'emulators.dynamixel:main'),
         Verb('modbus_emulator', 'the same as emulate modbus', 'emulators.modbus:main'),

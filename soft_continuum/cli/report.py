@@ -22,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def description_in(text: str, recording: Path) -> dict[str, Value]:
-    """Return the parameters of a recorded arm, none of an unknown one; raises ParameterError."""
+    """Return the parameters of a recorded arm, none if unknown; raises ParameterError."""
     if not text:
         return {}
     with TemporaryDirectory() as directory:

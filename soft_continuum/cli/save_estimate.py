@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 NAME = 'save-estimate'
 FILE = 'estimated.yaml'
-HOW_TO_SEE = 'does the node camera or disc_sensors run, and what does `soft_continuum status` say?'
-HOW_TO_LEARN = ('a segment tells its stiffness while it is soft and hangs on its own spring, and '
-                'its K when a load on it changes while it is stiff: set other shapes')
+HOW_TO_SEE = 'does the node camera or disc_sensors run? See `soft_continuum status`'
+HOW_TO_LEARN = ('the stiffness of a segment can be estimated while it is soft and carried by its '
+                'own spring, its K when its load changes while it is stiff: set other shapes')
 OF_HOMING = 'it belongs to the zero of the tendons: home them, or straighten the arm and reference'
 BENDING = 'arm.bending_stiffnesses'
 CHECKS = {p.name: p.check for p in ARM_PARAMETERS}
@@ -37,10 +37,10 @@ CHECKS = {p.name: p.check for p in ARM_PARAMETERS}
 @dataclass
 class Learned:
     """
-    What goes into the file, and what does not.
+    The content of the file, and what is left out.
 
-    values: parameters of the description by name.  rows: quantity, described, learned and
-    deviation, for the screen and the file.  offsets, left_out, problems: in words.
+    values: parameters of the description by name.  rows: quantity, described and estimated value,
+    standard deviation, for the screen and the file.  offsets, left_out, problems: in words.
     """
 
     values: dict[str, Value] = field(default_factory=dict)
@@ -52,10 +52,10 @@ class Learned:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
-    parser = Parser(NAME, 'Save what measurements have told of the arm since kinematics was '
-                    f'started: stiffness, K and payload, as far as they are determined. Writes '
-                    f'{FILE}, to give to the nodes after the other parameter files. Moves '
-                    'nothing.', '--namespace', '--timeout', '--output', '--force')
+    parser = Parser(NAME, 'Save the parameters estimated since kinematics was started: stiffness, '
+                    f'K and payload, as far as they are determined. Writes {FILE}; pass it to the '
+                    'nodes after the other parameter files. Moves nothing.',
+                    '--namespace', '--timeout', '--output', '--force')
     from soft_continuum.client.errors import ClientError, NodesMissingError
     try:
         return run_verb(parser, _run, argv)
@@ -75,23 +75,24 @@ def _run(options: argparse.Namespace) -> None:
     assert estimate is not None
     write_parameters(path, learned.values, [
         title, f'Shape at that time: {source_text(estimate)}.',
-        'Standard deviations of what is learned:',
+        'Standard deviations of the estimates:',
         *(f'  {label}: {now} +- {stddev} {unit}, described: {before}'.replace(' ,', ',')
           for label, before, now, stddev, unit in learned.rows),
         *(f'As described: {text}' for text in learned.left_out),
         *(f'NOT PLAUSIBLE: {text}' for text in learned.problems),
         *(f'Not written: {text}' for text in learned.offsets)])
-    print(f'\nWritten: {path}. Give it to the nodes as one more parameter file, after the others.')
+    print(f'\nWritten: {path}. Pass it to the nodes as another parameter file, after the others.')
 
 
 def _title(simulated: bool) -> str:
-    what = 'SIMULATED arm (twin), not a measurement' if simulated else 'Learned from measurements'
+    what = 'SIMULATED arm (twin), not a measurement' if simulated else 'Estimated from '
+    'measurements'
     return (f'{what}; soft_continuum {NAME} {version()} on '
             f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
 
 
 def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
-    """Return the parameters of an estimate; raises ClientError where it has none."""
+    """Return the parameters of an estimate; raises ClientError if it has none."""
     from soft_continuum.client.errors import ClientError
     from soft_continuum.client.state import source_text
     if estimate is None:
@@ -104,7 +105,7 @@ def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
 
 
 def _say(learned: Learned) -> None:
-    """Print what was learned; raise ClientError when none of it can be written."""
+    """Print the estimates; raise ClientError if none of them can be written."""
     from soft_continuum.client.errors import ClientError
     for text in learned.offsets:
         print(f'offset, not written: {text}')
@@ -120,7 +121,7 @@ def _say(learned: Learned) -> None:
 
 
 def estimated_parameters(parameters: Sequence[LearnedParameter], arm: 'Arm') -> Learned:
-    """Return what a description takes of what is estimated of an arm that was described."""
+    """Return the estimates that fit into the description of the arm."""
     from soft_continuum.analysis.unknowns import stiffnesses_of
     learned = Learned()
     stiffnesses = stiffnesses_of(arm)
@@ -139,13 +140,13 @@ def estimated_parameters(parameters: Sequence[LearnedParameter], arm: 'Arm') -> 
             learned.left_out.append(f'{text.label}: this arm has no such segment')
         elif parameter.kind == 'stiffness_factor' and segment is not None:
             if arm.segments[segment - 1].soft_law is not None:
-                learned.left_out.append(f'{text.label}: a measured table takes its place')
+                learned.left_out.append(f'{text.label}: a measured table replaces it')
             else:
                 _take(learned, parameter, text, stiffnesses[BENDING][segment - 1], 'N m^2',
                       partial(stiffness.put, segment - 1))
         elif parameter.kind == 'stiff_ratio' and segment is not None:
             if arm.segments[segment - 1].jam.law is not None:
-                learned.left_out.append(f'{text.label}: a measured table takes its place')
+                learned.left_out.append(f'{text.label}: a measured table replaces it')
             else:
                 _take(learned, parameter, text, 1.0, '', partial(ratio.put, segment - 1),
                       ratios[segment - 1] or inf)
@@ -157,14 +158,14 @@ def estimated_parameters(parameters: Sequence[LearnedParameter], arm: 'Arm') -> 
 
 
 class _Lists:
-    """Parameters with a value for each segment, as described where nothing was learned."""
+    """Parameters with a value for each segment; as described if nothing was estimated."""
 
     def __init__(self, lists: Mapping[str, Sequence[float]]) -> None:
         self._lists = lists
 
     def put(self, index: int, value: float) -> dict[str, Value]:
         """
-        Return the parameters with one value more that was learned; raises ParameterError.
+        Return the parameters with another estimated value; raises ParameterError.
 
         It is one of the first; the others stay in proportion to it.
         """
@@ -186,7 +187,7 @@ def _payload(value: float) -> dict[str, Value]:
 def _take(learned: Learned, parameter: LearnedParameter, text: ParameterText, scale: float,
           unit: str, put: Callable[[float], dict[str, Value]], described: float | None = None
           ) -> None:
-    """Note a value that is determined; scale: of the described quantity, where it is a factor."""
+    """Store a determined value; scale: of the described quantity, if it is a factor."""
     value = scale * parameter.value
     try:
         if not value > 0.0 and parameter.kind != 'payload':  # 0 has a meaning of its own there

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``study``: how well arms that differ in their descriptions reach and hold."""
+"""``study``: compares the reach and strength of arms with different descriptions."""
 
 import argparse
 from collections.abc import Sequence
@@ -28,15 +28,16 @@ MAX_PROCESSES, MAX_TABLE = 256, 40
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = Parser(NAME, 'Vary a description and tabulate what each arm reaches, how dexterous '
-                    'it is there, what tensions and how many softenings that takes. Goes on '
-                    'where it was interrupted.', '--output')
+    parser = Parser(NAME, 'Vary a description and tabulate the reach, dexterity, tensions and '
+                    'number of softenings of each arm. Resumes where it was interrupted.',
+                    '--output')
     parser.add_argument('study', type=given_path, metavar='STUDY.yaml',
-                        help='what is varied: docs/how_to/compare_designs.md')
+                        help='file of the variations, see docs/how_to/compare_designs.md')
     parser.add_argument('--processes', type=whole_number_in(1, MAX_PROCESSES), default=1,
-                        metavar='N', help='processes of this machine (default: 1)')
+                        metavar='N', help='number of processes on this machine (default: 1)')
     parser.add_argument('--scheduler', default='', metavar='ADDRESS',
-                        help='of a Dask cluster, such as tcp://10.0.0.5:8786, instead of these')
+                        help='address of a Dask cluster to use instead, such as '
+                        'tcp://10.0.0.5:8786')
     parser.add_argument('--yes', action='store_true',
                         help='do not ask before a study of more than an hour')
     parser.set_defaults(output=Path(NAME))
@@ -55,17 +56,17 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
     except (StudyError, DeclinedError) as error:
         return parser.fail(error, FAILED)
     except KeyboardInterrupt:
-        print(f'\n{options.output}: {len(todo) - len(results.missing())} units more are done; the '
-              'same command goes on from there', file=sys.stderr)
+        print(f'\n{options.output}: {len(todo) - len(results.missing())} more units are done; run '
+              'the same command to resume', file=sys.stderr)
         raise
     _report(results, options.output)
     return 0
 
 
 def _compute(client: Any, results: Results, todo: Sequence[Unit], yes: bool) -> None:
-    """Have the units computed; say how long that will take, and what it took."""
+    """Compute the units; print the estimated and the actual duration."""
     workers = workers_of(client)
-    # From all of the study, because arms differ in how long they take.
+    # From the whole study, because durations differ between arms.
     first = [todo[k] for k in sorted({round(k) for k in np.linspace(
         0, len(todo) - 1, min(len(todo), 4 * workers))})]
     rest = [unit for unit in todo if unit not in set(first)]
@@ -83,16 +84,15 @@ def _compute(client: Any, results: Results, todo: Sequence[Unit], yes: bool) -> 
         began = monotonic()
         busy = sum(took for _, took in progress(run(client, results, rest), 'units', len(rest)))
         wall = monotonic() - began
-        print(f'{_duration(wall)} on {workers} processes, which computed for '
+        print(f'{_duration(wall)} on {workers} processes, busy for '
               f'{100 * busy / (workers * wall):.0f} % of that', file=sys.stderr)
 
 
 def _consent() -> None:
     if not sys.stdin.isatty():
-        raise DeclinedError('a study of more than an hour needs --yes; what was computed so far '
-                            'is kept')
+        raise DeclinedError('a study of more than an hour needs --yes; results so far are kept')
     if ask('Go on? (yes, no)', one_of('yes', 'y', 'no', 'n')) in ('no', 'n'):
-        raise DeclinedError('not confirmed; what was computed so far is kept')
+        raise DeclinedError('not confirmed; results so far are kept')
 
 
 def _duration(seconds: float) -> str:

@@ -14,10 +14,10 @@ NAME = 'tags'
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the PDF; return the exit status."""
-    parser = Parser(NAME, 'The tags to print for the described arm (36h11): one for each disc, or '
-                    'a ring of them for each disc of a spatial arm, fixed ones for the boards '
-                    'behind it, a drawing of where they go, and rulers. '
-                    'Their sizes and places are the parameters tags.* of the node camera.',
+    parser = Parser(NAME, 'Printable tags (36h11) for the described arm: one for each disc, or a '
+                    'ring of tags for each disc of a spatial arm, fixed tags for the boards '
+                    'behind it, a mounting drawing, and rulers. The parameters tags.* of the node '
+                    'camera set their sizes and positions.',
                     *FOR_ANALYSIS)
     return run_verb(parser, _run, argv, 'cv2', 'matplotlib')
 

@@ -34,7 +34,7 @@ JOY_PERIOD = 0.04  # s between two messages, as of a joystick that repeats
 KEY_WAIT = 10  # ms for a key
 DRAW_PERIOD = 0.1  # s
 START_TIMEOUT = 20.0  # s for servo and teleop to start
-START_POLL = 0.05  # s between two looks for them, which need the processor to start
+START_POLL = 0.05  # s between two searches for them; they need the processor to start
 STOP, QUIT = ' ', 'q'
 CODES = {curses.KEY_RIGHT: 'right', curses.KEY_LEFT: 'left', curses.KEY_UP: 'up',
          curses.KEY_DOWN: 'down'}
@@ -52,7 +52,7 @@ HELP = (
 )
 KEYS = {RELEASE: 'let go of all keys', MOVE: 'hold an arrow', ': reset ': ': r ',
         '~/resume': 'r', '~/stop': 'stop'}
-"""What teleop says of the controls of a joystick, and the keys for them."""
+"""Joystick controls in messages of teleop, and the corresponding keys."""
 STARTING = 'starting ...'
 STALE_AFTER = 3.0  # s: teleop repeats its state once a second
 BRIEF = ('space STOP; arrows move; s, t soften, stiffen; n next segment; m mode; e emergency '
@@ -62,12 +62,12 @@ MAX_SHOWN = 500  # characters of a message
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Steer until q or Ctrl-C; return the exit status."""
-    parser = Parser('teleop', 'Steer an arm whose nodes run by the keyboard of this terminal. '
-                    'Starts the nodes servo and teleop unless they run.',
+    parser = Parser('teleop', 'Steer a running arm with the keyboard of this terminal. Starts the '
+                    'nodes servo and teleop unless they run.',
                     '--namespace', '--params-file', '--timeout')
     options = parser.parse_args(argv)
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        return parser.fail('the keyboard of a terminal is needed; for a joystick start the nodes '
+        return parser.fail('this needs the keyboard of a terminal; for a joystick start the nodes '
                            'with: up --teleop', WRONG_USAGE)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
@@ -101,9 +101,9 @@ def _interrupt(*_: object) -> NoReturn:
 @contextmanager
 def _steering(connection: 'Connection', files: Sequence[Path]) -> Iterator[Path]:
     """
-    Run servo and teleop, as far as they do not run, with the description of the arm that does.
+    Run servo and teleop unless they run, with the description of the running arm.
 
-    Yield the file of what they write.  Raises ParameterError, and ClientError.
+    Yield the file of their output.  Raises ParameterError, and ClientError.
     """
     from soft_continuum.cli.processes import NodeProcesses
     from soft_continuum.ros.graph import running_nodes
@@ -119,7 +119,7 @@ def _steering(connection: 'Connection', files: Sequence[Path]) -> Iterator[Path]
             names &= {p.name for p in NODE_PARAMETERS[source]}
             values = requests.start(requests.parameters(source, sorted(names))).result()
             path = Path(directory) / 'arm.yaml'
-            write_parameters(path, values, ['The arm that runs.'], digits=EXACT)
+            write_parameters(path, values, ['The running arm.'], digits=EXACT)
             arguments += ['--params-file', str(path)]
         for file in files:
             arguments += ['--params-file', str(file)]
@@ -147,7 +147,7 @@ def _steer(parser: Parser, connection: 'Connection', log: Path) -> int:
 
 
 class _Screen:
-    """Reads keys, publishes them as a joystick, shows what teleop says."""
+    """Reads keys, publishes them as a joystick, shows the messages of teleop."""
 
     def __init__(self, connection: 'Connection', pad: Pad) -> None:
         from sensor_msgs.msg import Joy
@@ -158,7 +158,7 @@ class _Screen:
         self._connection, self._pad, self._keyboard = connection, pad, Keyboard()
         self._state: Any = None
         self._heard = 0.0  # s (steady)
-        self._note = ''  # how a STOP ended
+        self._note = ''  # outcome of a STOP
 
         async def join() -> Any:
             node = connection.node
@@ -171,7 +171,7 @@ class _Screen:
         self._state, self._heard = state, monotonic()
 
     def run(self, window: Any) -> int:
-        """Go on until q or Ctrl-C."""
+        """Run until q or Ctrl-C."""
         window.timeout(KEY_WAIT)
         if curses.has_colors():
             curses.use_default_colors()
@@ -215,7 +215,7 @@ class _Screen:
         node.executor.create_task(self._joy.publish, message)
 
     def _stop(self) -> None:
-        """Ask for a stop, as every stop is asked for; it needs no teleop."""
+        """Request a stop like any client; it does not need teleop."""
         from soft_continuum.client.errors import ClientError
 
         def stopped(future: 'Future[str]') -> None:
@@ -237,7 +237,7 @@ class _Screen:
         window.refresh()
 
     def _text(self) -> tuple[str, str]:
-        """Return what is steered, and what to know of it."""
+        """Return what is steered, and its status."""
         state = self._state
         if state is None or monotonic() - self._heard > STALE_AFTER:
             return '', 'teleop does not answer; space still stops'
@@ -248,7 +248,7 @@ class _Screen:
 
 
 def in_keys(message: str) -> str:
-    """Return what teleop says with keys in place of the controls of a joystick."""
+    """Return a message of teleop with keys in place of joystick controls."""
     for control, key in KEYS.items():
         message = message.replace(control, key)
     return message
@@ -256,9 +256,9 @@ def in_keys(message: str) -> str:
 
 def screen_lines(text: tuple[str, str], speed: float, height: int, width: int) -> list[str]:
     """
-    Return what fits on a screen of so many rows and columns, the more important first.
+    Return the lines that fit on a screen of this size, most important first.
 
-    text: what is steered, and what to know of it.  speed: part of full speed.
+    text: what is steered, and its status.  speed: fraction of full speed.
     """
     what, message = text
     lines = [f'teleop  {what}', f'speed {100.0 * speed:.0f} %', '',

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the tip shall be, on the command line."""
+"""Options for goals of the tip on the command line."""
 
 from argparse import ArgumentTypeError, Namespace
 from math import degrees, inf, isfinite, pi, radians
@@ -13,35 +13,35 @@ MAX_POSITION = 10.0  # m
 
 
 def add_tip(parser: Parser, needed: bool = True) -> None:
-    """Add the options of one goal of the tip; needed: whether its position has to be given."""
+    """Add the options of one goal of the tip; needed: whether its position is required."""
     parser.add_argument('position', nargs='+' if needed else '*', type=_number, metavar='X [Y] Z',
-                        help='where the tip shall be, in base_link: x and z, or x, y and z')
-    add_unit(parser, 'of the position and the tolerance')
+                        help='position of the tip in base_link: x and z, or x, y and z')
+    add_unit(parser, 'position and tolerance')
     parser.add_argument('--angle', type=number_in(-360.0, 360.0, 'degrees'), metavar='DEG',
-                        help='where it shall point, in the plane of x and z: degrees from z '
+                        help='direction of the tip in the plane of x and z: degrees from z '
                         'towards x')
     parser.add_argument('--direction', type=_direction, metavar='X,Y,Z',
-                        help='where it shall point: a vector of any length')
+                        help='direction of the tip: a vector of any length')
     add_tolerance(parser)
     parser.add_argument('--angle-tolerance', type=number_in(0.0, 180.0, 'degrees'), default=0.0,
-                        metavar='DEG', help='how far it may be turned from that (default: as '
-                        f'reach.angle_tolerance says, {degrees(radians(2.0)):g} degrees)')
+                        metavar='DEG', help='tolerance of that direction, degrees (default: '
+                        f'reach.angle_tolerance, {degrees(radians(2.0)):g} degrees)')
 
 
 def add_unit(parser: Parser, of: str) -> None:
-    """Add the unit of lengths; of: which ones."""
+    """Add the unit of lengths; of: the lengths it applies to."""
     parser.add_argument('--unit', choices=UNITS, default='m', help=f'{of} (default: %(default)s)')
 
 
 def add_tolerance(parser: Parser) -> None:
-    """Add how far the tip may be off."""
+    """Add the position tolerance of the tip."""
     parser.add_argument('--tolerance', type=number_in(0.0, inf, ''), default=0.0, metavar='D',
-                        help='how far the tip may be from its goal, in that unit (default: as '
-                        'reach.position_tolerance says, 1 mm)')
+                        help='position tolerance of the goal, in that unit (default: '
+                        'reach.position_tolerance, 1 mm)')
 
 
 def tip_problem(options: Namespace) -> str:
-    """Return what is wrong with the options of add_tip; empty when nothing is."""
+    """Return the problem with the options of add_tip; empty if there is none."""
     position, scale = options.position, UNITS[options.unit]
     if len(position) not in (2, 3):
         return (f'{len(position)} number{"s" if len(position) != 1 else ""} given; needed: '
@@ -57,7 +57,7 @@ def tip_problem(options: Namespace) -> str:
 
 
 def given_tip(options: Namespace) -> Tip:
-    """Return the goal that the options of add_tip give."""
+    """Return the goal from the options of add_tip."""
     scale = UNITS[options.unit]
     return Tip(tuple(scale * value for value in options.position),
                None if options.angle is None else radians(options.angle), options.direction, None,

@@ -10,17 +10,17 @@ from soft_continuum.cli.tip_options import MAX_POSITION
 from soft_continuum.client.tip import Tip
 
 MAX_POINTS = 200
-"""As many as shape_sequencer takes."""
+"""The maximum that shape_sequencer accepts."""
 
 
 def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0,
                   decimal: str | None = None) -> list[Tip]:
     """
-    Return the goals of a CSV file with the columns x, z, and, if there are, y and angle.
+    Return the goals of a CSV file with the columns x, z, and optionally y and angle.
 
-    unit: of lengths where the header does not tell; that of angles is degrees then.  tolerance:
-    m, 0 for the usual one.  decimal: the mark, where the numbers allow both.  Raises
-    MeasurementError naming file, line and remedy.
+    unit: of lengths if the header has none; angles are then in degrees.  tolerance: m, 0 for the
+    default.  decimal: the mark, if the numbers are ambiguous.  Raises MeasurementError naming
+    file, line and remedy.
     """
     table = read_table(path, [
         Quantity('x', ('x',), 'm'), Quantity('z', ('z',), 'm'),

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``twin``: a simulated rig in MuJoCo behind the serial ports of the boards that a rig has."""
+"""``twin``: a simulated rig in MuJoCo behind emulated boards on serial ports."""
 
 from argparse import Namespace
 from collections.abc import Callable, Sequence
@@ -32,22 +32,21 @@ A simulated rig, preset {preset}. Put this into a parameter file of the nodes:
 def add_preset_options(parser: Parser) -> None:
     """Add ``--preset`` and ``--file``."""
     parser.add_argument('--preset', default=DEFAULT_PRESET, metavar='NAME',
-                        help='in what it differs from the description: '
-                        f'{", ".join(PRESETS)}, or another one of the file '
-                        f'(default: {DEFAULT_PRESET})')
+                        help=f'model errors relative to the description: {", ".join(PRESETS)}, or '
+                        f'another preset of the file (default: {DEFAULT_PRESET})')
     parser.add_argument('--file', type=given_path, metavar='FILE',
-                        help='where the presets are (default: config/twin.yaml)')
+                        help='file of the presets (default: config/twin.yaml)')
 
 
 def chosen_model_errors(options: Namespace) -> ModelErrors:
-    """Return what these options ask for; raises as read_model_errors does."""
+    """Return the model errors from these options; raises as read_model_errors does."""
     from soft_continuum.user_files import description_file
     return read_model_errors(
         options.file or description_file().with_name('twin.yaml'), options.preset)
 
 
 def serve(parser: Parser, begin: Callable[[ExitStack], None]) -> int:
-    """Begin something that ends with an ExitStack, wait for Ctrl-C; return the exit status."""
+    """Start something on an ExitStack, wait for Ctrl-C; return the exit status."""
     from soft_continuum.client.errors import ClientError
     try:
         with ExitStack() as running:
@@ -64,22 +63,22 @@ def serve(parser: Parser, begin: Callable[[ExitStack], None]) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Serve the twin until Ctrl-C; return the exit status."""
-    parser = Parser('twin', 'A simulated rig: the arm in MuJoCo, behind emulated GRBL boards '
-                    'or Dynamixel servos, and Modbus boards. Its load cells and IMUs are on '
-                    'load_cells and disc_N/imu. Where it really is is published on '
-                    'twin/disc_poses and twin/joint_states, which no node of the suite reads.',
+    parser = Parser('twin', 'A simulated rig: the arm in MuJoCo, behind emulated GRBL boards or '
+                    'Dynamixel servos, and Modbus boards. Its load cells and IMUs publish on '
+                    'load_cells and disc_N/imu. The ground truth is published on twin/disc_poses '
+                    'and twin/joint_states, which no node of the suite uses.',
                     '--params-file', '--namespace')
     add_preset_options(parser)
     parser.add_argument('--tendon-driver', choices=TENDON_MOTORS, default='grbl',
-                        help='what pulls the tendons: grbl, steppers on boards, or dynamixel, '
-                        'servos, which feel the tensions (default: grbl)')
+                        help='motors of the tendons: grbl (steppers) or dynamixel (servos, which '
+                        'measure tension) (default: grbl)')
     parser.add_argument('--tendon-link', '--grbl-link', type=given_path, metavar='PATH',
-                        help='a symbolic link to make to the port of the tendons; PATH_2, '
-                        'PATH_3, ... for the boards of an arm with more tendons than three')
+                        help='symbolic link to create to the port of the tendons; PATH_2, PATH_3, '
+                        '... for the boards of an arm with more than three tendons')
     parser.add_argument('--modbus-link', type=given_path, metavar='PATH',
                         help='the same for valves and sensors')
     parser.add_argument('--regulators', action='store_true',
-                        help='vacuum regulators on an output board, in place of pump and valves')
+                        help='vacuum regulators on an output board instead of pump and valves')
     options = parser.parse_args(argv)
     from soft_continuum.parameters.arm import arm_from_parameters
     from soft_continuum.parameters.files import load_description
@@ -88,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     from soft_continuum.user_files import description_file
 
     def begin(running: ExitStack) -> None:
-        ask_for_a_larger_share()  # as a rig, it waits for no other program
+        ask_for_a_larger_share()  # like a rig, it does not wait for other programs
         values = load_description(*options.params_file or [description_file()],
                                   namespace=options.namespace)
         arm = arm_from_parameters(values)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``twin_camera``: a simulated camera before the twin, on the topics of any camera driver."""
+"""``twin_camera``: a simulated camera in front of the twin, with the usual topics."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
@@ -20,20 +20,20 @@ NAME = re.compile(r'[a-z]\w{0,30}', re.ASCII)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Publish pictures until Ctrl-C; return the exit status."""
-    parser = Parser('twin_camera', 'A simulated camera before the twin: draws the arm and its '
-                    'tags, and publishes NAME/image_raw and NAME/camera_info, those of the node '
+    """Publish images until Ctrl-C; return the exit status."""
+    parser = Parser('twin_camera', 'A simulated camera in front of the twin: draws the arm and '
+                    'its tags, and publishes NAME/image_raw and NAME/camera_info for the node '
                     'camera of that name.',
                     '--params-file', '--namespace')
     add_preset_options(parser)
     parser.add_argument('--rate', type=number_in(0.1, 60.0, 'Hz'), default=RATE, metavar='HZ',
-                        help=f'pictures per second (default: {RATE:g}); to draw one takes '
-                        'about 0.05 s of a core')
+                        help=f'images per second (default: {RATE:g}); drawing one takes about '
+                        '0.05 s of a core')
     parser.add_argument('--name', type=_name, default='camera',
-                        help='of the camera (default: camera)')
+                        help='name of the camera (default: camera)')
     parser.add_argument('--direction', type=number_in(-360.0, 360.0, 'degrees'), metavar='DEGREES',
-                        help='from where it looks at a spatial arm: angle about z from x; it '
-                        f'has to see fixed tags (default: {DIRECTION:g})')
+                        help='viewing direction for a spatial arm: angle about z from x; fixed '
+                        f'tags must be in view (default: {DIRECTION:g})')
     options = parser.parse_args(argv)
     require('cv2')
     from soft_continuum.parameters.files import load_description
@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         elif options.direction is None:
             camera = TagTwinCamera(layout, model_errors)
         else:
-            raise ParameterError('--direction is of spatial arms; a planar one is seen from -y')
+            raise ParameterError('--direction is for spatial arms; a planar arm is seen from -y')
         running.enter_context(Pictures(camera, options.rate, options.namespace, options.name))
         print(f'Simulated pictures on {options.name}/image_raw. Ctrl-C ends it.', flush=True)
 
@@ -66,6 +66,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _name(text: str) -> str:
     if not NAME.fullmatch(text):
-        raise ArgumentTypeError(f'{text!r} is no name of a camera; allowed: letters, digits and '
-                                '_, such as camera_2')
+        raise ArgumentTypeError(f'{text!r} is not a valid camera name; allowed: letters, digits '
+                                'and _, such as camera_2')
     return text

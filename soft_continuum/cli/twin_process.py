@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The twin in a process of its own, for the verbs that start the nodes: ``--twin``."""
+"""The twin in a separate process, for verbs that start the nodes: ``--twin``."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,19 +18,19 @@ from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 from soft_continuum.twin.model_errors import DEFAULT_PRESET, load_cell_parameters, PRESETS
 
-PERIOD = 0.05  # s between two looks at whether it is ready
+PERIOD = 0.05  # s between two checks that it is ready
 START_TIMEOUT = 120.0  # s: it imports MuJoCo, and makes the model of the arm
 NO_OTHER_CAMERA: dict[str, Value] = {'camera.source': '', 'camera.calibration': ''}
-RATE = 5  # Hz of the pictures: to draw one and to measure in it takes 0.1 s of a core
+RATE = 5  # Hz of the images: drawing and processing one takes 0.1 s of a core
 
 
 def add_twin_options(parser: Parser) -> None:
     """Add ``--twin [PRESET]`` and ``--camera``."""
     parser.add_argument('--twin', nargs='?', const=DEFAULT_PRESET, metavar='PRESET',
-                        help='start a simulated rig in MuJoCo too, and drive it: '
+                        help='also start a simulated rig in MuJoCo and drive it: '
                         f'{", ".join(PRESETS)} (without a name: {DEFAULT_PRESET})')
     parser.add_argument('--camera', action='store_true',
-                        help='start the node camera too, and with --twin a simulated camera')
+                        help='also start the node camera, and with --twin a simulated camera')
 
 
 @contextmanager
@@ -38,7 +38,7 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
                  *, camera: bool = False, tendon_driver: str | None = None
                  ) -> Iterator[dict[str, Value]]:
     """
-    Run the twin of the described arm; yield the parameters of nodes that drive it.
+    Run the twin of the described arm; yield the node parameters that drive it.
 
     camera: with one before it.  tendon_driver: one of TENDON_MOTORS, grbl if None.  Without a
     preset nothing is started and nothing yielded.  Raises ParameterError for a twin that does not
@@ -60,14 +60,14 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
                      *(f'--params-file={path}' for path in params_files)]
         links = [f'--{name}-link={path}' for name, path in ports.items()]
         twin = Child(TWIN, [*arguments, *links, f'--tendon-driver={driver}'],
-                     'the nodes have no boards any more', subprocess.DEVNULL)
+                     'the nodes have lost their boards', subprocess.DEVNULL)
         children = [twin]
         try:
             boards = board_links(ports['tendon'], tendons if driver == 'grbl' else 1)
             deadline = monotonic() + START_TIMEOUT
             while not all(path.is_symlink() for path in (*map(Path, boards), ports['modbus'])):
                 if not twin.running:
-                    raise ParameterError('the twin did not start; the lines before say why')
+                    raise ParameterError('the twin did not start; see the lines above')
                 if monotonic() > deadline:
                     raise ParameterError(f'the twin has no serial ports {START_TIMEOUT:g} s after '
                                          'its start; is the computer overloaded?')
@@ -77,7 +77,7 @@ def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespac
             parameters |= load_cell_parameters(tendons)
             if camera:
                 children.append(Child(TWIN_CAMERA, [*arguments, f'--rate={RATE}'],
-                                      'there are no pictures any more', subprocess.DEVNULL))
+                                      'there are no more images', subprocess.DEVNULL))
                 parameters |= NO_OTHER_CAMERA
             yield parameters
         finally:

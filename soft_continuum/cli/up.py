@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-The nodes of an arm in processes of their own, without launch_ros: ``./run up``.
+Runs the nodes of an arm as separate processes, without launch_ros: ``./run up``.
 
 It takes the arguments of launch/bringup.launch.py.
 """
@@ -52,9 +52,8 @@ DRIVERS = ('tendon_driver', 'jamming_driver')
 STEERING = (SERVO, TELEOP)
 ALL, RIG, WORKSTATION = 'all', 'rig', 'workstation'
 COMPUTERS = (ALL, RIG, WORKSTATION)
-COMPUTER_HELP = ('which of the nodes to start: those that own devices (rig), the others '
-                 '(workstation), or all')
-PERIOD = 0.05  # s between two looks at the processes
+COMPUTER_HELP = ('nodes to start: those that own devices (rig), the others (workstation), or all')
+PERIOD = 0.05  # s between two checks of the processes
 
 
 def start_parser(verb: str, description: str) -> Parser:
@@ -68,27 +67,27 @@ def start_parser(verb: str, description: str) -> Parser:
                         help=f'{COMPUTER_HELP} (default: all)')
     add_twin_options(parser)
     parser.add_argument('--teleop', action='store_true',
-                        help='start the nodes servo and teleop too, to steer by a joystick')
+                        help='also start the nodes servo and teleop, to steer with a joystick')
     return parser
 
 
 def description_files(options: Namespace) -> list[str | Path]:
-    """Return the parameter files that options name, or that of the paper's arm."""
+    """Return the parameter files from the options, or that of the paper's arm."""
     return list(vars(options).get('params_file') or [description_file()])
 
 
 def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = (),
                 nodes: Sequence[str] = NODES) -> None:
     """
-    Check what a launch file starts, before it starts anything.
+    Check everything that a launch file starts before the start.
 
-    Raises ParameterError for a namespace that ROS does not take, for a parameter file as the
-    ``nodes`` do, and for one of the ``packages`` of ROS that is not installed.
+    Raises ParameterError for an invalid namespace, for a parameter file that the ``nodes`` would
+    refuse, and for a missing one of the ROS ``packages``.
     """
     try:
         validate_namespace('/' + namespace)
     except InvalidNamespaceException as error:
-        raise ParameterError(f'namespace {namespace!r} is not one that ROS takes: '
+        raise ParameterError(f'namespace {namespace!r} is not valid in ROS: '
                              f'{str(error).splitlines()[0]}') from None
     check_parameter_files(start_arguments(namespace, files), nodes)
     for package in packages:
@@ -105,7 +104,7 @@ def start_arguments(namespace: str, files: Sequence[str | Path]) -> list[str]:
 
 
 def ros_arguments(options: Namespace) -> list[str]:
-    """Return the options of start_parser as ROS arguments; what wins over files is left out."""
+    """Return the options of start_parser as ROS arguments, without those that override files."""
     return ['up', *start_arguments(_namespace(options), description_files(options))]
 
 
@@ -115,7 +114,7 @@ def _namespace(options: Namespace) -> str:
 
 def asked_file(files: Sequence[str | Path], asked: Mapping[str, Value]) -> Path:
     """
-    Write parameters that win over those of all ``files``, for every node, to a file after them.
+    Write parameters that override those of all ``files``, for every node, to another file.
 
     It is there until this process ends.  An argument ``-p`` would not win over the section of a
     node, nor would a section for it win over ``/**``: see parameters.overrides.
@@ -123,14 +122,15 @@ def asked_file(files: Sequence[str | Path], asked: Mapping[str, Value]) -> Path:
     section = Overrides(*files).fresh_section()
     with NamedTemporaryFile('w', prefix='soft_continuum_', suffix='.yaml', encoding='utf-8',
                             delete=False) as file:
-        file.write(parameters_text(asked, ['What was asked for at the start; it wins.'],
+        file.write(parameters_text(asked, ['Options of the start command; they override the other '
+                                           'files.'],
                                    digits=EXACT, section=section))
     atexit.register(Path(file.name).unlink, missing_ok=True)
     return Path(file.name)
 
 
 def with_asked(options: Namespace, asked: Mapping[str, Value]) -> list[str]:
-    """Return ros_arguments with parameters that win over those of the files."""
+    """Return ros_arguments with parameters that override those of the files."""
     files = [asked_file(description_files(options), asked)] if asked else []
     return [*ros_arguments(options), *start_arguments('', files)]
 
@@ -145,7 +145,7 @@ def nodes_for(arm: Arm, jamming: bool) -> tuple[str, ...]:
     """
     Return the nodes that drive an arm, with jamming or not.
 
-    Without it nothing switches segments, and too few tendons set no shapes.
+    Without jamming no segment is switched, and too few tendons cannot set shapes.
     """
     left_out = {JAMMING_VALVES: not jamming,
                 SHAPE_SEQUENCER: not (jamming or fully_actuated(arm))}
@@ -161,7 +161,7 @@ def chosen_nodes(options: Namespace) -> tuple[str, ...]:
 
 
 def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
-    """Return those of the nodes that belong on one of COMPUTERS."""
+    """Return the nodes that belong on one of COMPUTERS."""
     return tuple(name for name in nodes
                  if computer == ALL or (name in HARDWARE) == (computer == RIG))
 
@@ -169,9 +169,9 @@ def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
 @contextmanager
 def asked_of(options: Namespace) -> Iterator[dict[str, Value]]:
     """
-    Yield the parameters that the options of start_parser ask for, whatever the files say.
+    Yield the parameters from the options of start_parser, which override the files.
 
-    Meanwhile the twin runs if they ask for one, as twin_process does.
+    Meanwhile the twin runs if requested, see twin_process.
     """
     if options.twin and options.jamming_driver:
         raise ParameterError('--twin brings its own boards; leave out --jamming-driver')
@@ -184,7 +184,7 @@ def asked_of(options: Namespace) -> Iterator[dict[str, Value]]:
 
 
 def main() -> int:
-    """Run until Ctrl-C, or until no node is left; return the exit status."""
+    """Run until Ctrl-C or until every node has exited; return the exit status."""
     parser = start_parser('up', 'Start the nodes of an arm: all four, or those that it needs.')
     options = parser.parse_args()
     signals = Signals()

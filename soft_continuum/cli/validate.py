@@ -24,12 +24,13 @@ NAME = 'validate'
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = shapes_parser(NAME, 'Position error of constant curvature and of the chain, without '
-                           'and with gravity, against measured points.', 'angle, payload')
+    parser = shapes_parser(NAME, 'Compute the position error of constant curvature and of the '
+                           'chain model, without and with gravity, against measured points.',
+                           'angle, payload')
     parser.add_argument('--corrected', type=given_path, action='append', default=[],
                         metavar='FILE',
-                        help='parameters that correct the arm, such as characterize.yaml: one '
-                             'more series; may be repeated')
+                        help='parameters that correct the arm, such as characterize.yaml: adds a '
+                             'series; may be repeated')
     return run_verb(parser, _run, argv, 'matplotlib')
 
 
@@ -57,11 +58,11 @@ def _run(options: argparse.Namespace) -> None:
     print(_summary(predictions, arm))
     for prediction in predictions:
         if prediction.jumped:
-            print(f'{prediction.shape.name}, {prediction.model}: the arm snaps over on the way')
+            print(f'{prediction.shape.name}, {prediction.model}: the arm snaps to another '
+                  'equilibrium during the motion')
     if hinged(arm):
-        print('\nPulls at the end of each step in mm, of the tendon that carries: as measured, '
-              'and as needed for\nthe angle that was set. "-": no angle was given, or no tendon '
-              'holds it.\n')
+        print('\nPulls of the loaded tendon at the end of each step in mm: measured, and needed '
+              'for the angle\nthat was set. "-": no angle was given, or no tendon holds it.\n')
         print(_pulls(predictions, arm.tendon_labels))
     validation_figure(figure, predictions)
     _write_errors(listing, predictions, arm)

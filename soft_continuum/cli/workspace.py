@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Reachable tips with and without gravity, by the order in which segments are set."""
+"""Reachable tip positions with and without gravity, by the order in which segments are set."""
 
 import argparse
 from collections.abc import Sequence
@@ -20,25 +20,25 @@ from soft_continuum.parameters.arm import check_actuation
 
 NAME = 'workspace'
 MAX_SHAPES, MAX_TIME = 50000, 100.0
-"""Shapes that may be asked for, if they take so long (s) at most."""
+"""Maximum number of shapes on request, and their maximum duration (s)."""
 USUAL_SHAPES, USUAL_TIME = 2000, 8.0
-"""Shapes that are computed if nothing is asked for, the same."""
+"""Maximum number of shapes by default, and their maximum duration (s)."""
 MOST_ANGLES = 101
 USUAL_DIRECTIONS = 6
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; return the exit status."""
-    parser = Parser(NAME, 'Where the tip can go, with and without gravity, when segments are '
-                    'set from the base on or from the tip on; without jamming, when all are set '
-                    'at once.', *FOR_ANALYSIS)
+    parser = Parser(NAME, 'Compute the reachable tip positions, with and without gravity, when '
+                    'segments are set from the base or from the tip; without jamming, when all '
+                    'are set at once.', *FOR_ANALYSIS)
     parser.add_argument('--per-segment', type=whole_number_in(2, MOST_ANGLES), metavar='N',
-                        help='bending angles between the limits of each segment (default: 11, '
-                        f'fewer where that would be more than {USUAL_SHAPES} shapes, in space '
-                        f'{round(USUAL_TIME / BEND_TIME[False])})')
+                        help='number of bending angles between the limits of each segment '
+                        f'(default: 11, fewer if that exceeds {USUAL_SHAPES} shapes, for spatial '
+                        f'arms {round(USUAL_TIME / BEND_TIME[False])})')
     parser.add_argument('--directions', type=whole_number_in(3, 72), metavar='N',
-                        help='of an arm in space: directions in which each segment is bent '
-                        f'(default: {USUAL_DIRECTIONS})')
+                        help='for spatial arms: number of directions in which each segment is '
+                        f'bent (default: {USUAL_DIRECTIONS})')
     return run_verb(parser, _run, argv, 'matplotlib')
 
 
@@ -46,7 +46,7 @@ def _run(options: argparse.Namespace) -> None:
     values, arm = described_arm(options)
     check_actuation(arm, values)
     if hinged(arm) and options.directions:
-        raise ArmError('a planar arm bends in its plane; leave out --directions')
+        raise ArmError('a planar arm bends only in its plane; leave out --directions')
     directions = options.directions or USUAL_DIRECTIONS
     jamming = bool(values['arm.jamming'])
     angles = options.per_segment or default_angles(arm, directions)
@@ -70,8 +70,8 @@ def _run(options: argparse.Namespace) -> None:
         print(f'{number} of {len(cases)}, {title} ...', file=sys.stderr, flush=True)
         reaches.append((title, reach(model, order, angles, directions, jamming)))
     print(_table(reaches, arm.axes))
-    print('\nHeld: shapes that a tendon can hold. Apart: furthest from the tip with the same '
-          'bending angles without gravity.')
+    print('\nHeld: shapes that a tendon can hold. Apart: largest distance from the tip with the '
+          'same bending angles without gravity.')
     workspace_figure(figure, reaches, reaches[0][1], arm.length)
     print(f'Figure: {figure}')
 
@@ -101,14 +101,14 @@ def _shapes(arm: Arm, angles: int, directions: int) -> int:
 
 
 def _most_angles(arm: Arm, directions: int, count: int) -> int:
-    """Return the fewest angles of each segment that make most shapes up to ``count``; 0: none."""
+    """Return the fewest angles of each segment that give most shapes up to ``count``; 0: none."""
     shapes = {n: _shapes(arm, n, directions) for n in range(MOST_ANGLES, 1, -1)}
     fitting = [(of, -n) for n, of in shapes.items() if of <= count]
     return -max(fitting, default=(0, 0))[1]
 
 
 def default_angles(arm: Arm, directions: int = USUAL_DIRECTIONS) -> int:
-    """Return the bending angles of each segment that make no more than the usual shapes."""
+    """Return the bending angles of each segment that stay within the usual number of shapes."""
     return max(2, min(11, _most_angles(
         arm, directions, _limit(arm, USUAL_SHAPES, USUAL_TIME))))
 
@@ -118,7 +118,7 @@ def _remedy(arm: Arm, directions: int, most: int) -> str:
     if fitting > 1:
         return f'--per-segment {fitting} is the most that is practical'
     fewer = '; try --directions 3' if _shapes(arm, 2, 3) < _shapes(arm, 2, directions) else ''
-    return f'an arm of so many segments has too many for any; allowed: {most}{fewer}'
+    return f'an arm with this many segments always has too many; allowed: {most}{fewer}'
 
 
 def _duration(arm: Arm, angles: int, directions: int, jamming: bool) -> float:

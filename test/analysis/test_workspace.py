@@ -94,7 +94,7 @@ def test_the_workspace_of_an_arm_in_space_is_a_table_and_a_figure(capsys, tmp_pa
 
 
 @pytest.mark.parametrize(('words', 'reason'), [
-    (('--directions', '6'), 'a planar arm bends in its plane; leave out --directions'),
+    (('--directions', '6'), 'a planar arm bends only in its plane; leave out --directions'),
     (('--directions', '2'), "'2' given; allowed: a whole number from 3 to 72"),
     (('--params-file', TENDON_ARM, '--per-segment', '11'),
      '31 bendings in each of 3 segments are 29791 shapes; --per-segment 4 is the most')])

@@ -99,7 +99,7 @@ def test_an_interrupt_cancels_the_run_and_waits_until_the_arm_is_stiff(
     if options:
         assert json.loads(output.splitlines()[-1])['outcome'] == 'CANCELED'
     else:
-        assert 'canceling; Ctrl-C again leaves at once' in output
+        assert 'canceling; press Ctrl-C again to exit at once' in output
         assert errors == 'soft_continuum run: CANCELED: canceled by the client\n'
     assert documents('status')[0]['stiff'] == [True] * 3
     assert arm.wait_for_status('shape_sequencer', 'last', 'CANCELED')

@@ -186,4 +186,4 @@ def test_an_interrupt_ends_all_processes_and_says_how_to_go_on():
     said = process.communicate()[1]
     watch.cancel()
     assert process.returncode == 130
-    assert 'the same command goes on from there' in said and 'Traceback' not in said
+    assert 'run the same command to resume' in said and 'Traceback' not in said
