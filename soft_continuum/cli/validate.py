@@ -53,8 +53,8 @@ def _run(options: argparse.Namespace) -> None:
         options.output, [f'{NAME}.png', f'{NAME}.csv'], options.force)
     predictions = predict(shapes, arm, corrected)
     print('Position errors at the calculation points, without the two of the base disc. Percent: '
-          'the largest\nerror over the distance of its point from the base, and over the length '
-          f'of the arm ({1e3 * arm.length:g} mm).\n')
+          'the largest\nerror, relative to the distance of its point from the base and to the '
+          f'length of the arm ({1e3 * arm.length:g} mm).\n')
     print(_summary(predictions, arm))
     for prediction in predictions:
         if prediction.jumped:

@@ -49,18 +49,18 @@ MAX_TIMEOUT_SHARE = 0.5
 """Share of modbus.timeout that a reply may take."""
 MAX_ZERO_ERROR = 3e3
 """Pa that a vented segment may differ from ambient pressure: 3 % of the usual full scale."""
-MAX_LATENCY = 1  # ms that a USB adapter may keep what it receives
+MAX_LATENCY = 1  # ms for which a USB adapter may buffer received data
 OUTPUT_BOARD = 'output board'
 SIMULATED = 'simulated'
 PORTS = {'grbl.port': ('tendon_driver', 'grbl'),
          'dynamixel.port': ('tendon_driver', 'dynamixel'),
          'modbus.port': ('jamming_driver', 'modbus')}
-"""Which parameter is a port, and the driver that uses it."""
+"""Port parameters, and the driver that uses each."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """What one step found; status: OK, WARN or FAIL.  If not OK, the message names the remedy."""
+    """Result of one step; status: OK, WARN or FAIL.  If not OK, the message names the remedy."""
 
     step: str
     status: str
@@ -68,7 +68,7 @@ class Check:
 
 
 def check_real_time(values: Mapping[str, Any]) -> Check:
-    """Return whether the threads that talk to devices may go on before others."""
+    """Check that the threads of devices may have priority over others."""
     step, (real_time, share) = 'control threads', priority_allowed()
     have = (f'have real-time priority (SCHED_FIFO {PRIORITY})' if real_time
             else 'have no real-time priority')
@@ -79,17 +79,17 @@ def check_real_time(values: Mapping[str, Any]) -> Check:
         f'nice {NICENESS}', share)) if not allowed]
     lines = ' and '.join(f'"{user} - {limit}"' for limit in missing)
     if not share:
-        have += ', and those around them no larger share of the processor'
+        have += ', and the surrounding threads no larger share of the processor'
     simulated = values['tendon_driver'] == values['jamming_driver'] == SIMULATED
     return Check(step, OK if simulated else WARN,
-                 f'{have}: other programs of a busy computer may keep them waiting until a '
-                 f'device, or its watchdog, ends the motion. As root, write {lines} to {LIMITS} '
-                 f'(for a container: --ulimit rtprio={PRIORITY} --ulimit nice={20 - NICENESS}), '
-                 'and restart the computer')
+                 f'{have}: on a busy computer other programs may delay them until a device, or '
+                 f'its watchdog, ends the motion. As root, write {lines} to {LIMITS} (for a '
+                 f'container: --ulimit rtprio={PRIORITY} --ulimit nice={20 - NICENESS}), then '
+                 'restart the computer')
 
 
 def check_ports(values: Mapping[str, Any]) -> Check:
-    """Return whether the configured port names stay with their devices."""
+    """Check that the configured port names are stable."""
     step = 'serial ports'
     used = [(name, port) for name, driver in PORTS.items() if values[driver[0]] == driver[1]
             for port in values[name].split()]
@@ -101,13 +101,13 @@ def check_ports(values: Mapping[str, Any]) -> Check:
                if os.path.exists(port) and not os.path.islink(port)]
     if passing:
         return Check(step, WARN, f'{message}; {" and ".join(passing)} may be another device after '
-                     'the next start: use its name below /dev/serial/by-id, or make one with a '
-                     f'udev rule; {describe_ports()}')
+                     'the next start: use its name in /dev/serial/by-id, or add a udev rule; '
+                     f'{describe_ports()}')
     return Check(step, OK, message)
 
 
 def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
-    """Yield the state of the motors; nothing moves."""
+    """Check the motors; nothing moves."""
     name = values['tendon_driver']
     step = f'tendon driver {name}'
     try:
@@ -133,7 +133,7 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
 
 
 def _check_topics(driver: Any) -> Iterator[Check]:
-    """Yield what is heard on the topics of a driver that has any."""
+    """Check the topics of a driver that has any."""
     if hasattr(driver, 'link'):
         from soft_continuum.hardware.ros_topics.survey import (
             survey,  # needs ROS, as the driver does
@@ -145,7 +145,7 @@ def _check_topics(driver: Any) -> Iterator[Check]:
 
 
 def check_reference(referenced: bool, why: str = '') -> Check:
-    """Return whether the zero of the tendons is known; why: not."""
+    """Check that the zero of the tendons is known; why: the reason if not."""
     if referenced:
         return Check('tendon reference', OK, 'the zero of the tendons is known')
     return Check('tendon reference', WARN,
@@ -186,7 +186,7 @@ def _check_grbl(port: str, baud_rate: int, motors: Motors) -> Iterator[Check]:
 
 
 def check_servos(values: Mapping[str, Any]) -> Iterator[Check]:
-    """Yield the state of Dynamixel servos; nothing is written to them."""
+    """Check Dynamixel servos; nothing is written to them."""
     port = values['dynamixel.port']
     spools = Spools.from_parameters(values)
     try:
@@ -215,8 +215,8 @@ def check_servos(values: Mapping[str, Any]) -> Iterator[Check]:
 def _check_latency(port: str) -> Check:
     step, message = 'tendon port', f'{port} opened, no other program uses it'
     if (latency := latency_timer(port)) is not None and latency > MAX_LATENCY:
-        return Check(step, WARN, f'{message}; its adapter keeps what it receives for {latency} '
-                     f'ms, which slows every cycle: set it to {MAX_LATENCY} with a udev rule '
+        return Check(step, WARN, f'{message}; its adapter buffers received data for {latency} ms, '
+                     f'which slows every cycle: set it to {MAX_LATENCY} with a udev rule '
                      '(docs/how_to/use_dynamixel_servos.md)')
     return Check(step, OK, message)
 
@@ -237,7 +237,7 @@ def _check_servo(servo: Servo, spools: Spools) -> Check:
 
 
 def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
-    """Yield the state of boards, pump, valves and sensors; nothing is switched."""
+    """Check boards, pump, valves and sensors; nothing is switched."""
     name = values['jamming_driver']
     step = f'jamming driver {name}'
     try:
@@ -301,7 +301,7 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
             if len(lost) > MAX_LOST_REPLIES:
                 yield Check(board, FAIL, lost[-1])
             elif lost:
-                yield Check(board, WARN, f'{message}; {len(lost)} of {ROUND_TRIPS} replies was '
+                yield Check(board, WARN, f'{message}; {len(lost)} of {ROUND_TRIPS} replies '
                             f'missed: {lost[0]}')
             else:
                 yield Check(board, OK, message)
@@ -316,7 +316,7 @@ def _check_boards(values: Mapping[str, Any]) -> Iterator[Check]:
 
 def _switching_board(bus: ModbusBus, values: Mapping[str, Any]
                      ) -> tuple[str, Callable[[int, int, int], tuple[int, ...]], int, range]:
-    """Return the board that evacuates segments: how it is asked, its unit and its addresses."""
+    """Return the board that evacuates segments: its read function, its unit and its addresses."""
     if values['modbus.regulators']:
         outputs = Outputs.from_parameters(values)
         return OUTPUT_BOARD, bus.read_holding_registers, outputs.unit, outputs.registers
@@ -347,9 +347,9 @@ def _check_pump(pump: bool, evacuated: tuple[bool, ...]) -> Check:
                        for i, e in enumerate(evacuated))
     message = f'pump {"on" if pump else "off"}; {valves}'
     if pump and not any(evacuated):
-        return Check('pump and valves', WARN, f'{message}; the pump runs without need: start '
-                     'jamming_valves, which switches it off, or check modbus.pump_coil and '
-                     'modbus.energised_valve_evacuates')
+        return Check('pump and valves', WARN, f'{message}; the pump runs although no segment '
+                     'needs it: start jamming_valves, which switches it off, or check '
+                     'modbus.pump_coil and modbus.energised_valve_evacuates')
     return Check('pump and valves', OK, message)
 
 
@@ -364,17 +364,17 @@ def _check_segment(step: str, values: Mapping[str, Any], pressure: float,
         text = f'{message}, its regulator is set to {told / 1e3:.1f} kPa'
         if abs(vacuum - told) <= values['vacuum_tolerance']:
             return Check(step, OK, text)
-        return Check(step, FAIL, f'{text}; if that was not a moment ago, its regulator, the '
-                     'supply of the regulators or its sensor fails, or it leaks')
+        return Check(step, FAIL, f'{text}; if the set-point has not just changed, its regulator, '
+                     'the regulator supply or its sensor has failed, or it leaks')
     if evacuated:
-        return Check(step, WARN, f'{message}, connected to the pump: its sensor can be judged '
+        return Check(step, WARN, f'{message}, connected to the pump: its sensor can be checked '
                      'only while it is vented; vent it and run this again')
     if abs(vacuum) > values['soft_vacuum']:
-        return Check(step, FAIL, f'{message} though it is vented; if that was not a moment ago, '
-                     'its sensor or valve is stuck, its vent is blocked, or '
+        return Check(step, FAIL, f'{message} although it is vented; if it was not vented just '
+                     'now, its sensor or valve is stuck, its vent is blocked, or '
                      'modbus.vacuum_at_4_ma, modbus.vacuum_at_20_ma and ambient_pressure do not '
-                     'belong to this sensor')
+                     'match this sensor')
     if abs(vacuum) > MAX_ZERO_ERROR:
-        return Check(step, WARN, f'{message} though it is vented; adjust the zero of the '
+        return Check(step, WARN, f'{message} although it is vented; adjust the zero of the '
                      'transmitter, modbus.vacuum_at_4_ma or ambient_pressure')
     return Check(step, OK, f'{message}, vented')

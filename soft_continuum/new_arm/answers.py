@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a question about an arm is, and the answers to them."""
+"""Questions about an arm, and their answers."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from soft_continuum.parameters.parameter import Parameter, Value
 PLANAR, SPATIAL, TENDONS = KINDS = ('planar', 'spatial', 'tendons')
 UNITS = {'': 1.0, 'mm': 1e-3, 'g': 1e-3, 'degrees': pi / 180.0, 'GPa': 1e9, 'N': 1.0,
          'N m^2': 1.0}
-"""Units that are typed, in SI."""
-COUNTS = ('segments', 'tendons')  # questions for whole numbers that are no parameters
-DIGITS = 4  # of what is suggested
+"""Input units, in SI."""
+COUNTS = ('segments', 'tendons')  # integer questions that are not parameters
+DIGITS = 4  # of suggestions
 PARAMETERS = {p.name: p for p in ALL_PARAMETERS}
 Given: TypeAlias = str | tuple[float, ...]
-"""A choice, or numbers in the unit that is typed."""
+"""A choice, or numbers in the input unit."""
 
 
 class AnswerError(ValueError):
-    """An answer does not fit; the message says what was given and what may be."""
+    """An answer is invalid; the message says what was given and what is allowed."""
 
     def __init__(self, name: str, problem: str) -> None:
         """name: of the question."""
@@ -32,7 +32,7 @@ class AnswerError(ValueError):
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A choice or numbers (in SI) that are taken when nothing is known, and where from."""
+    """A choice or numbers (in SI) assumed when nothing is known, and their origin."""
 
     value: str | Sequence[float]
     why: str
@@ -40,7 +40,7 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer, in the unit that is typed; assumed: why it was taken, empty if it was given."""
+    """An answer, in the input unit; assumed: why it was assumed, empty if it was given."""
 
     value: Given
     assumed: str = ''
@@ -51,11 +51,11 @@ class Question:
     """
     One question about an arm.
 
-    name: of the answer, and of its option.  text: what is asked.  suggest: from the answers
-    before it.  parameter: what the answer sets in the description, empty for what only serves to
-    make others.  unit: one of UNITS.  per: of what there is a number each, one of PER.  low, high:
-    in SI, where the parameter does not say.  choices: texts, and what they mean.  kinds: of arms
-    that have it.
+    name: of the answer, and of its option.  text: the question.  suggest: a function of the
+    previous answers.  parameter: the parameter that the answer sets, empty if it only serves to
+    derive others.  unit: one of UNITS.  per: the items that have a number each, one of PER. low,
+    high: in SI, unless the parameter has them.  choices: texts with their meanings. kinds: of arms
+    to which it applies.
     """
 
     name: str
@@ -92,11 +92,11 @@ class Question:
         return max(low, self.low) / UNITS[self.unit], min(high, self.high) / UNITS[self.unit]
 
     def count(self, answers: 'Answers') -> int:
-        """Return how many numbers there are, unless one counts for all; 0: some segments."""
+        """Return the number of values, unless one applies to all; 0: some segments."""
         return PER[self.per](answers)
 
     def read(self, text: str) -> Given:
-        """Return what was typed; raises AnswerError saying what is allowed."""
+        """Parse the typed text; raises AnswerError with the allowed answers."""
         if self.choices:
             if text not in self.choices:
                 raise AnswerError(self.name, f'{text!r} given; allowed: {", ".join(self.choices)}')
@@ -116,7 +116,7 @@ class Question:
         return tuple(found)
 
     def check(self, value: Given, answers: 'Answers') -> None:
-        """Raise AnswerError for numbers that do not fit to the answers before."""
+        """Raise AnswerError for numbers that contradict the previous answers."""
         if isinstance(value, str):
             return
         count = self.count(answers)
@@ -129,7 +129,7 @@ class Question:
             raise AnswerError(self.name, f'{len(value)} numbers given; allowed: {several}')
 
     def suggested(self, answers: 'Answers') -> Answer:
-        """Return what is taken when nothing is known, rounded as it is shown."""
+        """Return the value assumed when nothing is known, rounded as it is shown."""
         found = self.suggest(answers)
         if isinstance(found.value, str):
             return Answer(found.value, found.why)
@@ -138,7 +138,7 @@ class Question:
         return Answer(tuple(numbers[:1] if same else numbers), found.why)
 
     def value(self, answer: Answer) -> Value:
-        """Return an answer in SI, as its parameter has it."""
+        """Return an answer in SI, as the value of its parameter."""
         if isinstance(answer.value, str):
             return answer.value
         numbers = tuple(number * UNITS[self.unit] for number in answer.value)
@@ -148,7 +148,7 @@ class Question:
 
 
 class Answers:
-    """The answers so far, in SI for those who estimate by them."""
+    """The answers so far, in SI for estimates."""
 
     def __init__(self, questions: Sequence[Question], answers: Mapping[str, Answer]) -> None:
         """answers: by the names of questions."""
@@ -176,7 +176,7 @@ class Answers:
 
     @property
     def segments(self) -> int:
-        """How many segments the arm has."""
+        """Number of segments of the arm."""
         return round(self.one('segments'))
 
     def each(self, name: str) -> tuple[float, ...]:
@@ -188,4 +188,4 @@ PER: Mapping[str, Callable[[Answers], int]] = {
     '': lambda answers: 1, 'segment': lambda answers: answers.segments,
     'disc': lambda answers: answers.segments + 1, 'some segments': lambda answers: 0,
     'end': lambda answers: len(answers.all('tendon_ends'))}
-"""How many numbers a question may have; of discs the base first, of ends those of tendons."""
+"""How many numbers a question may have; discs: base first, ends: of the tendons."""

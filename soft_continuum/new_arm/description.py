@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The description that follows from answers: parameters, and what is assumed in them."""
+"""The description derived from answers: parameters, with the assumptions noted."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,17 +23,17 @@ from soft_continuum.parameters.parameter import Value
 
 ASSUMED = 'ASSUMED'
 SHAPE = 'bow'
-PART = 0.5  # of the limits, to which the segments of the first shape bend
+PART = 0.5  # of the limits, for the segments of the first shape
 LEAST_BODIES = 10  # per segment
 ONLY_OF_LEAVES = ('arm.youngs_modulus', 'arm.leaf_thicknesses', 'arm.leaf_widths')
 LEAF_ALONE = (0.0,)
-"""As arm.bending_stiffnesses: E I follows from leaf springs and Young's modulus."""
+"""Value of arm.bending_stiffnesses: E I follows from leaf springs and Young's modulus."""
 
 
 @dataclass(frozen=True)
 class Description:
     """
-    Parameters by their dotted names, and a note to each.
+    Parameters by their dotted names, each with a note.
 
     shape, directions: bending angle and direction of each segment in the shape SHAPE, rad; no
     directions: all 0.
@@ -46,7 +46,7 @@ class Description:
 
     @property
     def arm(self) -> Arm:
-        """The arm; raises ParameterError where the answers do not make one."""
+        """The arm; raises ParameterError if the answers do not describe one."""
         return arm_from_parameters(self.values)
 
 
@@ -61,9 +61,9 @@ def complete(given: Mapping[str, Given],
     """
     Return an answer to every question about the arm, by its name.
 
-    given: answers that are known.  ask: gets a question, the answers before it and what is
-    suggested, and returns an answer, or None to take that.  Raises AnswerError where an answer
-    does not fit to those before it, or is to a question about other kinds of arms.
+    given: answers that are known.  ask: gets a question, the previous answers and the suggestion,
+    and returns an answer, or None to accept the suggestion.  Raises AnswerError if an answer
+    contradicts previous ones, or belongs to a question about other kinds of arms.
     """
     found: dict[str, Answer] = {}
     for question in QUESTIONS:
@@ -93,7 +93,7 @@ def describe(found: Mapping[str, Answer]) -> Description:
         if not name or (name in ONLY_OF_LEAVES and answers.kind != PLANAR):
             continue
         if name == 'arm.tendon_ends':
-            values['arm.tendon_names'] = ()  # here it is to stand
+            values['arm.tendon_names'] = ()  # its position in the file
         values[name] = question.value(answer)
         notes[name] = question.sets.description if question.sets else ''
         if answer.assumed:
@@ -134,14 +134,14 @@ def describe(found: Mapping[str, Answer]) -> Description:
 
 
 def _last_tendon(values: Mapping[str, Value]) -> float:
-    """Return the angle of a tendon that ends at the tip, rad: if all lie in one plane, it does."""
+    """Return the angle of a tendon that ends at the tip, rad; it lies in the plane if all do."""
     ends: Any = values['arm.tendon_ends']
     angles: Any = values['arm.tendon_angles']
     return float(angles[ends.index(max(ends))])
 
 
 def _tendons(answers: Answers, values: dict[str, Value]) -> None:
-    """Put the tendons of a spatial arm in the place of what was asked about them."""
+    """Replace the answers about tendons of a spatial arm by its tendons."""
     ends = [round(end) for end in answers.all('tendon_ends')]
     count = round(answers.one('tendons'))
     firsts = answers.all('first_tendon_angles', len(ends))
@@ -154,7 +154,7 @@ def _tendons(answers: Answers, values: dict[str, Value]) -> None:
 
 
 def shown(question: Question, answer: Answer) -> str:
-    """Return an answer as it is typed."""
+    """Return an answer as typed."""
     if isinstance(answer.value, str):
         return answer.value
     return ','.join(f'{number:.12g}' for number in answer.value)

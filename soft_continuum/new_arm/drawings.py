@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Small drawings of what is asked, for a terminal."""
+"""Small drawings for the questions, for a terminal."""
 
 DRAWINGS = {
     'segments': r"""
@@ -108,4 +108,4 @@ DRAWINGS = {
          (motors)
 """,
 }
-"""By the names of questions; one that is like the question before has none."""
+"""By the names of questions; one similar to the previous question has none."""

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is asked about a new arm, in that order, and what is suggested where nobody knows.
+The questions about a new arm, in order, and their suggested answers.
 
 Stiffnesses and masses are estimated from sizes and materials.
 """
@@ -34,7 +34,7 @@ SPACER_THICKNESS = 1e-3  # m
 @dataclass(frozen=True)
 class Material:
     """
-    What backbones are made of: typical values of the material.
+    A material of backbones: typical values.
 
     youngs_modulus: Pa.  poisson: Poisson's ratio.  density: kg/m^3.
     """
@@ -60,7 +60,7 @@ def _disc(diameter: float) -> float:
 
 def _by_kind(name: str, text: str, parameter: str, unit: str, values: Mapping[str, float],
              per: str = '', high: float = inf) -> Question:
-    """Return a question about kinds of arms, for each of which a number (SI) is suggested."""
+    """Return a question about kinds of arms, with a suggested number (SI) for each."""
     return Question(name, text, lambda a: Suggestion((values[a.kind],), EXAMPLE), parameter, unit,
                     per, high=high, kinds=tuple(values))
 
@@ -96,7 +96,7 @@ def _bending(a: Answers) -> Suggestion:
 
 def _torsion(a: Answers) -> Suggestion:
     if a.kind == SPATIAL:
-        return Suggestion((0.0,), 'the jamming sleeve lets no segment twist')
+        return Suggestion((0.0,), 'the jamming sleeve prevents twist')
     poisson = _material(a).poisson
     return Suggestion([k / (1.0 + poisson) for k in a.each('bending_stiffnesses')],
                       f'G J of a round rod, E I / (1 + nu) with nu = {poisson:g}')
@@ -123,7 +123,7 @@ def _disc_masses(a: Answers) -> Suggestion:
     return Suggestion(
         [DISC_DENSITY * height * _disc(d) for d, height in zip(
             (diameters[0], *diameters), a.all('disc_heights', a.segments + 1), strict=True)],
-        'full discs of printed resin, 1.18 g/cm^3, nothing on them')
+        'solid discs of printed resin, 1.18 g/cm^3, without attachments')
 
 
 def _ends(a: Answers) -> Suggestion:
@@ -146,7 +146,7 @@ def _stretch(a: Answers) -> Suggestion:
 
 def _free_length(a: Answers) -> Suggestion:
     if a.one('tendon_axial_stiffness') == 0.0:
-        return Suggestion((0.0,), 'it counts only for tendons that stretch')
+        return Suggestion((0.0,), 'it only matters for tendons that stretch')
     return Suggestion((0.3,), EXAMPLE)
 
 
@@ -154,17 +154,17 @@ def _pull_limit(a: Answers) -> Suggestion:
     needed = sum(offset * angle for offset, angle in zip(
         a.each('guide_offsets'), a.each('bending_angle_limits'), strict=True))
     return Suggestion((ceil(1e3 * SPARE_PULL * needed) / 1e3,),
-                      'guide offsets times bending angle limits, and a fifth')
+                      'guide offsets times bending angle limits, plus a fifth')
 
 
 QUESTIONS: tuple[Question, ...] = (
     Question('kind', 'Which kind of arm is it?', lambda a: Suggestion(TENDONS, EXAMPLE), choices={
         PLANAR: 'it bends in one plane; segments are stiffened by jamming, as in the paper',
         SPATIAL: 'it bends in every direction; segments are stiffened by jamming',
-        TENDONS: 'it bends in every direction, by tendons alone'}),
+        TENDONS: 'it bends in every direction, with tendons alone'}),
     Question('segments', 'How many segments does it have?',
              lambda a: Suggestion((3.0,), EXAMPLE), low=1.0, high=20.0),
-    _by_kind('segment_lengths', 'How long is the part of each segment that bends, base first?',
+    _by_kind('segment_lengths', 'How long is the bending part of each segment, base first?',
              'arm.segment_lengths', 'mm', {PLANAR: 0.07, SPATIAL: 0.07, TENDONS: 0.08}, 'segment'),
     _by_kind('outer_diameters', 'What is the outer diameter of each segment?',
              'arm.outer_diameters', 'mm', {PLANAR: 0.04, SPATIAL: 0.04, TENDONS: 0.02}, 'segment'),
@@ -172,7 +172,7 @@ QUESTIONS: tuple[Question, ...] = (
              'arm.disc_heights', 'mm', {PLANAR: 0.03, SPATIAL: 0.03, TENDONS: 0.005}, 'disc'),
     Question('guide_offsets', 'How far from the backbone are the tendons, in each segment?',
              _guides, 'arm.guide_offsets', 'mm', 'segment', low=1e-4),
-    Question('spacers', 'How many guides have the tendons inside each segment?',
+    Question('spacers', 'How many tendon guides are inside each segment?',
              lambda a: Suggestion((9.0,), EXAMPLE), 'arm.spacers', kinds=(TENDONS,)),
     Question('material', 'What is the backbone made of?',
              lambda a: Suggestion('nitinol' if a.kind == TENDONS else 'steel', EXAMPLE),
@@ -199,7 +199,7 @@ QUESTIONS: tuple[Question, ...] = (
     Question('tendons', 'How many tendons end at each of them, evenly spaced?',
              lambda a: Suggestion((3.0,), EXAMPLE), low=2.0, high=20.0, kinds=OF_RODS),
     Question('first_tendon_angles',
-             'Where is the first of them, about z from x, for each of these discs?',
+             'At what angle about z from x is the first of them, for each of these discs?',
              _first_angles, 'arm.tendon_angles', 'degrees', 'end', kinds=OF_RODS),
     Question('tendon_axial_stiffness', 'What is E A of the tendons? 0: they do not stretch',
              _stretch, 'arm.tendon_axial_stiffness', 'N'),
@@ -210,9 +210,9 @@ QUESTIONS: tuple[Question, ...] = (
              high=MAX_ANGLE),
     _by_kind('mounting_angle', 'How is the base mounted? 0: upright, 180: hanging',
              'arm.mounting_angle', 'degrees', {PLANAR: 0.0, SPATIAL: 0.0, TENDONS: pi}),
-    Question('payload', 'What is the mass of what the tip carries?',
+    Question('payload', 'What is the mass of the payload at the tip?',
              lambda a: Suggestion((0.0,), 'nothing is at the tip'), 'arm.payload', 'g'),
-    Question('pull_limit', 'By how much may a tendon be pulled in, or paid out?',
+    Question('pull_limit', 'How far may a tendon be pulled in, or paid out?',
              _pull_limit, unit='mm', low=1e-3, high=1.0),
     _by_kind('tension_limit', 'What tension do tendons, guides and motors withstand?',
              'tension_limit', 'N', {PLANAR: 60.0, SPATIAL: 60.0, TENDONS: 10.0}),

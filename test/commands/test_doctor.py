@@ -227,7 +227,7 @@ FAULTS = {
         'relay board', 'FAIL', ['has no such address']),
     'a reply that is missed': (
         lose_the_second_reply,
-        'relay board', 'WARN', ['1 of 5 replies was missed: Modbus unit 1']),
+        'relay board', 'WARN', ['1 of 5 replies missed: Modbus unit 1']),
     'replies that are slow for the timeout': (
         delay_one_reply,
         'modbus round trip', 'WARN', ['modbus.timeout is 1000 ms; set it to']),
