@@ -3,8 +3,8 @@
 """
 Access control of the view: viser serves it, and every request is checked first.
 
-viser has no such hook, so what it hands to ``websockets.asyncio.server.serve`` is wrapped while it
-starts.  If a later viser starts its server in another way, nothing is served at all.
+viser has no hook for this, so the arguments it passes to ``websockets.asyncio.server.serve`` are
+wrapped at its start.  If a later viser starts its server differently, nothing is served.
 """
 
 import asyncio
@@ -32,18 +32,18 @@ from soft_continuum.browser.connection_limiter import ConnectionLimiter, MAX_SOC
 from soft_continuum.browser.inbound import MAX_MESSAGE, only_controls
 from soft_continuum.browser.log import LOG, SERVER_LOG
 
-WRONG_TOKEN_DELAY = 1.0  # s until the next token of the same address is looked at
-MAX_WAITING = 10  # tokens of one address that wait for that
+WRONG_TOKEN_DELAY = 1.0  # s until the next token from the same address is checked
+MAX_WAITING = 10  # waiting tokens from one address
 Files = Callable[[ServerConnection, Request], Response | None]
 Conversation = Callable[[ServerConnection], Awaitable[None]]
 
 
 class AccessError(ValueError):
-    """The view cannot be served like this; the message says why, and what to do."""
+    """The view cannot be served; the message gives the reason and the remedy."""
 
 
 class _Server(viser.ViserServer):
-    """A server that cannot be published on the internet from the page."""
+    """A server that cannot be exposed to the internet from the page."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:
         """Refuse: viser would open a tunnel through a public host."""
@@ -62,13 +62,13 @@ def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
 
     bar: that of the page.
 
-    Raises AccessError for an address beyond loopback without a token, and for one that cannot be
-    listened on.
+    Raises AccessError for an address other than loopback without a token, and for one that cannot
+    be bound.
     """
     if not token and not is_loopback(host):
         raise AccessError(
-            f'--host {host} can be reached from other machines, and whoever reaches it can move '
-            'the arm: give --token too, or leave --host out')
+            f'--host {host} can be reached from other machines, whose users could move the arm: '
+            'also give --token, or leave out --host')
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         socket.create_server((host, port), family=family).close()
@@ -96,8 +96,8 @@ def open_server(host: str, port: int, token: str = '', bar: Bar | None = None
         setattr(websocket_server, 'serve', serve)  # noqa: B010
     if not checked:
         server.stop()
-        raise AccessError(f'viser {viser.__version__} does not let its connections be checked; '
-                        'install the version in requirements/lock.txt')
+        raise AccessError(f'viser {viser.__version__} does not allow its connections to be '
+                        'checked; install the version in requirements/lock.txt')
     return server
 
 
@@ -111,7 +111,7 @@ def page_address(server: viser.ViserServer, token: str = '') -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a name or an address is one that only this machine reaches."""
+    """Whether a name or an address can be reached from this machine only."""
     try:
         found = socket.getaddrinfo(host or '0.0.0.0', None)
     except OSError:
@@ -124,13 +124,13 @@ async def _converse(bar: Bar, viser_handler: Conversation, connection: ServerCon
     if connection.request is not None and connection.request.path == PATH:
         await bar.follow(connection)
     elif connection.subprotocol != f'viser-v{viser.__version__}':  # viser would print it
-        await connection.close(1002, 'another version of viser; load the page again')
+        await connection.close(1002, 'another version of viser; reload the page')
     else:
         await viser_handler(only_controls(connection))
 
 
 class _Connection(ServerConnection):
-    """A connection that is counted, and answers what is no HTTP request at all, too."""
+    """A counted connection, which also answers data that is not an HTTP request."""
 
     def __init__(self, limiter: ConnectionLimiter, protocol: ServerProtocol, *arguments: Any,
                  **options: Any) -> None:
@@ -155,12 +155,12 @@ class _Connection(ServerConnection):
 
 
 class _Requests:
-    """Answers the requests of browsers: refuses one, takes its token, or serves what it wants."""
+    """Handles requests of browsers: refuses them, checks their token, or serves them."""
 
     def __init__(self, token: str, files: Files, limiter: ConnectionLimiter) -> None:
-        """``files``: serves those of viser, and lets its WebSocket pass."""
+        """``files``: serves the files of viser and passes its WebSocket."""
         self._token, self._files, self._limiter = token, files, limiter
-        # Of this run alone, whatever its token: nobody guesses it, so it need not wait.
+        # Unique to this run, whatever its token: it cannot be guessed, so it need not wait.
         self._key = token_urlsafe(32)
         # Tokens from one address wait for each other, so that guessing is slow.
         self._turns = [asyncio.Lock() for _ in range(64)]
@@ -180,20 +180,20 @@ class _Requests:
             if refusal is not None:
                 return refusal
         elif not _names_loopback(name):
-            # A web page can give its own name the address of this machine (DNS rebinding).
+            # A web page can resolve its own name to the address of this machine (DNS rebinding).
             return connection.respond(
-                HTTPStatus.FORBIDDEN, f'This view is for this machine only, not for {host}: open '
-                'it at 127.0.0.1, or start it with --token\n')
+                HTTPStatus.FORBIDDEN, 'This view is only available on this machine, not for '
+                f'{host}: open it at 127.0.0.1, or start it with --token\n')
         origin = request.headers.get('Origin')
         if origin is not None and urlsplit(origin).netloc != host:
-            # Any web page may open a WebSocket to any address; this one moves an arm.
+            # Any web page may open a WebSocket to any address, and this one moves an arm.
             return connection.respond(HTTPStatus.FORBIDDEN, f'not for pages of {origin}\n')
         response = self._files(connection, request)
         if response is None:  # a WebSocket
             if not self._limiter.has_room():
                 return connection.respond(
-                    HTTPStatus.SERVICE_UNAVAILABLE, f'{MAX_SOCKETS // 2} pages are open, and no '
-                    'more are served; close one\n')
+                    HTTPStatus.SERVICE_UNAVAILABLE, f'{MAX_SOCKETS // 2} pages are open, which is '
+                    'the maximum; close one\n')
             self._limiter.become_socket(connection)
             return None
         if request.path.partition('?')[0] == '/':
@@ -205,8 +205,8 @@ class _Requests:
 
     async def _check_token(self, connection: ServerConnection, request: Request, host: str
                            ) -> Response | None:
-        """Return a refusal, or the answer to who shows the token; None: may go on."""
-        cookie = f'soft_continuum_{host.rpartition(":")[2]}'  # a browser shares them among ports
+        """Return a refusal, or the response to a correct token; None: continue."""
+        cookie = f'soft_continuum_{host.rpartition(":")[2]}'  # browsers share cookies among ports
         # Not http.cookies: it drops all of them when it cannot parse that of another program.
         parts = request.headers.get('Cookie', '').split(';')
         pairs = (part.strip().partition('=') for part in parts)
@@ -221,8 +221,8 @@ class _Requests:
         if not await self._is_right(given, connection):
             return connection.respond(
                 HTTPStatus.UNAUTHORIZED,
-                'This view of the arm needs its token: open the address that was printed when it '
-                'was started, which ends in ?token=...\n')
+                'This view of the arm needs its token: open the address printed at its start, '
+                'which ends in ?token=...\n')
         redirect = connection.respond(HTTPStatus.SEE_OTHER, '')
         redirect.headers['Location'] = '/'
         redirect.headers['Set-Cookie'] = (
@@ -247,7 +247,7 @@ class _Requests:
 
 
 def _names_loopback(name: str) -> bool:
-    """Whether the name of a host is one of this machine, without asking a name server."""
+    """Whether a host name is one of this machine, without a DNS query."""
     try:
         return name == 'localhost' or ip_address(name).is_loopback
     except ValueError:

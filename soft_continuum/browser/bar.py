@@ -3,8 +3,8 @@
 """
 The bar at the top of the page: STOP, Resume, whether the arm may move, the newest message.
 
-It is no part of viser's page but above it, with a connection of its own: nothing can cover STOP,
-and no element of viser can take it away.
+It is not part of viser's page but above it, with its own connection, so no element of viser can
+cover or remove STOP.
 """
 
 import asyncio
@@ -30,19 +30,19 @@ from soft_continuum.ros.names import TENDON_ACTUATION
 
 PAGE = Path(__file__).with_name('page.html').read_text(encoding='utf-8')
 PATH = '/bar'
-MAX_ALARMS, ALARM_LENGTH = 3, 160  # that are shown below the bar, characters of each
-CHECK_PERIOD = 0.1  # s between two looks at whether there is something new
+MAX_ALARMS, ALARM_LENGTH = 3, 160  # shown below the bar, and characters of each
+CHECK_PERIOD = 0.1  # s between two checks for changes
 REMEDY = (f'{HOW_TO_START[0].upper()}{HOW_TO_START[1:]}; this page continues by itself.'
           .replace('`', ''))
-SEND_PERIOD = 1.0  # s until it is sent again: the page knows from it that it is connected
+SEND_PERIOD = 1.0  # s until it is sent again, as a heartbeat of the connection
 
 
 @dataclass(frozen=True)
 class BarState:
     """
-    What the bar shows; kind: 'ready', 'moving', 'stopped', 'lost' or 'replay'.
+    Content of the bar; kind: 'ready', 'moving', 'stopped', 'lost' or 'replay'.
 
-    alarm: what is wrong with the arm by the measurements, a line each, below the bar.
+    alarm: anomalies of the arm, one in each line, below the bar.
     """
 
     kind: str
@@ -59,7 +59,7 @@ LOST = BarState('lost', 'No data from the arm',
 
 
 def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
-    """Return what the bar shows of an arm, with the last of the notices that are still new."""
+    """Return the content of the bar for an arm, with the last of the recent notices."""
     kind, headline, text = _motion(state)
     may_resume = kind == 'stopped' and not state.emergency_stop
     missing = [node.name for node in state.nodes if node.stale]
@@ -78,7 +78,7 @@ def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
 
 
 def alarm_text(state: ArmState) -> str:
-    """Return what is wrong with the arm by the measurements, a line each, empty for nothing."""
+    """Return the anomalies of the arm, one in each line; empty for none."""
     anomalies = state.estimate.anomalies if state.estimate else ()
     lines = [_cut(plain(anomaly_text(anomaly))) for anomaly in anomalies]
     if len(lines) > MAX_ALARMS:
@@ -91,12 +91,12 @@ def _cut(text: str) -> str:
 
 
 def _motion(state: ArmState) -> tuple[str, str, str]:
-    """Return kind, headline and text about whether the arm may move."""
+    """Return kind, headline and text for whether the arm may move."""
     if state.stopped is None or state.node(TENDON_ACTUATION).stale:
-        return 'lost', 'The arm is not known', ''
+        return 'lost', 'Arm state unknown', ''
     if state.stopped:
-        remedy = ('whoever turned it on turns it off and you press Resume' if state.emergency_stop
-                  else 'you press Resume')
+        remedy = ('the emergency stop is reset where it was triggered and you press Resume'
+                  if state.emergency_stop else 'you press Resume')
         return 'stopped', 'STOPPED', f'{plain(state.stopped)}. Nothing moves before {remedy}.'
     if state.progress is not None:
         now = state.progress
@@ -109,29 +109,29 @@ def _motion(state: ArmState) -> tuple[str, str, str]:
 
 class Bar:
     """
-    Sends what the bar shows to every page, and takes ``stop`` and ``resume`` from them.
+    Sends the content of the bar to every page, and receives ``stop`` and ``resume``.
 
-    commands: what these two words do; called on the thread of the server.
+    commands: what these do; called on the thread of the server.
     """
 
     def __init__(self) -> None:
-        """Show that nothing is known."""
+        """Show that the state is unknown."""
         self.commands: dict[str, Callable[[], None]] = {}
         self._shown, self._since = LOST, -inf
 
     def show(self, state: BarState) -> None:
-        """Show a state from now on, from any thread; call it again before STALE_AFTER."""
+        """Show a state, from any thread; call it again before STALE_AFTER."""
         self._shown, self._since = state, monotonic()
 
     async def follow(self, connection: ServerConnection) -> None:
-        """Serve the bar of one page until that is closed."""
+        """Serve the bar of one page until the page is closed."""
         sender, limiter = asyncio.create_task(self._send(connection)), RateLimiter()
         try:
             async for word in connection:
                 await limiter.keep()
                 command = self.commands.get(word) if isinstance(word, str) else None
                 if command is None:
-                    LOG.warning('dropped what is neither stop nor resume: %.40r', word)
+                    LOG.warning('dropped a message that is neither stop nor resume: %.40r', word)
                 else:
                     command()
         except ConnectionClosed:

@@ -14,19 +14,19 @@ INTERVAL = 0.2  # s between two samples
 LENGTH = 301  # samples: a minute
 HEIGHT = 24  # px
 ERROR_ENDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)  # mm or degrees
-AXIS_ENDS = (10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # where an axis may end
+AXIS_ENDS = (10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # possible ends of an axis
 
 
 class History:
     """
     Samples of a minute, the oldest first; nan where one is missing.
 
-    vacuum: kPa.  tensions: N.  prediction: mm between the measured tip and where the model alone
-    has it.  error: of the shape that is being set, mm, or degrees while error_is_angle.
+    vacuum: kPa.  tensions: N.  prediction: mm between the measured tip and the open-loop
+    prediction.  error: of the shape being set, mm, or degrees while error_is_angle.
     """
 
     def __init__(self, segments: int, tendons: int, ambient_pressure: float) -> None:
-        """Start without any; ambient_pressure: Pa."""
+        """Start empty; ambient_pressure: Pa."""
         self._ambient = ambient_pressure
         self.vacuum, self.tensions = (
             tuple(deque([nan] * LENGTH, maxlen=LENGTH) for _ in range(count))
@@ -35,7 +35,7 @@ class History:
         self.error_is_angle = True
 
     def sample(self, state: ArmState) -> None:
-        """Take a sample, once every INTERVAL."""
+        """Take a sample; call it once every INTERVAL."""
         vacuum = [None if p is None else (self._ambient - p) * 1e-3 for p in state.pressures]
         _append(self.vacuum, vacuum)
         _append(self.tensions, state.tensions or ())
@@ -59,13 +59,13 @@ def _append(series: Sequence[deque[float]], values: Sequence[float | None]) -> N
 
 
 def axis_end(series: Iterable[Iterable[float]], ends: Sequence[float] = AXIS_ENDS) -> float:
-    """Return which of ``ends`` an axis from 0 up has that all of the samples fit on."""
+    """Return the smallest of ``ends`` for an axis from 0 that fits all samples."""
     largest = max((v for one in series for v in one if isfinite(v)), default=0.0)
     return next((end for end in ends if end >= largest), ends[-1])
 
 
 def chart(samples: Sequence[float], top: float, colour: Colour) -> str:
-    """Return samples as an SVG, from 0 to ``top``; where one is nan there is no line but grey."""
+    """Return samples as an SVG, from 0 to ``top``; gaps (nan) are grey."""
     lines, gaps, start = [], [], 0
     for known, group in groupby(samples, isfinite):
         values = list(group)
@@ -83,7 +83,7 @@ def chart(samples: Sequence[float], top: float, colour: Colour) -> str:
 
 
 def _corners(start: int, values: Sequence[float], top: float) -> list[str]:
-    """Return the points of a line, without those between two of the same height."""
+    """Return the points of a line, without those between two points of equal height."""
     heights = [round(HEIGHT - 1 - (HEIGHT - 2) * min(1.0, max(0.0, v / top)), 1) for v in values]
     last = len(heights) - 1
     points = [f'{start + i} {y:g}' for i, y in enumerate(heights)

@@ -3,7 +3,7 @@
 """
 Buttons of the page, and which of them are grey.
 
-Their callbacks are coroutines: these run before another browser can change what was chosen.
+Callbacks are coroutines, which run before another browser can change the selection.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ import viser
 
 def add_button(gui: viser.GuiApi, label: str, work: Callable[[], None], **options: Any
                ) -> viser.GuiButtonHandle:
-    """Add a button that does some work."""
+    """Add a button with a callback."""
     async def clicked(_: object) -> None:
         work()
 
@@ -25,7 +25,7 @@ def add_button(gui: viser.GuiApi, label: str, work: Callable[[], None], **option
 
 def add_group(gui: viser.GuiApi, label: str, options: tuple[str, ...],
               work: Callable[[str], None], **more: Any) -> viser.GuiButtonGroupHandle:
-    """Add buttons side by side; the work is told which of them was clicked."""
+    """Add buttons side by side; the callback receives the label of the clicked one."""
     async def clicked(event: Any) -> None:
         if event.target.value in options:  # a browser may send any text
             work(event.target.value)
@@ -44,9 +44,9 @@ def enable(control: Any, works: bool) -> None:
 
 def show_value(server: viser.ViserServer, control: Any, value: Callable[[], Any]) -> None:
     """
-    Let a control that browsers set show a value, called for where they set it: on viser's thread.
+    Show a value in a control that browsers set; call it on viser's thread, where they do.
 
-    On another one it could be set back after a browser has set it and before its callback is run.
+    On another thread it could undo a browser's change before the callback runs.
     """
     def show() -> None:
         now = value()
@@ -57,6 +57,6 @@ def show_value(server: viser.ViserServer, control: Any, value: Callable[[], Any]
 
 
 def number_of(value: Any, low: float, high: float) -> float:
-    """Return a number within limits, 0 or the nearest for what is none: a browser may send any."""
+    """Return a number clamped to limits, 0 for no number: a browser may send anything."""
     known = isinstance(value, int | float) and low <= value <= high
     return float(value) if known else min(max(0.0, low), high)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The readings of the panel, as small pieces of HTML."""
+"""The readings of the panel as HTML fragments."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -40,14 +40,14 @@ WARNING: Colour = (255, 222, 89)
 PLAIN: Colour = (255, 255, 255)
 LEVELS = {'ok': PLAIN, 'warn': WARNING, 'error': WRONG}
 DARK_TEXT = (PLAIN, WARNING, TENSIONS[0], SOFT, GHOST)
-MAX_ROWS, MAX_ALARM_ROWS = 30, 10  # of what others publish
+MAX_ROWS, MAX_ALARM_ROWS = 30, 10  # of received texts
 TELLING_ANGLE = radians(0.5)  # from which on a bending has a direction worth a word
 FEW_TENDONS = 3  # up to so many have a curve below their numbers, more beside them
 VACUUM_END = 100.0  # kPa, where its axis ends
 
 
 def nodes_html(state: ArmState) -> str:
-    """Return a row per node: level and message of its status, or since when it is stale."""
+    """Return a row for each node: level and message of its status, or its age if stale."""
     return _table(_node_row(report) for report in (*state.nodes, *state.sensors))
 
 
@@ -64,7 +64,7 @@ def _node_row(report: NodeReport) -> tuple[str, str]:
 
 
 def recording_html(state: RecorderState | None) -> str:
-    """Return what is being recorded, and where to; or how to be able to."""
+    """Return the state of the recording and its file, or how to start the recorder."""
     if state is None:
         return _table([(_chip('absent', UNKNOWN), 'to record, start: '
                         '<code>ros2 run soft_continuum recorder</code>')])
@@ -78,9 +78,9 @@ def recording_html(state: RecorderState | None) -> str:
 
 
 def steering_html(state: TeleopState | None) -> str:
-    """Return what a joystick or keyboard steers, or how it could."""
+    """Return what a joystick or keyboard steers, or how to connect one."""
     if state is None:
-        return _table([(_chip('absent', UNKNOWN), 'to steer by a keyboard, type in a terminal: '
+        return _table([(_chip('absent', UNKNOWN), 'to steer with a keyboard, type in a terminal: '
                         '<code>soft_continuum teleop</code>')])
     chip = (_chip('no joystick', UNKNOWN) if not state.connected else
             _chip('HELD', SOFT) if state.enabled else _chip('released', PLAIN))
@@ -90,7 +90,7 @@ def steering_html(state: TeleopState | None) -> str:
 
 
 def segments_html(state: ArmState, description: Description, history: History) -> str:
-    """Return a row per segment: stiff or soft, vacuum, bending angle, vacuum of last minute."""
+    """Return a row for each segment: stiff or soft, vacuum, bending angle, vacuum chart."""
     rows: list[tuple[str, ...]] = []
     count = len(description.arm.segments)
     for s in range(count):
@@ -115,7 +115,7 @@ def segments_html(state: ArmState, description: Description, history: History) -
 
 
 def _bending(state: ArmState, segment: int) -> str:
-    """Return how much a segment (from 0) bends, how well that is known, and towards where."""
+    """Return bending angle, standard deviation and direction of a segment (from 0)."""
     angles, directions = state.bending_angles or (), state.bending_directions
     estimate = state.estimate
     stddevs = estimate.angle_stddevs if estimate and estimate.measured else ()
@@ -131,7 +131,7 @@ def _bending(state: ArmState, segment: int) -> str:
 
 
 def tendons_html(state: ArmState, description: Description, history: History) -> str:
-    """Return a row per tendon: pull, tension, tension of the last minute."""
+    """Return a row for each tendon: pull, tension, tension chart."""
     rows: list[tuple[str, ...]] = []
     names = description.arm.tendon_names
     end = axis_end(history.tensions)
@@ -154,7 +154,7 @@ def tendons_html(state: ArmState, description: Description, history: History) ->
 
 def positions_html(state: ArmState, axes: str) -> str:
     """
-    Return the tip by the model, and a row per disc that is measured: how far it is off.
+    Return the modelled tip, and a row for each measured disc with its model error.
 
     axes: names of those along which the arm moves.
     """
@@ -168,15 +168,15 @@ def positions_html(state: ArmState, axes: str) -> str:
                 _number(degrees(error[1]), '+.1f', '°')), strict=True) if isfinite(value))
         rows.append((f'disc&nbsp;{n}', *_position(seen, axes), off or 'not seen'))
     return _table(rows) + caption(f'{" and ".join([", ".join(axes[:-1]), axes[-1]])} in mm; ' + (
-        'discs as they are seen, and how far from the model'
+        'measured discs, and their distance from the model'
         if state.measured_discs else 'no sensor measures the discs'))
 
 
 def source_html(state: ArmState, history: History) -> str:
-    """Return whether the shape is measured, how well, how far the prediction is off, alarms."""
+    """Return source and accuracy of the shape, the prediction error, and alarms."""
     estimate = state.estimate
     if estimate is None:
-        return _small('kinematics says nothing of it')
+        return _small('no report from kinematics')
     rows = [(_chip(' ALARM ', WRONG), _text(anomaly_text(anomaly)))
             for anomaly in estimate.anomalies[:MAX_ALARM_ROWS]]
     if not estimate.measured:
@@ -196,7 +196,7 @@ def source_html(state: ArmState, history: History) -> str:
 
 
 def error_html(history: History) -> str:
-    """Return the last minute of the measured error of the shape that was being set, if any."""
+    """Return the chart of the measured error of the shape that was being set, if any."""
     if not any(map(isfinite, history.error)):
         return ''
     unit = 'degrees' if history.error_is_angle else 'mm'
@@ -217,16 +217,16 @@ def _within(estimate: Estimate) -> str:
 
 
 def parameters_html(estimate: Estimate | None) -> str:
-    """Return a row per learned parameter: value and deviation, or that nothing determines it."""
+    """Return a row for each estimated parameter: value and deviation, or not determined."""
     if estimate is None or not estimate.parameters:
-        return _small('nothing is learned without a sensor that sees the discs')
+        return _small('nothing is estimated without a sensor that measures the discs')
     rows = []
     for parameter in estimate.parameters[:MAX_ROWS]:
         rows += _parameter_rows(parameter)
     return _table(rows) + caption(
-        'stiffness factor: of the soft segment, over the described one; K: stiff over soft; '
-        'offset: pulled in beyond what the motor says; ± one standard deviation. '
-        '<code>soft_continuum save-estimate</code> saves what is determined')
+        'stiffness factor: soft segment, relative to the described one; K: stiff over soft; '
+        'offset: pulled in beyond the motor position; ± one standard deviation. '
+        '<code>soft_continuum save-estimate</code> saves the determined ones')
 
 
 def _parameter_rows(parameter: LearnedParameter) -> list[tuple[str, ...]]:
@@ -241,13 +241,13 @@ def _parameter_rows(parameter: LearnedParameter) -> list[tuple[str, ...]]:
 
 
 def picture_html(address: str) -> str:
-    """Return a picture with its legend; nothing for no address."""
+    """Return an image with its legend; empty without an address."""
     if not address:
         return ''
     return _small(f'<img src="{address}" style="width:100%;display:block" '
                   'alt="The arm as the camera sees it">') + caption(
-        f'what the camera sees, with <b style="color:{_css(MEASURED)}">tags</b> and '
-        f'<b style="color:{_css(MODEL)}">model</b>')
+        f'camera image with <b style="color:{_css(MEASURED)}">tags</b> and <b '
+        f'style="color:{_css(MODEL)}">model</b>')
 
 
 def _position(pose: Pose | None, axes: Sequence[str]) -> tuple[str, ...]:
@@ -257,7 +257,7 @@ def _position(pose: Pose | None, axes: Sequence[str]) -> tuple[str, ...]:
 
 
 def jog_hint_html(state: ArmState, description: Description) -> str:
-    """Say how tendons are moved, or what it takes."""
+    """Explain how to move tendons, or what is needed first."""
     if state.stopped:
         return _small('Stopped: press Resume first.')
     if state.progress is not None:
@@ -265,23 +265,22 @@ def jog_hint_html(state: ArmState, description: Description) -> str:
     if False in state.stiff or not description.jamming:
         return _small(
             'In mm. Pay out the tendons on the other side before you pull one in: tension in all '
-            'of them at once is refused.' if len(description.arm.tendon_names) > 2 else
-            'In mm. Pay out one tendon before you pull in the other: tension in both at once is '
-            'refused.')
+            'of them is refused.' if len(description.arm.tendon_names) > 2 else
+            'In mm. Pay out one tendon before you pull in the other: tension in both is refused.')
     return _small('Soften a segment to move the tendons: a stiff arm must not be pulled.')
 
 
 def own_shape_html(description: Description) -> str:
-    """Say what the sliders of a shape mean."""
+    """Explain the sliders of a shape."""
     return caption(
         'Degrees. ' + (
-            'Direction: towards where, about z, from x (0) to y (90) of the disc below, as they '
-            'are drawn at the base. ' if any(description.directed) else '')
+            'Direction: about z, from x (0) to y (90) of the disc below, as drawn at the '
+            'base. ' if any(description.directed) else '')
         + 'The shape is shown in green for ten seconds after a change.')
 
 
 def sequence_html(state: ArmState) -> str:
-    """Say what the sequence does, or how the last one ended."""
+    """Show the progress of the sequence, or the result of the last one."""
     progress = state.progress
     if progress is not None:
         where = f'segment {progress.segment}' if progress.segment else 'whole arm'
@@ -291,7 +290,7 @@ def sequence_html(state: ArmState) -> str:
         return _small(f'<b>{_text(progress.shape)}</b>: {where}, {_text(progress.phase)}{step}'
                       f'{error}')
     if all(node.name != SHAPE_SEQUENCER for node in state.nodes):
-        return _small('Without jamming two tendons set no shapes: jog them.')
+        return _small('Without jamming two tendons cannot set shapes: jog them.')
     last = state.last_result
     if last is None:
         return _small('no sequence yet')
@@ -300,7 +299,7 @@ def sequence_html(state: ArmState) -> str:
 
 
 def plan_html(planned: Planned | None, late: bool) -> str:
-    """Say whether and how the tip gets to its goal; late: the answer for the newest one is."""
+    """Show whether and how the tip reaches its goal; late: the newest answer is overdue."""
     if planned is None:
         return _status(_table([(_chip('PLANNING', UNKNOWN), '')]))
     plan = planned.plan
@@ -311,7 +310,7 @@ def plan_html(planned: Planned | None, late: bool) -> str:
     if plan is not None and plan.found and not plan.steps:
         rows.append(('the tip is there',))
     if plan is not None and plan.steps:
-        lines = [] if plan.found else ['<b>the nearest that can be had:</b>']
+        lines = [] if plan.found else ['<b>nearest reachable:</b>']
         off = plan.tip_errors[-1] if plan.tip_errors else 0.0
         lines += [f'tip <b>{_number(1e3 * off, ".1f", " mm")}</b> from its goal',
                   f'softenings: <b>{plan.softenings}</b>' if plan.steps[0].segment else
@@ -350,7 +349,7 @@ def _number(value: float, form: str, unit: str) -> str:
 
 
 def _status(html: str) -> str:
-    """Let a screen reader say what changes."""
+    """Let a screen reader announce changes."""
     return f'<div role="status">{html}</div>'
 
 

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What comes in from viser's page: its camera, values of controls, and the handle of the tip.
+Messages from viser's page: its camera, values of controls, and the handle of the tip.
 
-viser itself sets whatever property of an element a message names and keeps every file it is sent.
-So its messages are decoded here, by a schema that has nothing else, and encoded again.
+viser sets any property of an element that a message names and keeps every file it receives. So
+messages are decoded here with a strict schema and encoded again.
 """
 
 from collections.abc import Awaitable, Callable
@@ -20,7 +20,7 @@ MAX_MESSAGE = 2**14  # bytes
 MAX_TEXT = 1000  # characters
 HandleName = Literal['/arm/tip_goal']
 TIP_HANDLE: str = get_args(HandleName)[0]
-"""The name of the one handle that can be dragged."""
+"""The name of the handle that can be dragged."""
 Vector = tuple[float, float, float]
 Number = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]  # of a slider: s, or degrees
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
@@ -71,7 +71,7 @@ _DECODER = msgspec.msgpack.Decoder(_Camera | _Update | _Handle | _HandleStart | 
 
 
 def only_controls(connection: ServerConnection) -> ServerConnection:
-    """Let a connection receive nothing else; what else comes is dropped and logged."""
+    """Drop and log all other messages of a connection."""
     setattr(connection, 'recv', _filtered(connection.recv))  # noqa: B010  (mypy: a method)
     return connection
 
@@ -84,9 +84,10 @@ def _filtered(receive: Callable[[], Awaitable[str | bytes]]) -> Callable[[], Awa
             raw = await receive()
             await limiter.keep()
             try:
-                # As it was understood: of two values of one key viser might take the other.
+                # Encoded as decoded: viser might use the other value of a duplicate key.
                 return msgspec.msgpack.encode(_DECODER.decode(raw))  # type: ignore[arg-type]
             except (msgspec.MsgspecError, TypeError, ValueError, RecursionError) as error:
-                LOG.warning('dropped a message that is no value of a control: %.100r', str(error))
+                LOG.warning('dropped a message that is not a value of a control: %.100r',
+                            str(error))
 
     return receive_filtered

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The log of the view: only so many lines of it, whatever browsers and nodes send."""
+"""The log of the view, limited in lines whatever browsers and nodes send."""
 
 import logging
 from time import monotonic
@@ -8,11 +8,11 @@ from time import monotonic
 LINES, PERIOD = 20, 10.0  # in so many s
 LOG = logging.getLogger('soft_continuum.browser')
 SERVER_LOG = logging.getLogger('soft_continuum.browser.server')
-"""For websockets; without the tracebacks that it writes about what browsers send."""
+"""For websockets, without its tracebacks about messages from browsers."""
 
 
 class _RateLimit(logging.Filter):
-    """Lets LINES pass in PERIOD, and counts the others."""
+    """Passes LINES in PERIOD and counts the others."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -26,7 +26,7 @@ class _RateLimit(logging.Filter):
             dropped = self._count - LINES
             self._start, self._count = now, 0
             if dropped > 0:
-                record.msg = f'{record.msg}  ({dropped} such lines were left out)'
+                record.msg = f'{record.msg}  ({dropped} such lines omitted)'
         self._count += 1
         if record.exc_info and record.name == SERVER_LOG.name:
             record.msg = f'{record.msg}: {type(record.exc_info[1]).__name__}'

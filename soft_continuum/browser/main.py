@@ -3,7 +3,7 @@
 """
 ``./run ui``: the four nodes and the view; ``ros2 run soft_continuum browser``: the view alone.
 
-Nodes and view are processes of their own: what the view does takes no time from the nodes.
+Nodes and view are separate processes, so the view does not delay the nodes.
 """
 
 from argparse import ArgumentTypeError, Namespace
@@ -43,13 +43,13 @@ PORT = 8080
 SCENE_PERIOD = 0.04  # s
 PANEL_PERIOD = 0.2  # s
 DESCRIPTION_PERIOD = 2.0  # s between two requests for the description
-ANSWER_TIMEOUT = 5.0  # s for a service; the board of a rig answers within a fraction of one
-DISCOVERY_TIMEOUT = 0.5  # s: nodes that run were discovered before somebody clicks
+ANSWER_TIMEOUT = 5.0  # s for a service; boards of a rig reply within a fraction of a second
+DISCOVERY_TIMEOUT = 0.5  # s: running nodes are discovered before a user clicks
 TOKEN = re.compile('[A-Za-z0-9_-]{12,}')
 
 
 class View:
-    """Keeps the scene and the panel up to date while a browser looks at them."""
+    """Updates the scene and the panel while a browser shows them."""
 
     def __init__(self, server: viser.ViserServer, session: Session, bar: Bar,
                  playback: 'Playback | None' = None, title: str = '') -> None:
@@ -101,37 +101,39 @@ class View:
 
 
 def _guarded(update: Callable[[], None]) -> None:
-    """Update, and go on with the next when it cannot be done."""
+    """Update; after a failure continue with the next update."""
     try:
         update()
-    except Exception:  # such as of a message that is not as documented
-        LOG.exception('the view could not be brought up to date')
+    except Exception:  # such as a malformed message
+        LOG.exception('the view could not be updated')
 
 
 def add_view_options(parser: Parser) -> None:
     """Add --host, --port and --token."""
     parser.add_argument('--host', default='127.0.0.1',
-                        help='address to listen on; beyond this machine only with --token '
+                        help='address to listen on; other than this machine only with --token '
                         '(default: %(default)s)')
     parser.add_argument('--port', type=int, default=PORT,
                         help='port, 0 for any free one (default: %(default)s)')
     parser.add_argument('--token', type=_token,
-                        help='what a browser has to show: 12 or more letters, digits, - and _')
+                        help='token that browsers need: 12 or more letters, digits, - and _')
 
 
 def _token(text: str) -> str:
     if not TOKEN.fullmatch(text):
         raise ArgumentTypeError(
-            'a token is 12 or more letters, digits, - and _, such as openssl rand -hex 16 prints')
+            'a token is 12 or more letters, digits, - and _, such as the output of openssl rand '
+            '-hex 16')
     return text
 
 
 def ui() -> int:
     """Run the four nodes and the view until Ctrl-C; return the exit status."""
-    parser = start_parser('ui', 'The four nodes, the recorder, and the arm in a browser.')
+    parser = start_parser('ui', 'Start the four nodes and the recorder, and show the arm in a '
+                          'browser.')
     add_view_options(parser)
     parser.add_argument('--view-only', action='store_true',
-                        help='start no nodes; show those that run')
+                        help='start no nodes; show running ones')
     options = parser.parse_args()
     if options.view_only and (options.twin or options.camera):
         parser.error('--view-only starts nothing; leave out --twin and --camera')
@@ -145,7 +147,8 @@ def ui() -> int:
 
 def browser() -> int:
     """Run the view alone, with the arguments of a ROS node; return the exit status."""
-    parser = Parser('browser', 'The arm in a browser. All other arguments are those of a node.')
+    parser = Parser('browser', 'Show the arm in a browser. All other arguments are those of a ROS '
+                    'node.')
     add_view_options(parser)
     options, rest = parser.parse_known_args()
     return run(parser, (), ['browser', *rest], options)
@@ -156,7 +159,7 @@ def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options:
     """
     Run nodes and the view, with ROS arguments, until SIGINT or SIGTERM; return the status.
 
-    rig: runs while the nodes do, and gives them parameters that win over those of the files.
+    rig: runs while the nodes do, and gives them parameters that override those of the files.
     """
     signal.signal(signal.SIGTERM, interrupt)
     try:
@@ -178,9 +181,9 @@ def serve(running: ExitStack, options: Namespace, what: str, playback: 'Playback
     """
     Serve the view with the options of add_view_options until SIGINT or SIGTERM.
 
-    running: takes it down.  what: is shown, for the line with the address.  playback, title: as of
-    View.  connecting: as of Connection.  Raises AccessError, ClientError, and KeyboardInterrupt
-    in the end.
+    running: closes the view.  what: the subject of the line with the address.  playback, title: as
+    of View.  connecting: as of Connection.  Raises AccessError, ClientError, and at its end
+    KeyboardInterrupt.
     """
     token, bar = options.token or '', Bar()
     server = open_server(options.host, options.port, token, bar)
@@ -196,10 +199,10 @@ def serve(running: ExitStack, options: Namespace, what: str, playback: 'Playback
 
 async def _show(server: viser.ViserServer, requests: Requests, bar: Bar,
                 playback: 'Playback | None', title: str) -> View:
-    """Begin to show the arm, on the thread of the node."""
+    """Start to show the arm, on the thread of the node."""
     return View(server, Session(requests), bar, playback, title)
 
 
 def interrupt(*_: Any) -> None:
-    """End as Ctrl-C does: the handler of SIGTERM."""
+    """Handler of SIGTERM: exit as on Ctrl-C."""
     raise KeyboardInterrupt

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Vertices of tubes, lines and outlines in space, for the scene."""
+"""Vertices of 3-D tubes, lines and outlines for the scene."""
 
 import numpy as np
 
@@ -47,9 +47,9 @@ def sampled(values: Array, stations: Array) -> Array:
 
 
 def frames_along(points: Array) -> Array:
-    """Return frames (k, 3, 3) whose z is along points (k, 3); each is turned as little as can be.
+    """Return frames (k, 3, 3) whose z is along points (k, 3); each has the least rotation.
 
-    The rotation that takes one direction to the next is that of both reflections between them.
+    The rotation from one direction to the next is the product of two reflections.
     """
     along = np.gradient(points, axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
@@ -78,7 +78,7 @@ def line(points: Array) -> Array:
 
 
 def rectangle(bottom: Array, up: Array, across: Array) -> Array:
-    """Return the four edges (4, 2, 3) around ``bottom``, to both sides of it, and ``up`` of it."""
+    """Return the four edges (4, 2, 3) of a rectangle from ``bottom``, to both sides and ``up``."""
     corners = bottom + np.array([-across, across, across + up, -across + up])
     edges: Array = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
     return edges

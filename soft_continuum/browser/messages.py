@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Texts of the nodes, made fit for the page: short, printable, in the words on its buttons."""
+"""Texts of the nodes for the page: short, printable, with the labels of its buttons."""
 
 import re
 

@@ -28,7 +28,7 @@ RECORD, END = 'Record', 'End recording'
 PLAY, PAUSE = 'Play', 'Pause'
 SLIDER_STEP = 0.1  # s
 NOTICES_IN_PANEL = 6
-MAX_VACUUM = 100.0  # kPa that can be typed; the regulators take less
+MAX_VACUUM = 100.0  # kPa that can be entered; regulators accept less
 PANEL_WIDTH = 340  # px
 
 
@@ -37,7 +37,7 @@ class Panel:
 
     def __init__(self, server: viser.ViserServer, session: Session,
                  playback: 'Playback | None' = None) -> None:
-        """Add every control; of a playback its slider, and none that moves an arm."""
+        """Add every control; for a playback a slider, and no control that moves an arm."""
         self._server, self._session, self._playback = server, session, playback
         self._switches: list[Any] = []
         self._regulators: list[Any] = []
@@ -60,7 +60,7 @@ class Panel:
                 self._recording = gui.add_html('')
                 self._record = add_button(
                     gui, RECORD, session.record,
-                    hint='Everything that the nodes publish, as an MCAP file')
+                    hint='Record all topics of the nodes as an MCAP file')
         with gui.add_folder('Nodes'):
             self._nodes = gui.add_html('')
         with gui.add_folder('Messages'):
@@ -114,7 +114,7 @@ class Panel:
                 self._add_tendons(gui, arm.tendon_names)
 
     def _add_regulators(self, gui: viser.GuiApi, segments: int) -> None:
-        """Add a vacuum to type, and to set, for each segment; shown where there are regulators."""
+        """Add a field and a button for the vacuum of each segment; shown for regulators."""
         for segment in range(1, segments + 1):
             number = gui.add_number(
                 f'Vacuum {segment} [kPa]', 0.0, min=0.0, max=MAX_VACUUM, step=1.0, visible=False)
@@ -130,7 +130,7 @@ class Panel:
                 self._session.set_closed_loop(bool(event.target.value))
 
         self._loop = gui.add_checkbox(
-            'Closed loop', False, hint='Correct every segment that is set by what sensors measure')
+            'Closed loop', False, hint='Correct every segment with sensor measurements')
         self._loop.on_update(switched)
 
     def _add_tendons(self, gui: viser.GuiApi, names: Sequence[str]) -> None:
@@ -141,16 +141,16 @@ class Panel:
         self._hint = gui.add_html('')
         self._rests = [
             add_button(gui, 'Reference', session.reference,
-                       hint='Takes the present pulls as zero. The arm must be straight'),
+                       hint='Sets the present pulls as zero. The arm must be straight'),
             add_button(gui, 'Reset shape', session.reset,
-                       hint='Takes the arm to be straight, when its shape was not known')]
+                       hint='Assumes a straight arm, when its shape was unknown')]
 
     def remove(self) -> None:
-        """Take the controls away, to make room for those of another arm."""
+        """Remove the controls, to make room for those of another arm."""
         self._server.gui.reset()
 
     async def _look(self, event: Any) -> None:
-        """Move the camera of the browser that asks, of no other."""
+        """Move the camera of the requesting browser only."""
         description, view = self._description, event.target.value
         if description is not None and view in views_of(description) and event.client is not None:
             camera = event.client.camera
@@ -170,10 +170,10 @@ class Panel:
     def _jog(self, tendon: str, choice: str) -> None:
         self._session.jog(tendon, float(choice) * 1e-3)
 
-    # Bringing it up to date.
+    # Updates.
 
     def sample(self, state: ArmState) -> None:
-        """Add to the curves; they go on without a browser too."""
+        """Add to the charts, also without a browser."""
         if self._description is not None:
             self._history.sample(state)
 
@@ -211,7 +211,7 @@ class Panel:
         closed = self._session.closed_loop
         show_value(self._server, self._loop, lambda: bool(self._session.closed_loop))
         self._hint.content = html.jog_hint_html(state, self._description)
-        # What would do nothing now is grey.
+        # Controls without effect are grey.
         may_move = state.stopped == ''
         works_now = {node.name for node in state.nodes if not node.stale}
         may_switch = JAMMING_VALVES in works_now and not (runs or state.emergency_stop)

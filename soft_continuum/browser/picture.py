@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of the camera with the arm of the model over it, while somebody looks."""
+"""The camera image with the modelled arm overlaid, while a browser shows it."""
 
 from base64 import b64encode
 from typing import Any
@@ -19,16 +19,16 @@ STALE_AFTER = 2.0  # s
 
 
 class CameraPicture:
-    """Listens on a node only while it is looked at: nobody else needs the picture drawn."""
+    """Subscribes only while the image is shown, so that it is drawn only on demand."""
 
     def __init__(self, node: Node) -> None:
-        """Listen to nothing yet."""
+        """Start without a subscription."""
         self._node = node
         self._subscription: Any = None
         self._data, self._age = b'', Age()
 
     def look(self, on: bool) -> None:
-        """Begin or end to listen; on the thread that spins the node."""
+        """Start or stop the subscription; on the thread that spins the node."""
         if on and self._subscription is None:
             self._subscription = subscribe(self._node, CompressedImage, OVERLAY, self._on_picture,
                                            SENSOR, MAX_BYTES)
@@ -44,7 +44,7 @@ class CameraPicture:
 
     @property
     def address(self) -> str:
-        """The last picture as a data URL; empty when none came for two seconds."""
+        """The last image as a data URL; empty if none was received for two seconds."""
         if self._age.seconds > STALE_AFTER:
             return ''
         return f'data:image/jpeg;base64,{b64encode(self._data).decode("ascii")}'

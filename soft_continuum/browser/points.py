@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Points along the backbone of a shape, which is drawn with constant curvature."""
+"""Points along the backbone of a shape, drawn with constant curvature."""
 
 from collections.abc import Sequence
 
@@ -15,6 +15,6 @@ Points = tuple[tuple[float, ...], ...]
 
 def points_of(chain: Chain, angles: Sequence[float], directions: Sequence[float] = ()
               ) -> Points:
-    """Return points of a shape that bends by angles towards directions, rad, none for 0."""
+    """Return points of a shape with bending angles and directions, rad; none for 0."""
     shape = chain.uniform(bending_vectors(chain.arm, angles, directions))
     return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())

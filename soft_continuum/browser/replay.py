@@ -18,7 +18,7 @@ from soft_continuum.recordings.playback import Playback
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Show a recording until Ctrl-C; return the exit status."""
-    parser = Parser('replay', 'A recording in a browser, with a time slider. No arm moves.',
+    parser = Parser('replay', 'Play a recording in a browser, with a time slider. No arm moves.',
                     '--namespace')
     parser.add_argument('recording', type=given_path, metavar='RECORDING',
                         help='directory that record wrote, or an MCAP file')
@@ -29,10 +29,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         path = bag_in(options.recording)
         playback = Playback(path, options.namespace)
         if not playback.is_described:
-            return parser.fail(f'{path} does not have the parameters of the arm, as what record '
-                               'writes does; report and export read it', WRONG_USAGE)
+            return parser.fail(f'{path} lacks the parameters of the arm, which record writes; use '
+                               'report or export', WRONG_USAGE)
         if playback.damage:
-            print(f'{path}: {playback.damage}; what comes before is shown', file=sys.stderr)
+            print(f'{path}: {playback.damage}; the part before is shown', file=sys.stderr)
         with ExitStack() as running, playback:
             serve(running, options, 'The recording', playback,
                   f'of {path.name}: {playback.duration:.1f} s. No arm moves.',

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the user has saved, as the page has it; the file is touched on a thread of its own."""
+"""Shapes and sequences saved by the user; the file is accessed on a separate thread."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -19,14 +19,14 @@ TITLE = 'Saved shapes'
 
 class SavedShapes:
     """
-    Follows the file, which other programs change too, and changes it.
+    Follows changes of the file by other programs, and changes it.
 
-    A disk may take its time, and STOP does not wait for it then.  Only what is run by its name is
-    read where the node spins.
+    A slow disk must not delay STOP.  The file is read on the thread of the node only to run a
+    saved name.
     """
 
     def __init__(self, session: 'Session') -> None:
-        """Begin with nothing."""
+        """Start empty."""
         self._session = session
         self._all = Saved()
         self._signature: tuple[int, int] | None = None
@@ -34,7 +34,7 @@ class SavedShapes:
 
     @property
     def offered(self) -> Saved:
-        """What the arm can be set to; nothing before it is known."""
+        """Shapes and sequences that fit the arm; none before it is known."""
         description = self._session.description
         if description is None:
             return Saved()
@@ -45,7 +45,7 @@ class SavedShapes:
         self._disk.submit(self._read)
 
     def change(self, change: Callable[[], str]) -> None:
-        """Carry out one of the changes of own_file; a notice says what was done, or why not."""
+        """Carry out one of the changes of own_file; a notice reports success or the reason."""
         self._disk.submit(self._change, change)
 
     def _read(self) -> None:
@@ -66,17 +66,17 @@ class SavedShapes:
         except OwnShapesError as error:
             self._tell(self._problem, str(error))
         except Exception:
-            LOG.exception('what was saved could not be changed')
+            LOG.exception('the saved file could not be changed')
 
     def _take(self, saved: Saved) -> None:
         self._all = saved
         if saved.problem:
-            self._problem(f'{saved.problem}; the rest is offered, and the file is kept when '
-                          'something is saved')
+            self._problem(f'{saved.problem}; the rest is available, and a copy of the file is '
+                          'kept at the next save')
 
     def _problem(self, text: str) -> None:
         self._session.notify(TITLE, text, is_problem=True)
 
     def _tell(self, work: Callable[..., None], *arguments: object) -> None:
-        """Do some work on the thread that spins the node."""
+        """Call a function on the thread that spins the node."""
         self._session.requests.node.executor.create_task(work, *arguments)

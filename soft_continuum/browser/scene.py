@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is drawn: discs, skins, tendons, obstacles, what is measured, predicted, and aimed at.
+The 3-D scene: discs, skins, tendons, obstacles, measurement, prediction and goal.
 
-Handles are kept and moved; only what has changed is sent.
+Handles are kept and moved; only changes are sent.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,20 +48,20 @@ from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sph
 from soft_continuum.ros.obstacles import Key
 
 RINGS_PER_JOINT = 3
-PLEAT = 0.03  # of the radius: a skin is seen to bend by its pleats
+PLEAT = 0.03  # of the radius: pleats make the bending of a skin visible
 SKIN = 0.88  # of the outer diameter, so that discs stand out
 ROD = 0.3  # of the distance between backbone and next tendon: a backbone without a skin
 DISC_RADII = np.array([0.0, 1.0, 1.0, 1.0, 1.0, 0.0])  # rings twice, for sharp edges
 SPACER_RADII, SPACER_SIDES = np.array([0.0, 1.0, 1.0, 0.0]), 16
 DASHES = 9  # in a segment, of a slack tendon
 PLANAR_VIEWS = {'side': (0.1, -1.5, 0.1), 'front': (1.5, -0.1, 0.1), 'above': (0.0, -0.3, 1.5)}
-"""From where an arm can be looked at, over its length; first the plane in which it bends."""
+"""Viewpoints of a planar arm, relative to its length; the bending plane first."""
 FIRST_VIEW = 'three-quarter'
 VIEWS = {FIRST_VIEW: (0.7, -0.82, 0.25), **PLANAR_VIEWS}
-"""The same of a spatial one, which bends in no one plane."""
+"""Viewpoints of a spatial arm."""
 MAX_PLACE = 100.0  # m, of what is drawn; also not what is not a number
 OUTLINE = 1.1  # of the radius of the thickest disc
-STEEL = 7850.0  # kg/m^3: a payload is drawn as a ball of it
+STEEL = 7850.0  # kg/m^3: a payload is drawn as a ball of this density
 BALL = np.linspace(0.0, np.pi, 9)  # rad from its lower end, of its rings
 ROPE = 0.0027  # of the length of the arm: radius of a taut tendon as drawn
 AXIS = 0.25  # of the length of the arm: axes at its base
@@ -69,12 +69,12 @@ FOLDER = '/arm/obstacles'
 
 
 def views_of(description: Description) -> dict[str, tuple[float, float, float]]:
-    """Return from where the arm can be looked at, over its length, the first view first."""
+    """Return the viewpoints of the arm, relative to its length, the default first."""
     return VIEWS if all(description.moves_along) else PLANAR_VIEWS
 
 
 def viewpoint(description: Description, view: str) -> tuple[Array, Array]:
-    """Return from where, and to where, (3,) m, one of views_of looks."""
+    """Return position and target, (3,) m, of one of views_of."""
     angle, length = description.arm.mounting_angle, description.arm.length
     target: Array = 0.5 * length * np.array([np.sin(angle), 0.0, np.cos(angle)])
     return target + length * np.array(views_of(description)[view]), target
@@ -84,7 +84,7 @@ class Scene:
     """The arm of one description in a viser scene."""
 
     def __init__(self, server: viser.ViserServer, description: Description) -> None:
-        """Draw nothing yet but the ground, and point the camera."""
+        """Draw only the ground, and point the camera."""
         self._description = description
         self._chain = Chain(description.arm)
         self._drawn: tuple[object, ...] = ()
@@ -146,12 +146,11 @@ class Scene:
         self._skins = [
             scene.add_mesh_simple(f'/arm/skin_{s + 1}', skin, triangles, color=UNKNOWN)
             for s, skin in enumerate(self._skin_vertices(points, frames))]
-        # Discs are meshes like the skins, not moved cylinders: a slow browser shows these at
-        # another time.
+        # Discs are meshes like the skins: a slow browser would move cylinders at another time.
         self._discs = scene.add_mesh_simple(
             '/arm/discs', self._disc_vertices(straight),
             repeated(faces(len(DISC_RADII)), len(arm.discs)), color=DISC)
-        # Those of an arm with jamming are in its skin.
+        # With jamming the skin hides them.
         spacers = 0 if description.jamming else arm.spacers
         each = arm.bodies_per_segment // (spacers + 1)
         self._spacers = np.array([s * n + k * each for s in range(len(arm.segments))
@@ -175,7 +174,7 @@ class Scene:
             for s in range(len(arm.segments))]
 
     def _add_beside_it(self, scene: viser.SceneApi) -> None:
-        """Add what is measured, predicted and aimed at; hidden until there is any."""
+        """Add measurement, prediction and goal; hidden until available."""
         self._seen, self._predicted = (
             scene.add_line_segments(f'/arm/{name}', np.zeros((1, 2, 3)), colour,
                                     thickness=2 * self._rope, visible=False)
@@ -187,7 +186,7 @@ class Scene:
             visible=False, cast_shadow=False, side='double')
 
     def show(self, state: ArmState, ghost: Points, obstacles: Mapping[Key, Obstacle]) -> None:
-        """Bring the scene up to date; ghost: of the shape that is gone to, or chosen."""
+        """Bring the scene up to date; ghost: of the target or selected shape."""
         self._obstacles.show(obstacles)
         count = len(self._skins)
         stiff: Sequence[bool | None] = (None,) * count  # a stale shape is drawn grey
@@ -253,7 +252,7 @@ class Scene:
         self._ghost.visible = len(points) > 1
 
     def _show_seen(self, discs: Sequence[Pose | None]) -> None:
-        """Draw an outline around every disc where a sensor sees it."""
+        """Draw an outline at the measured pose of every disc."""
         if discs == self._seen_discs:
             return
         self._seen_discs = discs
@@ -265,7 +264,7 @@ class Scene:
         self._seen.visible = bool(outlines)
 
     def _show_predicted(self, poses: Sequence[Pose]) -> None:
-        """Draw the outline of the arm as the model alone has it."""
+        """Draw the outline of the arm as predicted open loop."""
         if poses == self._predicted_discs:
             return
         self._predicted_discs = poses
@@ -282,7 +281,7 @@ class Scene:
         self._predicted.visible = self._prediction.visible = known
 
     def _sides(self, frame: Array) -> list[tuple[Array, Array]]:
-        """Return where an outline is, from the backbone and to both sides of there, m."""
+        """Return the position of an outline relative to the backbone, and its half width, m."""
         x, y = self._half * frame[:, 0], self._half * frame[:, 1]
         # That of a planar arm is on the side of the camera.
         return [(0.0 * x, x), (0.0 * y, y)] if self._sideways else [(-y, x)]
@@ -351,16 +350,16 @@ def _placed(poses: Sequence[Pose]) -> tuple[Array, Array]:
 
 
 class DrawnObstacles:
-    """What is drawn of obstacles in the frame of the base."""
+    """Obstacles, drawn in the frame of the base."""
 
     def __init__(self, scene: viser.SceneApi) -> None:
-        """Draw nothing yet."""
+        """Start empty."""
         self._scene = scene
         self._drawn: Mapping[Key, Obstacle] = {}
         self._handles: list[Any] = []
 
     def show(self, obstacles: Mapping[Key, Obstacle]) -> None:
-        """Draw these and no others."""
+        """Draw these obstacles only."""
         if obstacles is self._drawn:
             return
         self._drawn = obstacles

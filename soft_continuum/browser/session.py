@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the view has beyond the observed arm: its description, notices, and what buttons do."""
+"""State of the view besides the observed arm: description, notices, button actions."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Coroutine, Mapping, Sequence
@@ -51,17 +51,17 @@ SEQUENCE_HOLD = 1.0  # s
 MAX_NOTICES = 50
 MAX_ANOMALIES = 20  # of one message that become notices
 MAX_TARGET_POINTS = 1000
-MAX_WAITING = 5  # requests of one title, but of STOP, that wait for an answer
+MAX_WAITING = 5  # pending requests of one title, except STOP
 STOP = 'Stop'
 NEW_PROBLEM, NEW_NOTICE = 20.0, 6.0  # s that a notice is shown in the bar
-PREVIEW = 10.0  # s that a shape is shown that somebody chooses
+PREVIEW = 10.0  # s that a selected shape is shown
 EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
 
 
 @dataclass(frozen=True)
 class Description:
     """
-    What the running nodes were started with.
+    Parameters of the running nodes.
 
     jamming: whether segments can be stiffened.  ambient_pressure: Pa.  tension_limit: N.  shapes:
     names of those in the library.
@@ -80,7 +80,7 @@ class Description:
 
     @property
     def directed(self) -> list[bool]:
-        """Of each segment whether its bending has a direction; else its angle has a sign."""
+        """For each segment, whether its bending has a direction; otherwise its angle is signed."""
         return [bool(about.all()) for about in self.arm.bending_axes]
 
     @property
@@ -95,7 +95,7 @@ class Notice:
     """
     A message to the users of the page; ``is_problem`` when a request had no effect.
 
-    count: how often it came one after the other.  time: of the last, on the monotonic clock, s.
+    count: number of consecutive repetitions.  time: of the last, on the monotonic clock, s.
     """
 
     title: str
@@ -107,25 +107,25 @@ class Notice:
 
     @property
     def is_new(self) -> bool:
-        """Whether it came so short a time ago that nobody can have read it."""
+        """Whether it is recent, so that users may not have read it."""
         return monotonic() - self.time < (NEW_PROBLEM if self.is_problem else NEW_NOTICE)
 
     @property
     def times(self) -> str:
-        """How often it came, empty for once."""
+        """The number of repetitions as text, empty for one."""
         return f' (×{self.count})' if self.count > 1 else ''
 
 
 class Session:
     """
-    Follows the description of the arm, collects notices, carries out what the page asks for.
+    Follows the description of the arm, collects notices, carries out requests of the page.
 
-    target: points (x, y, z) m along the shape that a sequence goes to.  obstacles: that are known.
+    target: points (x, y, z) m along the target shape of a sequence.  obstacles: known ones.
     Requests may come from any thread; everything else belongs on the thread that spins the node.
     """
 
     def __init__(self, requests: Requests) -> None:
-        """Begin without a description."""
+        """Start without a description."""
         self.requests = requests
         self.observed = requests.observed
         self.picture = CameraPicture(requests.node)
@@ -133,7 +133,7 @@ class Session:
         self.notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self.target: Points = ()
         self.obstacles: Mapping[Key, Obstacle] = {}
-        self._preview: tuple[Points, float] = (), -inf  # and when it was chosen
+        self._preview: tuple[Points, float] = (), -inf  # and when it was selected
         self._waiting: Counter[str] = Counter()
         self._description_problem = ''
         self._describing: Future[None] | None = None
@@ -151,7 +151,7 @@ class Session:
     def notify(self, title: str, text: str, *, is_problem: bool = False, in_bar: bool = True
                ) -> None:
         """
-        Add a notice; one that says the same as the last takes its place.
+        Add a notice; it replaces the last one if the texts are equal.
 
         in_bar: whether the bar shows it while it is new.
         """
@@ -173,7 +173,7 @@ class Session:
         self.obstacles = known_from_ros(message)
 
     def _on_change(self, topic: str) -> None:
-        """Report what is wrong, and what motion ended early for a reason that nobody asked for."""
+        """Report problems, and motions that ended early unexpectedly."""
         if topic == KINEMATICS_STATE:
             self._report_anomalies()
         if topic != TENDON_STATE:
@@ -185,7 +185,7 @@ class Session:
             self.notify('Motion ended', now.message, is_problem=True)
 
     def _report_anomalies(self) -> None:
-        """Add a notice for every anomaly that is new; the bar shows them as long as they last."""
+        """Add a notice for every new anomaly; the bar shows them while they last."""
         message = self.observed.message(KINEMATICS_STATE)
         now = {(a.cause, a.segment, a.disc, a.tendon): a  # its size and text may always change
                for a in map(anomaly_of, message.anomalies[:MAX_ANOMALIES])}
@@ -195,7 +195,7 @@ class Session:
 
     @property
     def state(self) -> ArmState:
-        """What is known of the arm now, without the nodes that it has no use for."""
+        """The present state of the arm, without nodes that it does not need."""
         state = self.observed.snapshot()
         if self.description is None:
             return state
@@ -203,14 +203,14 @@ class Session:
         return replace(state, nodes=tuple(n for n in state.nodes if n.name in needed))
 
     def preview(self, points: Points) -> None:
-        """Show a shape for a while, as long as none is being set."""
+        """Show a shape temporarily, unless one is being set."""
         self._preview = points, monotonic()
 
     def ghost(self, state: ArmState) -> Points:
         """
-        Return points along the shape to be shown beside the arm; none for no shape.
+        Return points along the shape shown beside the arm; none without one.
 
-        The one that is gone to, else the one that somebody chose, else that of the planned tip.
+        The target shape, else the selected shape, else that of the planned tip.
         """
         if state.progress is not None and self.target:
             return self.target
@@ -220,7 +220,7 @@ class Session:
     # What the nodes were started with.
 
     def update_description(self) -> None:
-        """Ask for the description of the arm; it may be another one after a restart."""
+        """Request the description of the arm; it may change after a restart."""
         if self._describing is None or self._describing.done():
             self._describing = self.requests.start(self._describe())
 
@@ -238,16 +238,16 @@ class Session:
             self.closed_loop = await self.requests.closed_loop()
             self._description_problem = ''
         except (NodesMissingError, NoAnswerError):
-            pass  # the page says which nodes do not run
+            pass  # the page names the missing nodes
         except ClientError as error:
             if str(error) != self._description_problem:
                 self._description_problem = str(error)
-                self.notify('The arm is not known', str(error), is_problem=True)
+                self.notify('Arm state unknown', str(error), is_problem=True)
 
     # Requests.
 
     def stop(self) -> None:
-        """Stop the tendons; no round of a sequence begins any more."""
+        """Stop the tendons and all rounds of sequences."""
         self._sequences += 1
         self._trigger(STOP, self.requests.stop())
 
@@ -256,11 +256,11 @@ class Session:
         self._trigger('Resume', self.requests.resume())
 
     def reference(self) -> None:
-        """Take the present position of the tendons as that of the straight arm."""
+        """Set the present tendon positions as those of the straight arm."""
         self._trigger('Reference', self.requests.reference())
 
     def reset(self) -> None:
-        """Take the arm to be straight."""
+        """Reset kinematics to the straight arm."""
         self._trigger('Reset shape', self.requests.reset())
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
@@ -269,7 +269,7 @@ class Session:
                     self.requests.set_stiff(segment, stiff))
 
     def set_vacuum(self, segment: int, vacuum: float) -> None:
-        """Set the vacuum of a segment (from 1), Pa below ambient, where it has a regulator."""
+        """Set the vacuum of a segment (from 1) with a regulator, Pa below ambient."""
         self._start(f'Vacuum of segment {segment}', self.requests.set_vacuum(segment, vacuum))
 
     def stiffen_all(self) -> None:
@@ -277,7 +277,7 @@ class Session:
         self._start('Stiffen all segments', self.requests.set_stiff(None, True))
 
     def jog(self, tendon: str, change: float) -> None:
-        """Pull a tendon by ``change`` m further, negative: pay out."""
+        """Pull in a tendon by ``change`` m; negative: pay out."""
         self._start('Jog', self.requests.jog({tendon: change}))
 
     def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0],
@@ -285,7 +285,7 @@ class Session:
         """
         Set one shape after the other; aim: one of AIMS.
 
-        hold: s, of all or of each.  rounds: how often, 0: until somebody cancels or stops it.
+        hold: s, of all or of each.  rounds: repetitions, 0: until it is canceled or stopped.
         """
         def done(result: SequenceResult) -> None:
             text = (f'shapes reached: {result.shapes_completed}' if result.reached is None else
@@ -298,7 +298,7 @@ class Session:
 
     async def _run(self, number: int, shapes: 'Sequence[ShapeLike]', aim: str,
                    hold: 'float | Sequence[float]', rounds: int) -> SequenceResult:
-        """Run a sequence, each round as a goal of its own, until another number is given out."""
+        """Run a sequence, each round as a separate goal, until its number is superseded."""
         done = 0
         while True:
             sequence = await self.requests.send(shapes, hold, aim)
@@ -308,28 +308,28 @@ class Session:
                 return result
 
     def refuse(self, title: str, reason: str) -> None:
-        """Say that a request cannot be carried out, and why."""
+        """Report why a request cannot be carried out."""
         async def refused() -> None:
             raise RefusedError(reason)
 
         self._start(title, refused())
 
     def set_closed_loop(self, closed: bool) -> None:
-        """Let sequences be corrected by measurements, or not."""
+        """Turn the correction of sequences by measurements on or off."""
         def done(_: None) -> None:
             self.closed_loop = closed
-            self.notify('Loop', 'sequences are corrected by measurements' if closed else
-                        'sequences run by the model alone')
+            self.notify('Loop', 'sequences are corrected with measurements' if closed else
+                        'sequences run open loop')
 
         self._start('Loop', self.requests.set_closed_loop(closed), done)
 
     def record(self) -> None:
-        """Begin a recording, or end the one that runs."""
+        """Start a recording, or end the running one."""
         state = self.observed.recorder
         self._trigger('Recording', self.requests.record(state is None or not state.recording))
 
     def cancel(self) -> None:
-        """Cancel every running sequence, whoever started it, and the rounds that are left."""
+        """Cancel every running sequence of any client, and the remaining rounds."""
         self._sequences += 1
         self._start('Cancel', self.requests.cancel_all())
 
@@ -338,12 +338,12 @@ class Session:
 
     def _start(self, title: str, work: Coroutine[Any, None, T],
                done: Callable[[T], None] = lambda result: None) -> None:
-        """Start a request; say by a notice why it was not carried out."""
+        """Start a request; a notice reports why it was not carried out."""
         def ended(future: Future[T]) -> None:
             try:
                 done(future.result())
             except MotionEndedError:
-                pass  # whether that was expected is seen in the state of tendon_actuation
+                pass  # the state of tendon_actuation shows whether this was expected
             except SequenceError as error:
                 self.notify(f'{title} ended', error.result.message, is_problem=True)
             except RefusedError as error:
@@ -354,10 +354,10 @@ class Session:
         self.requests.start(self._limited(title, work)).add_done_callback(ended)
 
     async def _limited(self, title: str, work: Coroutine[Any, None, T]) -> T:
-        """Carry it out, unless too many like it wait already."""
+        """Carry it out, unless too many of its kind are pending."""
         if self._waiting[title] >= MAX_WAITING and title != STOP:
             work.close()
-            raise RefusedError('the ones before it have no answer yet')
+            raise RefusedError('earlier requests have no answer yet')
         self._waiting[title] += 1
         try:
             return await work

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The controls that set shapes: of the library, of sequences, of what was saved, of sliders."""
+"""The controls that set shapes: library, sequences, saved shapes, sliders."""
 
 from collections.abc import Callable
 from functools import partial
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from soft_continuum.client.sequence import Bending
 
 SET, SHOW, RUN, EDIT, RENAME, DELETE = 'set', 'show', 'run', 'edit', 'rename', 'delete'
-MAX_SAVED = 50  # rows of shapes, and of sequences, that were saved
+MAX_SAVED = 50  # rows of saved shapes, and of saved sequences
 NOTHING = html.caption('nothing yet')
 ROUNDING = 1e-3  # degrees: limits are written with so many digits
 
@@ -42,7 +42,7 @@ class ShapesPanel:
     """Shapes of one arm; every browser shows the same."""
 
     def __init__(self, gui: viser.GuiApi, session: Session, description: Description) -> None:
-        """Add the controls where the GUI is now."""
+        """Add the controls at the present position of the GUI."""
         self._gui, self._session, self._description = gui, session, description
         self._saved = Saved()
         self._rows: list[Any] = []
@@ -51,14 +51,14 @@ class ShapesPanel:
             self._motions.append(add_group(
                 gui, 'Set', tuple(description.shapes), lambda name: self._run([name])))
         self._names = gui.add_text(
-            'Sequence', ', '.join(description.shapes), hint='Shapes, and behind each for how many '
-            'seconds it is held if not for one: c_form 2.5, s_form')
+            'Sequence', ', '.join(description.shapes), hint='Shapes, each followed by its hold '
+            'time in s (default: 1): c_form 2.5, s_form')
         self._rounds = gui.add_number(
             'Rounds', 1, min=0, max=MAX_ROUNDS, step=1,
-            hint='How often the sequence is run; 0: until Cancel or STOP')
+            hint='Number of repetitions; 0: until Cancel or STOP')
         self._aim = gui.add_dropdown(
-            'Aim', AIMS, hint='What is to be right in the end, where measurements close the loop: '
-            'the angle of every segment, or the position of the tip')
+            'Aim', AIMS, hint='Controlled quantity in closed loop: the angle of every segment, or '
+            'the position of the tip')
         self._motions.append(add_button(gui, 'Run sequence', self._run_sequence))
         self._cancel = add_button(gui, 'Cancel', session.cancel, hint='Ends the sequence' + (
             ' with every segment stiff' if description.jamming else ''))
@@ -69,18 +69,18 @@ class ShapesPanel:
         self._folder = gui.add_folder('Saved', expand_by_default=False)
         with self._folder:
             self._list = gui.add_html(NOTHING)  # its rows come here
-            self._name = gui.add_text('Name', '', hint='For what is saved, or renamed')
+            self._name = gui.add_text('Name', '', hint='Name for saving or renaming')
             add_button(gui, 'Save own shape', self._save_shape,
-                       hint='Saves what the sliders of Own shape say under this name')
+                       hint='Saves the sliders of Own shape under this name')
             add_button(gui, 'Save sequence', self._save_sequence,
                        hint='Saves Sequence and Rounds under this name')
             self._which = gui.add_dropdown('Which', ('',))
             self._changes = add_group(gui, 'Change', (RENAME, DELETE), self._change_which,
-                                      hint='Renames it to what stands in Name, or deletes it')
+                                      hint='Renames it to Name, or deletes it')
 
     @property
     def _chosen_aim(self) -> str:
-        """The aim that is chosen on the page; a browser may send any text."""
+        """The aim selected on the page; a browser may send any text."""
         return self._aim.value if self._aim.value in AIMS else AIMS[0]
 
     @property
@@ -97,7 +97,7 @@ class ShapesPanel:
         self._with_steps(run)
 
     def _with_steps(self, work: Callable[[list[tuple[str, float]]], None]) -> None:
-        """Do something with the sequence of the page, or say what is wrong with it."""
+        """Use the sequence of the page, or report its problem."""
         try:
             steps = steps_from_text(str(self._names.value), SEQUENCE_HOLD)
         except OwnShapesError as error:
@@ -131,7 +131,7 @@ class ShapesPanel:
             self._session.saved.change(partial(own_file.delete, kind, name))
 
     def _on_shape(self, name: str, choice: str) -> None:
-        """Do what a button beside a saved shape says."""
+        """Carry out a button of a saved shape."""
         if choice == SET:
             self._run([name])
         else:
@@ -139,7 +139,7 @@ class ShapesPanel:
             self._session.preview(points_of(self._own.chain, shape.angles, shape.directions))
 
     def _on_sequence(self, name: str, choice: str) -> None:
-        """Do what a button beside a saved sequence says."""
+        """Carry out a button of a saved sequence."""
         sequence = self._saved.sequences[name]
         if choice == RUN:
             self._run([name], rounds=sequence.rounds)
@@ -149,7 +149,7 @@ class ShapesPanel:
                 control.value = value  # type: ignore[misc]  # it can be set
 
     def _show_saved(self, saved: Saved) -> None:
-        """Make a row of buttons for each that was saved."""
+        """Make a row of buttons for each saved item."""
         self._saved = saved
         for row in self._rows:
             row.remove()
@@ -174,10 +174,10 @@ class ShapesPanel:
             add_group(self._gui, name, choices, partial(work, name), order=order),
             self._gui.add_html(html.caption(escape(text)), order=order)]
 
-    # Bringing it up to date.
+    # Updates.
 
     def show(self, may_run: bool, runs: bool) -> None:
-        """Show what was saved, and in grey what would do nothing now."""
+        """Show saved items, and grey out controls without effect."""
         saved = self._session.saved.offered
         if saved != self._saved:
             self._show_saved(saved)
@@ -188,11 +188,11 @@ class ShapesPanel:
 
 
 class OwnShape:
-    """The shape that is chosen on the page."""
+    """The shape selected on the page."""
 
     def __init__(self, gui: viser.GuiApi, description: Description,
                  changed: Callable[[], None]) -> None:
-        """Add the sliders, all at 0; changed: called when somebody has moved one."""
+        """Add the sliders, all at 0; changed: called when one is moved."""
         async def moved(event: Any) -> None:
             if event.client is not None:
                 changed()
@@ -213,7 +213,7 @@ class OwnShape:
 
     @property
     def shape(self) -> 'tuple[Bending, ...]':
-        """What each segment bends by: its angle or, in space, angle and direction, rad."""
+        """Bending of each segment: its angle or, for spatial arms, angle and direction, rad."""
         angles, directions = self._values()
         return tuple(zip(angles, directions, strict=True)) if directions else angles
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Where the tip shall be: a handle that is dragged, the same in numbers, and what that would take.
+Goal of the tip: a handle to drag, the same in numbers, and its plan.
 
-Both say the same; whoever cannot drag types.
+Both are equivalent, for users who cannot drag.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from soft_continuum.mechanics.orientations import matrices
 
 HANDLE = 110.0  # px
 ROPE = 0.006  # of the length of the arm: the path of the tip
-REACH = 1.2  # times the length of the arm: how far the handle goes
+REACH = 1.2  # times the length of the arm: range of the handle
 
 
 class TipPanel:
@@ -35,23 +35,23 @@ class TipPanel:
 
     def __init__(self, server: viser.ViserServer, session: Session, description: Description
                  ) -> None:
-        """Add the controls where the GUI is now, and a handle that is hidden at first."""
+        """Add the controls at the present position of the GUI, and a hidden handle."""
         self._session, self._description = session, description
         self._place: Array = np.zeros(3)
-        self._tilt, self._towards = 0.0, 0.0  # rad, of where it points
+        self._tilt, self._towards = 0.0, 0.0  # rad, its direction
         self._situation: object = None  # what a plan begins with
         self._shown: object = None  # what handle and numbers show
         self._tip: Pose | None = None  # of the arm, the last that was shown
         session.tip.leave()
         gui, far = server.gui, 1e3 * REACH * description.arm.length
         self._on = gui.add_checkbox(
-            'Drag the tip', False, hint='Shows a handle where the tip shall be; nothing moves '
+            'Drag the tip', False, hint='Shows a handle for the goal of the tip; nothing moves '
             'before Go')
         self._along = np.array(description.moves_along)
         self._numbers = [gui.add_number(f'Tip {axis} [mm]', 0.0, min=-far, max=far, step=0.1)
                          for axis in description.arm.axes]
         self._directed = gui.add_checkbox(
-            'Point it too', False, hint='The tip shall point as its handle does, too')
+            'Point it too', False, hint='Also use the direction of the handle')
         self._angles = [gui.add_number(f'{name} [°]', 0.0, min=-180.0, max=180.0, step=0.1)
                         for name in (('Tilt', 'Towards') if self._along.all() else ('Angle',))]
         self._text = gui.add_html('')
@@ -113,7 +113,7 @@ class TipPanel:
         self._aim(dragged=event.phase != 'end')
 
     def _take(self, place: Array, turn: Array | None) -> None:
-        """Keep a place (3,), m, and where a frame (3, 3) there points, if one is given."""
+        """Keep a position (3,), m, and the direction of a frame (3, 3), if one is given."""
         self._place = place * self._along
         if turn is None:
             return
@@ -126,7 +126,7 @@ class TipPanel:
 
     @property
     def _direction(self) -> tuple[float, float, float]:
-        """Where it points."""
+        """The direction of the tip."""
         across = sin(self._tilt)
         return across * cos(self._towards), across * sin(self._towards), cos(self._tilt)
 
@@ -151,10 +151,10 @@ class TipPanel:
                 own_file.save_shape, str(self._name.value).strip(), shape,
                 self._description.shapes))
 
-    # Bringing it up to date.
+    # Updates.
 
     def show(self, state: ArmState, may_run: bool) -> None:
-        """Show the goal, and what it would take."""
+        """Show the goal and its plan."""
         on, tip = self._on.value is True, self._session.tip
         runs = state.progress is not None
         situation = runs, state.stiff, id(self._session.obstacles)
@@ -179,7 +179,7 @@ class TipPanel:
 
     def _show_handle(self, on: bool) -> None:
         """
-        Bring handle and numbers to where the goal is, when it has changed.
+        Move handle and numbers to the goal when it has changed.
 
         What a browser sets is there before ``_typed`` and ``_dragged`` know of it, which come on
         another thread: to set it back then would lose it.

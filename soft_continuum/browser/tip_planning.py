@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plans to where the tip is dragged: what the page asks shape_sequencer for, and its answer."""
+"""Plans to the dragged goal of the tip: requests to shape_sequencer, and its answers."""
 
 from dataclasses import dataclass
 from math import isfinite, pi
@@ -14,19 +14,19 @@ from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain
 
-WHILE_DRAGGED, AT_REST = 1000, 0  # states that are judged for a plan; 0: as many as Go would
+WHILE_DRAGGED, AT_REST = 1000, 0  # states evaluated for a plan; 0: as many as for Go
 LATE = 1.0  # s without an answer
-AGAIN = 2.0  # s after which what had no answer is asked again
+AGAIN = 2.0  # s after which an unanswered request is repeated
 MAX_PLACE = 100.0  # m, of what is drawn
 
 
 @dataclass(frozen=True)
 class Planned:
     """
-    The answer for a goal: a plan, or why there is none.
+    The answer for a goal: a plan, or the reason for none.
 
-    points: along the backbone in the end of the plan, of its nearest if it does not get there.
-    path: of the tip.  quick: so few states were judged that more may find another.
+    points: along the backbone at the end of the plan, or of the nearest reachable shape.  path: of
+    the tip.  quick: so few states were evaluated that more may find another plan.
     """
 
     goal: Tip
@@ -38,29 +38,29 @@ class Planned:
 
     @property
     def found(self) -> bool:
-        """Whether there is a plan that gets there."""
+        """Whether there is a plan that reaches the goal."""
         return self.plan is not None and self.plan.found
 
 
 class TipPlanning:
     """
-    Asks for plans, one while the tip is dragged, and the newest goal next.
+    Requests plans, one at a time while the tip is dragged, the newest goal next.
 
     planned: the last answer, None before the first and when no goal is left.
     """
 
     def __init__(self, requests: Requests) -> None:
-        """Begin without a goal."""
+        """Start without a goal."""
         self._requests = requests
         self._wanted: tuple[Tip, Arm, int] | None = None
         self._asked: tuple[Tip, Arm, int] | None = None
         self._awaited: object = None  # a quick request without an answer
-        self._answered = monotonic()  # when something was known last
+        self._answered = monotonic()  # when an answer was last available
         self.planned: Planned | None = None
 
     @property
     def goal(self) -> Tip | None:
-        """Where the tip shall be; None while it is not dragged."""
+        """Goal of the tip; None while it is not dragged."""
         return self._wanted[0] if self._wanted else None
 
     @property
@@ -71,28 +71,28 @@ class TipPlanning:
 
     @property
     def late(self) -> bool:
-        """Whether what is known is of another goal, and has been for a while."""
+        """Whether the answer has been outdated for a while."""
         return ((self.planned is None or self.planned.goal != self.goal)
                 and monotonic() - self._answered > LATE)
 
     @property
     def points(self) -> Points:
-        """Points along the shape that is planned; none for no plan."""
+        """Points along the planned shape; none without a plan."""
         return self.planned.points if self.planned else ()
 
     def aim(self, goal: Tip, arm: Arm, dragged: bool = False) -> None:
-        """Ask for a plan, from any thread; dragged: another goal may follow at once."""
+        """Request a plan, from any thread; dragged: another goal may follow at once."""
         if self.planned is None or self.planned.goal == self.goal:
             self._answered = monotonic()
         self._wanted = goal, arm, WHILE_DRAGGED if dragged else AT_REST
         self._requests.start(self._ask())
 
     def leave(self) -> None:
-        """Want nothing any more."""
+        """Withdraw the goal."""
         self._wanted = self._asked = self.planned = None
 
     async def _ask(self) -> None:
-        """Ask until what is wanted has an answer; a newer request ends a long one."""
+        """Request until the goal has an answer; a newer request ends a long one."""
         while self._awaited is None and self._wanted is not None and (
                 self._wanted is not self._asked):
             now = self._asked = self._wanted
@@ -109,14 +109,14 @@ class TipPlanning:
                 if self._awaited is now:
                     self._awaited = None
             if self._asked is not now:
-                return  # something else was asked for since, or nothing is wanted
+                return  # the goal has changed or was withdrawn
             self.planned, self._answered = planned, monotonic()
             if planned.plan is None:
                 await until(lambda: self._wanted is not self._asked, AGAIN)
                 if self._asked is now:
                     self._asked = None
             elif states == WHILE_DRAGGED and not planned.found and self._wanted is now:
-                self._wanted = goal, arm, AT_REST  # the handle rests where more is needed
+                self._wanted = goal, arm, AT_REST  # the handle rests, so a longer search is useful
 
 
 def _planned(goal: Tip, plan: Plan, arm: Arm, quick: bool) -> Planned:

@@ -102,7 +102,7 @@ def test_without_measurements_the_page_says_that_it_shows_a_prediction(
         page: Page, arm: EstimatedArm) -> None:
     page.wait_for_text('PREDICTED')
     page.wait_for_text('never measured')
-    page.wait_for_text('nothing is learned without a sensor')
+    page.wait_for_text('nothing is estimated without a sensor')
     page.wait_for_pixels((brown, 0, 0, 'brown, though nothing is estimated'))
     expect(page.page.locator('#alarm')).to_be_hidden()
 
@@ -241,7 +241,7 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
     assert read_saved().shapes['there'].angles == pytest.approx((-0.3, -0.4, -0.2))
     arm.plan.success, arm.plan.message = False, 'out of reach by 12 mm'
     page.fill('Tip z [mm]', '300')
-    for text in ('NO PLAN', 'out of reach by 12 mm', 'the nearest that can be had'):
+    for text in ('NO PLAN', 'out of reach by 12 mm', 'nearest reachable'):
         page.wait_for_text(text)
     expect(page.button('Go')).to_be_disabled(timeout=DEADLINE * 1e3)
     page.switch('Drag the tip', False)
@@ -253,7 +253,7 @@ def test_the_loop_is_switched_and_another_client_is_followed(
     switch = page.view.get_by_label('Closed loop').first
     expect(switch).to_be_checked(timeout=DEADLINE * 1e3)
     switch.click()
-    page.wait_for_bar('by the model alone')
+    page.wait_for_bar('sequences run open loop')
     assert not arm.closed_loop
     expect(switch).not_to_be_checked()
     arm.set_closed_loop(True)

@@ -199,7 +199,7 @@ def test_an_emergency_stop_greys_what_it_refuses_until_it_is_off(page: Page, rig
     button = rig.publisher(Bool, 'emergency_stop', LATCHED)
     refused = [page.button('soften', 2), page.button('Stiffen all'), page.button('Resume')]
     button.publish(Bool(data=True))
-    page.wait_for_bar('turns it off and you press Resume')
+    page.wait_for_bar('where it was triggered and you press Resume')
     for control in (*refused, page.button('c_form')):
         expect(control).to_be_disabled(timeout=DEADLINE * 1e3)
     button.publish(Bool(data=False))
