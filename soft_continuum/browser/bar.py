@@ -97,7 +97,7 @@ def _motion(state: ArmState) -> tuple[str, str, str]:
     if state.stopped:
         remedy = ('the emergency stop is reset where it was triggered and you press Resume'
                   if state.emergency_stop else 'you press Resume')
-        return 'stopped', 'STOPPED', f'{plain(state.stopped)}. Nothing moves before {remedy}.'
+        return 'stopped', 'STOPPED', f'{plain(state.stopped)}. Nothing moves until {remedy}.'
     if state.progress is not None:
         now = state.progress
         parts = (f'segment {now.segment}' if now.segment else '', plain(now.phase),

@@ -3,8 +3,8 @@
 """
 A client of a running arm, for scripts and notebooks.
 
-``Arm`` speaks to the four nodes by their public topics, services and action, like any other
-client; see docs/how_to/use_the_python_client.md.
+``Arm`` uses the public topics, services and action of the four nodes, like any other client; see
+docs/how_to/use_the_python_client.md.
 """
 
 from typing import TYPE_CHECKING
@@ -60,7 +60,7 @@ __all__ = [
     'Tip',
 ]
 
-# The errors first: who only stops the arm loads neither NumPy nor what describes its state.
+# Errors first: a program that only stops the arm loads neither NumPy nor the state classes.
 __getattr__ = names_from(__name__, __all__, (
     'errors', 'arm', 'state', 'estimate', 'plan', 'sequence'))
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The arm, as a client sees it."""
+"""The arm for clients."""
 
 from collections.abc import Callable, Coroutine, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # stop must not wait for any of these
 
 T = TypeVar('T')
 
-ENDING_TIMEOUT = 15.0  # s for a sequence to end when the client leaves
+ENDING_TIMEOUT = 15.0  # s for a sequence to end when the client closes
 _numbers = count(1)
 
 
@@ -40,17 +40,17 @@ class Arm:
     """
     A running arm: ``with Arm() as arm: arm.run('c_form')``.
 
-    Every call blocks until what it asks for is done, or raises a ClientError that says why it is
-    not.  Leaving the ``with`` block cancels the sequences that were started in it.  May be used
-    from several threads; a callback of ``run`` comes in the thread that called.
+    Every call blocks until it is done, or raises a ClientError with the reason.  Leaving the
+    ``with`` block cancels the sequences started in it.  Calls are thread-safe; callbacks of
+    ``run`` are called in the thread of the caller.
     """
 
     def __init__(self, namespace: str = '', *, timeout: float = 10.0) -> None:
         """
-        Join the ROS graph; nothing is asked of the arm yet.
+        Join the ROS graph; nothing is requested from the arm yet.
 
         namespace: that of the four nodes.  timeout: s to wait for nodes to be found and to answer.
-        Raises ClientError for a namespace that ROS does not take.
+        Raises ClientError for a namespace that is not valid in ROS.
         """
         if not timeout > 0.0:
             raise ValueError(f'timeout is {timeout} s; it must be positive')
@@ -80,16 +80,16 @@ class Arm:
         self._connection.close()
 
     def __repr__(self) -> str:
-        """Return how it was made."""
+        """Return the constructor call."""
         return f'Arm({self._namespace!r})'
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: shape and state, or why they are not known."""
+        """Return HTML for notebooks: shape and state, or why they are unknown."""
         try:
             page = self.state._repr_html_()
         except ClientError as error:
             return f'<pre>{escape(f"{self!r}: {error}")}</pre>'
-        with suppress(ClientError):  # the state says why the shape is not known
+        with suppress(ClientError):  # the state says why the shape is unknown
             from matplotlib.figure import Figure
             picture = StringIO()
             figure = Figure(figsize=(4.0, 4.0))
@@ -103,22 +103,22 @@ class Arm:
 
     @staticmethod
     def _end(sequence: 'RunningSequence') -> None:
-        """Cancel a sequence and wait for its end, however it ends."""
+        """Cancel a sequence and wait for its end."""
         if not sequence.done:
             sequence.cancel()
             with suppress(ClientError):
                 sequence.result(ENDING_TIMEOUT)
 
-    # What is known of it.
+    # State.
 
     @property
     def state(self) -> 'ArmState':
-        """What is known now; raises NodesMissingError when none of the nodes runs."""
+        """The present state; raises NodesMissingError when none of the nodes runs."""
         return self._observe().snapshot()
 
     def wait_for(self, condition: 'Callable[[ArmState], T]', timeout: float | None = None) -> T:
         """
-        Wait until ``condition`` of the state is true, and return what it gives.
+        Wait until ``condition`` of the state is true, and return its value.
 
         Raises NoAnswerError after ``timeout`` s, by default that of this Arm.
         """
@@ -127,11 +127,11 @@ class Arm:
         value = self._do(until(lambda: condition(observed.snapshot()), seconds))
         if not value:
             raise NoAnswerError(
-                f'not so within {seconds:g} s; the arm is: {observed.snapshot()!r}')
+                f'condition not met within {seconds:g} s; the arm is: {observed.snapshot()!r}')
         return value
 
     def _observe(self) -> 'ObservedArm':
-        """Return the observed arm; the first time as soon as its nodes have reported."""
+        """Return the observed arm; the first call waits until its nodes have reported."""
         if self._observed is None:
             self._observed = self._do(self._requests.observe())
         return self._observed
@@ -143,12 +143,12 @@ class Arm:
 
     @property
     def shape_directions(self) -> Mapping[str, tuple[float, ...]]:
-        """Directions (rad) of each segment by name, of the shapes in the library that have any."""
+        """Bending directions (rad) of each segment by name, for shapes in the library with any."""
         return self._do(self._requests.shape_directions())
 
     @property
     def description(self) -> 'mechanics.Arm':
-        """The mechanical description that the kinematics node works with, planar or spatial."""
+        """The mechanical description used by the kinematics node, planar or spatial."""
         if self._description is None:
             self._description = self._do(self._requests.description())
         return self._description
@@ -162,8 +162,8 @@ class Arm:
         """
         Draw the present shape, in mm, into ``axes`` or a new figure; return the axes.
 
-        Soft segments are in colour; the obstacles that shape_sequencer knows are seen along y.  A
-        spatial arm needs axes that were made with ``projection='3d'``.
+        Soft segments are in colour; known obstacles are drawn as seen along y.  A spatial arm
+        needs axes made with ``projection='3d'``.
 
         Raises ClientError while the shape is unknown, and for axes of the wrong kind.
         """
@@ -177,7 +177,7 @@ class Arm:
 
     def measure(self, duration: float = 1.0) -> 'dict[int, MeasuredDisc]':
         """
-        Return where sensors see the discs, by number from the base disc, 0.
+        Return the measured poses of the discs, by number from the base disc, 0.
 
         Means over ``duration`` s.  Raises ClientError when no disc is measured.
         """
@@ -194,7 +194,7 @@ class Arm:
 
     @property
     def obstacles(self) -> 'ArmObstacles':
-        """What is around the arm: ``arm.obstacles.load('obstacles.yaml')``."""
+        """The obstacles around the arm: ``arm.obstacles.load('obstacles.yaml')``."""
         if self._obstacles is None:
             from soft_continuum.client.obstacles import ArmObstacles
             self._obstacles = ArmObstacles(self._requests)
@@ -202,7 +202,7 @@ class Arm:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether a twin publishes beside the nodes."""
+        """Whether the rig is a twin."""
         return running_nodes(self._connection.node, [TWIN])[TWIN]
 
     # Sequences of shapes.
@@ -210,18 +210,17 @@ class Arm:
     def run(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0],
             progress: 'Callable[[Progress], object] | None' = None) -> 'SequenceResult':
         """
-        Set one shape after the other, hold each for ``hold`` s; return when all is done.
+        Set shapes in sequence, hold each for ``hold`` s; return when all are done.
 
-        shapes: names in the library; what each segment bends by, base first: its bending angle
-        or, of a spatial arm, (angle, direction), rad; a Tip; or several as a path.
-        aim: what is to be right in the end where measurements close the loop: 'angles' of every
-        segment, or the position of the 'tip', at other angles if need be.
-        progress: called whenever it has changed.
-        The ``reached`` of the result says where the last shape ended, measured or predicted.
+        shapes: names in the library; the bending of each segment, base first: its bending angle
+        or, for spatial arms, (angle, direction), rad; a Tip; or several as a path.  aim:
+        controlled quantity in closed loop: 'angles' of every segment, or the position of the
+        'tip', whose angles may then differ.  progress: called at every change.  ``reached`` of the
+        result has the end of the last shape, measured or predicted.
 
-        Raises RefusedError before anything moves, SequenceError when it ends early, LostError
-        when the shape_sequencer reports nothing any more.  When the wait is left by an exception,
-        such as KeyboardInterrupt, the sequence is canceled.
+        Raises RefusedError before anything moves, SequenceError when it ends early, LostError when
+        the shape_sequencer stops reporting.  An exception during the wait, such as
+        KeyboardInterrupt, cancels the sequence.
         """
         sequence = self.start(*shapes, hold=hold, aim=aim)
         try:
@@ -238,11 +237,11 @@ class Arm:
               angle_tolerance: float = 0.0, hold: float = 0.0,
               progress: 'Callable[[Progress], object] | None' = None) -> 'SequenceResult':
         """
-        Bring the tip to a position; return when it is there.
+        Move the tip to a position; return on arrival.
 
         position: x, z in the plane of a planar arm, or x, y, z, m.  angle: of the tip about +y
-        from +z, rad.  direction: in which it points, x, y, z.  tolerance, angle_tolerance: m, rad;
-        0: those of the shape_sequencer.  The others, and what is raised, are as of ``run``.
+        from +z, rad.  direction: vector of its direction, x, y, z.  tolerance, angle_tolerance: m,
+        rad; 0: those of the shape_sequencer.  Other arguments and exceptions: see ``run``.
         """
         from soft_continuum.client.tip import Tip
         return self.run(Tip(position, angle, direction, None, tolerance, angle_tolerance),
@@ -252,7 +251,7 @@ class Arm:
                hold: float = 0.0, progress: 'Callable[[Progress], object] | None' = None
                ) -> 'SequenceResult':
         """
-        Bring the tip through points in their order, as near as it can be; as ``reach``.
+        Move the tip through points in order, as close as possible; see ``reach``.
 
         points: positions, m, or Tips.  tolerance: m, of the positions.
         """
@@ -262,12 +261,12 @@ class Arm:
 
     def plan(self, *shapes: 'ShapeLike', time_limit: float = 0.0, states: int = 0) -> 'Plan':
         """
-        Return how ``run`` would set shapes from where the arm is; nothing moves.
+        Return the plan of ``run`` for shapes from the present state; nothing moves.
 
-        ``run`` of the same shapes takes this plan, as long as all is as it was.  states: of the
-        arm to judge in search of a better plan to each goal of the tip; 0: as many as ``run``
-        would.  time_limit: s after which that search ends at the latest; 0: as the parameter
-        reach.time_limit says.  The Plan says whether all can be set, and why not.
+        ``run`` of the same shapes uses this plan if nothing has changed.  states: number of states
+        to evaluate in the search for a better plan to each tip goal; 0: as many as ``run``.
+        time_limit: maximum duration of that search, s; 0: the parameter reach.time_limit.  The
+        Plan says whether all shapes can be set, or why not.
         """
         from soft_continuum.client.plan import plan_shapes
         return self._do(plan_shapes(self._requests, shapes, time_limit, states))
@@ -275,15 +274,15 @@ class Arm:
     def start(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0]
               ) -> 'RunningSequence':
         """
-        Send a sequence as ``run`` does; return as soon as it is accepted.
+        Send a sequence like ``run``; return once it is accepted.
 
-        Left by Ctrl-C while it is planned, it is canceled as soon as it is accepted.
+        After Ctrl-C during planning it is canceled once it is accepted.
         """
         sending = self._requests.start(self._requests.send(shapes, hold, aim))
         try:
             sequence = sending.result()
         except BaseException:
-            if sending.exception() is None:  # which waits: else it would move with nobody there
+            if sending.exception() is None:  # otherwise it would move without a client
                 self._end(sending.result())
             raise
         self._sequences = [s for s in self._sequences if not s.done] + [sequence]
@@ -292,9 +291,9 @@ class Arm:
     @property
     def closed_loop(self) -> bool | None:
         """
-        Whether sequences are corrected by measurements; None where shape_sequencer cannot.
+        Whether sequences are corrected with measurements; None if not supported.
 
-        It can be set; raises RefusedError where shape_sequencer has no such parameter.
+        It can be set; raises RefusedError if shape_sequencer lacks the parameter.
         """
         return self._do(self._requests.closed_loop())
 
@@ -316,10 +315,10 @@ class Arm:
 
     def set_vacuum(self, segment: int, vacuum: float) -> None:
         """
-        Set the vacuum of a segment (from 1 at the base), Pa below ambient; wait until it has it.
+        Set the vacuum of a segment (from 1 at the base), Pa below ambient; wait for it.
 
-        Raises RefusedError, with the reason, where the rig has valves in place of regulators, or
-        the description no law for it.
+        Raises RefusedError, with the reason, if the rig has valves instead of regulators, or the
+        description has no law for this vacuum.
         """
         self._observe()
         self._do(self._requests.set_vacuum(segment, vacuum))
@@ -328,7 +327,7 @@ class Arm:
 
     def jog(self, **changes: float) -> None:
         """
-        Pull tendons by so many m further, negative: pay out; wait until they rest there.
+        Pull in tendons by some m, negative: pay out; wait until they are at rest.
 
         changes: by name of the tendon, such as ``right=0.001``, short for ``right_tendon``.
         A segment has to be soft.  Raises RefusedError, with the reason, when tendon_actuation
@@ -348,17 +347,17 @@ class Arm:
 
     def home(self) -> str:
         """
-        Straighten the arm from whatever shape it was left in; return how straight it is.
+        Straighten the arm from any shape; return how straight it is.
 
-        As a sequence, if the model finds a plan; else with all segments soft at once: the arm may
-        swing then, so that is refused where an obstacle is known.  Raises as ``run``, ``soften``
-        and ``jog``.
+        Uses a sequence if a plan is found, otherwise all segments are soft at once; the arm may
+        then swing, so this is refused if obstacles are known.  Raises as ``run``, ``soften`` and
+        ``jog``.
         """
         from soft_continuum.client.home import home
         return home(self)
 
     def stop(self) -> str:
-        """Stop all motion, holding tension; nothing moves before ``resume``."""
+        """Stop all motion, holding tension; nothing moves until ``resume``."""
         return self._do(self._requests.stop())
 
     def resume(self) -> str:
@@ -367,24 +366,24 @@ class Arm:
 
     def reference(self, sure: bool = False) -> str:
         """
-        Take the present pulls as those of the straight arm.
+        Set the present pulls as the zero of the straight arm.
 
-        Raises RefusedError with a question if the arm was last known not to be straight; calling
-        it again within 30 s, or ``sure``, is the answer.
+        Raises RefusedError with a question if the arm was last known not to be straight; confirm
+        by calling it again within 30 s, or with ``sure``.
         """
         return self._do(self._requests.reference(sure))
 
     def reset(self, sure: bool = False) -> str:
-        """Tell kinematics that the arm is straight; asks as ``reference`` does."""
+        """Reset kinematics to the straight arm; asks for confirmation like ``reference``."""
         return self._do(self._requests.reset(sure))
 
     def tare(self) -> dict[str, str]:
         """
-        Take what every camera, and disc_sensors, sees as the straight arm; all must succeed.
+        Tare every camera and disc_sensors at the straight arm; all must succeed.
 
-        Return the answer of each node, by its name, with the lines that keep it over a restart.
-        Raises RefusedError with the reason of the one that refuses, NodesMissingError without
-        any.
+        Return the answer of each node, by its name, with the parameters that keep it after a
+        restart.  Raises RefusedError with the reason of a node that refuses, NodesMissingError
+        without any node.
         """
         from soft_continuum.client.tare import tare
         return self._do(tare(self._requests))

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A ROS node on a thread of its own, for programs that do not spin."""
+"""A ROS node on a separate thread, for programs that do not spin."""
 
 from collections.abc import Sequence
 import os
@@ -22,15 +22,15 @@ from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.logs import require_log_folder
 from soft_continuum.ros.network import choose_own_network, security_problem, wait_until_up
 
-CLOSE_TIMEOUT = 10.0  # s in which a callback that runs has to return
+CLOSE_TIMEOUT = 10.0  # s within which a running callback has to return
 
 
 class Connection:
     """
-    A node in a context of its own, spun by a thread, and the ``requests`` on it.
+    A node in a separate context, spun by a thread, and its ``requests``.
 
-    All that creates or sends is a coroutine of ``requests`` and so runs on that thread: rclpy may
-    drop an answer that comes while another thread still notes the request.
+    Everything that creates or sends is a coroutine of ``requests`` and runs on that thread: rclpy
+    may drop a response that arrives while another thread still registers the request.
     """
 
     def __init__(self, name: str, namespace: str = '', timeout: float = 10.0,
@@ -40,8 +40,8 @@ class Connection:
 
         timeout, discovery_timeout: as for Requests, s.  arguments: ROS arguments of the process.
 
-        Raises ClientError for a namespace that ROS does not take, where it cannot write its logs,
-        and without the keys that SROS 2 asks for.
+        Raises ClientError for a namespace that is not valid in ROS, if logs cannot be written, and
+        if keys required by SROS 2 are missing.
         """
         choose_own_network()
         wait_until_up()
@@ -51,14 +51,14 @@ class Connection:
             require_log_folder(os.environ)
             rclpy.init(args=with_enclave(arguments, CLIENT, namespace), context=self._context,
                        signal_handler_options=SignalHandlerOptions.NO)
-            # Without rosout and parameter services it starts in half the time.
+            # Without rosout and parameter services the start takes half the time.
             self.node = Node(name, namespace='/' + namespace.strip('/'), context=self._context,
                              enable_rosout=False, start_parameter_services=False)
         except ParameterError as error:
             raise ClientError(str(error)) from None
         except NameValidationException as error:
             self._context.try_shutdown()
-            raise ClientError(f'namespace {namespace!r} is not one that ROS takes: '
+            raise ClientError(f'namespace {namespace!r} is not valid in ROS: '
                               f'{str(error).splitlines()[0]}') from None
         except RCLError as error:
             self._context.try_shutdown()
@@ -75,7 +75,7 @@ class Connection:
         while self._open:
             try:
                 self._executor.spin_once(timeout_sec=0.2)
-            except Exception:  # such as of a message that is not as documented
+            except Exception:  # such as a malformed message
                 self.node.get_logger().error(traceback.format_exc())
 
     def close(self) -> None:
@@ -90,9 +90,9 @@ class Connection:
             finally:
                 self._open = False
                 self._thread.join(CLOSE_TIMEOUT)
-                if self._thread.is_alive():  # what it uses must not be taken away
+                if self._thread.is_alive():  # its resources must remain
                     raise NoAnswerError('a callback of this program has not returned for '
-                                        f'{CLOSE_TIMEOUT:g} s: its node is left as it is')
+                                        f'{CLOSE_TIMEOUT:g} s: its node is not closed')
                 self._executor.shutdown()
                 self.requests.destroy()
                 self.node.destroy_node()

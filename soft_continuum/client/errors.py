@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What can go wrong between a client and the arm."""
+"""Errors of the client."""
 
 from typing import TYPE_CHECKING
 
@@ -11,19 +11,19 @@ if TYPE_CHECKING:
 
 
 class ClientError(RuntimeError):
-    """A request was not carried out; the message says why, and what to do, in one line."""
+    """A request was not carried out; the message gives reason and remedy in one line."""
 
     def __init__(self, message: object = '') -> None:
-        """Take a message of which parts may come from others."""
+        """Use a message that may contain received text."""
         super().__init__(printable(message))
 
 
 class NodesMissingError(ClientError):
-    """A node that is needed does not run."""
+    """A required node does not run."""
 
 
 class NoAnswerError(ClientError, TimeoutError):
-    """A node runs, but what was waited for did not come in time."""
+    """A node runs, but did not respond in time."""
 
 
 class RefusedError(ClientError):
@@ -40,11 +40,11 @@ class MotionEndedError(RefusedError):
 
 
 class LostError(ClientError):
-    """Nothing more was received of the shape_sequencer; how the sequence ended is not known."""
+    """The shape_sequencer stopped reporting; the result of the sequence is unknown."""
 
 
 class SequenceError(ClientError):
-    """A sequence ended before all of its shapes were reached and held; ``result`` says how."""
+    """A sequence ended before all of its shapes were reached and held; see ``result``."""
 
     def __init__(self, result: 'SequenceResult') -> None:
         """Keep ``result``."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What measurements say of the arm: the source of its shape, what was learned, what is wrong."""
+"""Estimates from measurements: the source of the shape, parameters, anomalies."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ MAX_SHOWN = 1e6  # in SI units; also not what is not a number
 @dataclass(frozen=True)
 class LearnedParameter:
     """
-    One quantity of the arm that is estimated from measurements.
+    An estimated quantity of the arm.
 
     name, value and deviation (standard, in the unit of the value): as in EstimatedParameter.msg.
-    determined: whether measurements tell more of it than was known before.  problem: why the value
-    is not plausible, '' when it is.
+    determined: whether measurements improve on the prior.  problem: why the value is not
+    plausible, '' if it is.
     """
 
     name: str
@@ -35,7 +35,7 @@ class LearnedParameter:
 
     @property
     def of(self) -> str:
-        """Which segment (its number) or tendon (its name) it belongs to, '' for none."""
+        """The segment (its number) or tendon (its name) it belongs to, '' for none."""
         return self.name[len(self.kind) + 1:]
 
     @property
@@ -48,11 +48,11 @@ class LearnedParameter:
 @dataclass(frozen=True)
 class Anomaly:
     """
-    What the measurements say that no arm as described would do.
+    A deviation of the measurements from the described arm.
 
-    cause: a name in Anomaly.msg in words, such as 'tendon slipped'.  segment, disc: as in topic
-    names, 0 for none.  tendon: its name, '' for none.  size: in SI units.  message: for people,
-    with what to do.
+    cause: a constant of Anomaly.msg as text, such as 'tendon slipped'.  segment, disc: as in topic
+    names, 0 for none.  tendon: its name, '' for none.  size: in SI units.  message: a text with
+    the remedy.
     """
 
     cause: str
@@ -66,14 +66,13 @@ class Anomaly:
 @dataclass(frozen=True)
 class Estimate:
     """
-    Where the shape of the arm comes from, and how well it is known.
+    The source of the shape of the arm, and its accuracy.
 
-    measured: whether measurements have corrected the shape; else it is the model's prediction.
-    age: s since the last measurement that was used, None if there was none.  angle_stddevs:
-    rad, standard, of the bending of each segment.  tip_covariance: of the pose of the tip, 36
-    numbers as in geometry_msgs/PoseWithCovariance.  Both are empty while nothing is measured.
-    predicted_tip_error: m between the tip and where the model alone has it, None while that is
-    not known.
+    measured: whether measurements have corrected the shape; otherwise it is the model's
+    prediction.  age: s since the last measurement used, None for none.  angle_stddevs: rad,
+    standard deviations of the bending of each segment.  tip_covariance: of the pose of the tip, 36
+    numbers as in geometry_msgs/PoseWithCovariance.  Both are empty without measurements.
+    predicted_tip_error: m between the tip and its open-loop prediction, None if unknown.
     """
 
     measured: bool
@@ -86,29 +85,29 @@ class Estimate:
 
     @property
     def fresh(self) -> bool:
-        """Whether it is measured now; else it is predicted, if only since it was measured."""
+        """Whether it is measured now; otherwise it is predicted, if only temporarily."""
         return self.measured and (self.age is None or self.age <= FRESH)
 
     @property
     def tip_stddev(self) -> float | None:
-        """Standard deviation of the position of the tip, m; None while nothing is measured."""
+        """Standard deviation of the position of the tip, m; None without measurements."""
         return position_stddev(self.tip_covariance)
 
 
 def position_stddev(covariance: Sequence[float]) -> float | None:
-    """Return the deviation (m) of a position by a tip_covariance; None of none."""
+    """Return the standard deviation (m) of a position from a tip_covariance, or None."""
     variances = covariance[:15:7]
     if len(covariance) != 36 or not all(map(isfinite, variances)) or not sum(variances) > 0.0:
         return None
     return sqrt(sum(variances))
 
 
-# In words.
+# Texts.
 
 
 @dataclass(frozen=True)
 class ParameterText:
-    """How a parameter reads: what it is, its value, its deviation, and the unit of both."""
+    """Text of a parameter: label, value, deviation, and the unit of both."""
 
     label: str
     value: str
@@ -121,7 +120,7 @@ class ParameterText:
 
 
 def parameter_text(parameter: LearnedParameter) -> ParameterText:
-    """Return how a parameter reads; one that is not known here keeps its name, without a unit."""
+    """Return the text of a parameter; an unknown one keeps its name, without a unit."""
     kind, of = parameter.kind, parameter.of
     label, scale, unit = {
         'stiffness_factor': (f'stiffness factor, segment {of}', 1.0, ''),
@@ -138,12 +137,12 @@ def parameter_text(parameter: LearnedParameter) -> ParameterText:
 
 
 def millimetres(value: float) -> str:
-    """Return m in mm, without the unit; a question mark for what is no length of an arm."""
+    """Return m in mm, without the unit; a question mark for implausible lengths."""
     return f'{1e3 * value:.1f}' if abs(value) < MAX_SHOWN else '?'
 
 
 def anomaly_text(anomaly: Anomaly) -> str:
-    """Return an anomaly in one line: the cause, what it concerns, what to do."""
+    """Return an anomaly in one line: cause, location, remedy."""
     concerns = [anomaly.tendon, f'segment {anomaly.segment}' if anomaly.segment else '',
                 f'disc {anomaly.disc}' if anomaly.disc else '']
     cause = 'the measurements do not fit the arm' if anomaly.cause == 'unknown' else anomaly.cause
@@ -153,7 +152,7 @@ def anomaly_text(anomaly: Anomaly) -> str:
 
 
 def age_text(age: float | None) -> str:
-    """Return how old the last measurement is, in words that do not change ten times a second."""
+    """Return the age of the last measurement as text that does not change constantly."""
     if age is None:
         return 'never measured'
     if age < 1.0:

@@ -16,9 +16,9 @@ CAUSES = {getattr(AnomalyMessage, name): name.lower().replace('_', ' ') for name
 def estimate_of(message: KinematicsState, received: float, predicted_tip_error: float | None
                 ) -> Estimate:
     """
-    Return what kinematics/state says.
+    Return the Estimate in kinematics/state.
 
-    received: s since the message came.  predicted_tip_error: m, None while it is not known.
+    received: s since the message came.  predicted_tip_error: m, None if unknown.
     """
     measured = seconds(message.measured)
     return Estimate(
@@ -33,7 +33,7 @@ def estimate_of(message: KinematicsState, received: float, predicted_tip_error: 
 
 
 def anomaly_of(message: AnomalyMessage) -> Anomaly:
-    """Return what an Anomaly message says."""
+    """Return the Anomaly from its message."""
     return Anomaly(CAUSES.get(message.cause, CAUSES[AnomalyMessage.UNKNOWN]), message.segment,
                    message.disc, printable(message.tendon, MAX_NAME), float(message.size),
                    printable(message.message))

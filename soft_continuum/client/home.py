@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The way back to the straight arm, from whatever shape it was left in."""
+"""Straightens the arm from any shape."""
 
 from contextlib import suppress
 from math import degrees, inf
@@ -21,21 +21,20 @@ if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
     from soft_continuum.client.state import ArmState
 
-STRAIGHT = 2.0  # degrees by which a segment may still be bent
+STRAIGHT = 2.0  # degrees that a segment may remain bent
 SETTLING = 3.0  # s for the model to follow
 
 
 def home(arm: 'Arm') -> str:
     """
-    Straighten the arm; return how that was done, and what is still bent.
+    Straighten the arm; return how it was done, and the segments still bent.
 
-    By the sequence that sets all angles to 0.  Where that is refused, or the model finds no way,
-    without a plan: the last segment is softened, tendons that are pulled in are paid out, so that
-    they bend nothing any more, the other segments are softened, the tendons are moved to where
-    the straight arm has them, and the segments are stiffened.  That looks at no obstacle, so it is
-    refused where shape_sequencer knows one.  Left by an error or Ctrl-C, the tendons rest and the
-    segments are stiffened; a stop leaves them as they are.  Raises as Arm.run, Arm.soften and
-    Arm.jog.
+    Uses the sequence that sets all angles to 0.  If it is refused, or no plan is found: the last
+    segment is softened, pulled-in tendons are paid out to bend nothing, the other segments are
+    softened, the tendons are moved to their pulls at the straight arm, and the segments are
+    stiffened. This ignores obstacles, so it is refused if shape_sequencer has any.  After an error
+    or Ctrl-C, the tendons rest and the segments are stiffened; a stop leaves them unchanged.
+    Raises as Arm.run, Arm.soften and Arm.jog.
     """
     state = arm.state
     if state.stopped:
@@ -52,15 +51,15 @@ def home(arm: 'Arm') -> str:
             raise
     _settles(arm, lambda now: not _bent(now))
     bent = _bent(arm.state)
-    done = f'went home without a plan, because {refused}; ' if refused else ''
+    done = f'straightened without a plan, because {refused}; ' if refused else ''
     if bent:
-        return (f'{done}the tendons are where the straight arm has them, but bent by its weight, '
-                f'or by an offset of tendons: {", ".join(bent)}')
+        return (f'{done}the tendons are at the pulls of the straight arm, but its weight or a '
+                f'tendon offset bends {", ".join(bent)}')
     return f'{done}the arm is straight'
 
 
 def _by_sequence(arm: 'Arm', state: 'ArmState') -> str:
-    """Return why no sequence straightens the arm, empty when one did."""
+    """Return why no sequence straightened the arm; empty if one did."""
     if not _has_sequencer(state):
         return 'no shape_sequencer runs'
     try:
@@ -75,7 +74,7 @@ def _by_sequence(arm: 'Arm', state: 'ArmState') -> str:
 
 
 def _check_free(arm: 'Arm', state: 'ArmState', refused: str) -> None:
-    """Raise RefusedError where there are obstacles: they are looked at in plans only."""
+    """Raise RefusedError if there are obstacles: only plans avoid them."""
     if not _has_sequencer(state):
         return
     if names := ', '.join(one.name for one in arm.obstacles.known):
@@ -89,7 +88,7 @@ def _has_sequencer(state: 'ArmState') -> bool:
 
 
 def _leave_stiff(arm: 'Arm') -> None:
-    """Stiffen what was softened, unless motion is stopped."""
+    """Stiffen the softened segments, unless motion is stopped."""
     with suppress(ClientError):
         if arm.state.stiff and not arm.state.stopped:
             arm.stiffen()
@@ -104,7 +103,7 @@ def _without_a_plan(arm: 'Arm', state: 'ArmState') -> None:
     for segment in others:
         arm.soften(segment)
     if not _is_followed(arm):
-        arm.reset()  # of soft segments the pulls alone make the shape
+        arm.reset()  # the shape of soft segments depends on the pulls alone
     _go(arm, most=0.0)
     _go(arm, most=0.0, least=0.0)
     if last:
@@ -112,7 +111,7 @@ def _without_a_plan(arm: 'Arm', state: 'ArmState') -> None:
 
 
 def _go(arm: 'Arm', most: float, least: float = -inf) -> None:
-    """Bring all pulls into a range, m."""
+    """Move all pulls into a range, m."""
     state = arm.state
     pulls = dict(zip(state.tendons, state.pulls or (), strict=True))
     moves = {name: min(max(pull, least), most) - pull for name, pull in pulls.items()}
@@ -133,7 +132,7 @@ def _settles(arm: 'Arm', condition: 'Callable[[ArmState], bool]') -> bool:
 
 
 def _bent(state: 'ArmState') -> list[str]:
-    """Return which segments are bent, by how much; kinematics may not know it yet."""
+    """Return the bent segments and their angles; kinematics may still be unaware of them."""
     return [f'segment {n} by {degrees(angle):.0f} degrees'
             for n, angle in enumerate(state.bending_angles or (), 1)
             if abs(degrees(angle)) > STRAIGHT]

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the discs are measured to be, by whatever publishes disc_N/measured_pose."""
+"""Measured poses of the discs, from any publisher of disc_N/measured_pose."""
 
 from dataclasses import dataclass
 from math import inf, nan
@@ -29,13 +29,13 @@ Sample = tuple[Array, Array]
 @dataclass(frozen=True)
 class MeasuredDisc:
     """
-    The mean of what was measured of a disc: pose of its bottom, m and rad.
+    The mean measured pose of a disc, at its bottom, m and rad.
 
-    pose: position and quaternion x, y, z, w, (7,).  What no sensor measures is nan; what several
-    measure is weighted by their variances.  deviation: (6,) of x, y, z and the rotation vector;
-    inf for nan, 0 for what a planar arm cannot do: what one measurement says of itself, or how
-    much they scatter if that is more.  Much of it is in all of them alike, so a mean has no less.
-    samples: of the coordinate that was measured most often.
+    pose: position and quaternion x, y, z, w, (7,).  Unmeasured parts are nan; several sensors are
+    weighted by their variances.  deviation: (6,) of x, y, z and the rotation vector; inf for nan,
+    0 for directions in which a planar arm cannot move: the reported one of a single measurement,
+    or their scatter if larger.  Much of it is common to all measurements, so the mean does not
+    reduce it.  samples: of the coordinate measured most often.
     """
 
     pose: Array
@@ -49,9 +49,9 @@ class MeasuredDisc:
 
     def points(self, height: float) -> Array:
         """
-        Return where bottom and top centre of a disc of this height (m) are, (2, 3), m.
+        Return the bottom and top centre of a disc of this height (m), (2, 3), m.
 
-        nan where that is not measured: without the orientation the bottom only.
+        nan where not measured: without the orientation only the bottom is known.
         """
         place, along = self.pose[:3], matrices(self.pose[None, 3:])[0, :, 2]
         return np.stack([place, place + height * along])
@@ -61,7 +61,7 @@ class MeasuredArm:
     """Collects the measured poses of the discs of an observed arm; on the thread of its node."""
 
     def __init__(self, observed: ObservedArm, clock: Clock, axes: NDArray[np.bool_]) -> None:
-        """Listen to an observed arm; clock: of the stamps; axes: pose_axes of the arm."""
+        """Follow an observed arm; clock: of the stamps; axes: pose_axes of the arm."""
         self._observed, self._clock, self._axes = observed, clock, axes
         self._begin, self._frame, self._refused = inf, '', ''
         self._samples: dict[str, list[Sample]] = {}
@@ -80,11 +80,10 @@ class MeasuredArm:
 
     async def measure(self, duration: float) -> dict[int, MeasuredDisc]:
         """
-        Return the discs that are measured in ``duration`` s, at least three times.
+        Return the discs measured in ``duration`` s, at least three times.
 
-        The time begins with the first measured pose: those that publish have to be found first.
-        Poses have to be in the frame of disc_poses, if that is known.  Raises ClientError when
-        there is none.
+        The time starts at the first measured pose, since publishers have to be discovered first.
+        Poses must be in the frame of disc_poses, if known.  Raises ClientError when there is none.
         """
         model = self._observed.message('disc_poses')
         self._frame = model.header.frame_id if model is not None else ''
@@ -99,21 +98,21 @@ class MeasuredArm:
         if not found:
             raise ClientError(
                 f'no disc was measured {MIN_SAMPLES} times within {duration:g} s on '
-                f'disc_N/measured_pose{self._refused}; does the node camera or disc_sensors run, '
-                'and what do camera/status and disc_sensors/status say?')
+                f'disc_N/measured_pose{self._refused}; does the node camera or disc_sensors run? '
+                'See camera/status and disc_sensors/status')
         return found
 
 
 def mean_of(samples: list[Sample], axes: NDArray[np.bool_]) -> MeasuredDisc:
     """
-    Return the mean of measured poses that lie close together; samples: one or more.
+    Return the mean of measured poses close to each other; samples: one or more.
 
     axes: pose_axes of their arm.
     """
     variances = np.array([np.diag(covariance) for _, covariance in samples])
     known = variances < MAX_VARIANCE
     turned = known[:, 3:][:, axes[3:]].all(axis=1)
-    first, _ = samples[int(turned.argmax())]  # one of which the orientation is measured, if any is
+    first, _ = samples[int(turned.argmax())]  # one with a measured orientation, if any
     away = np.array([displacement(pose, first, DiscMeasurement(0, pose, covariance).about)
                      for pose, covariance in samples])
     mean, stddev = np.where(axes, nan, 0.0), np.where(axes, inf, 0.0)
@@ -126,7 +125,7 @@ def mean_of(samples: list[Sample], axes: NDArray[np.bool_]) -> MeasuredDisc:
 
 
 def _moved(pose: Array, by: Array) -> Array:
-    """Return a pose that differs by that much from another; nan where the difference is."""
+    """Return a pose with this difference from another; nan where the difference is nan."""
     turn = np.full(4, nan)
     if np.isfinite(by[3:]).all():
         of = scipy.spatial.transform.Rotation

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The arm as it is seen over ROS: the latest message of every topic, and its age."""
+"""The arm observed over ROS: the latest message of every topic, and its age."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -60,7 +60,7 @@ from soft_continuum_interfaces.msg import (
 
 STALE_AFTER = 3.0  # s: every node publishes /diagnostics once a second
 LEVELS = {DiagnosticStatus.OK: 'ok', DiagnosticStatus.WARN: 'warn'}  # others: error
-MAX_SEGMENTS = MAX_TENDONS = MAX_VALUES = 100  # that are shown, whatever is published
+MAX_SEGMENTS = MAX_TENDONS = MAX_VALUES = 100  # shown, whatever is published
 UNTURNED = 0.0, 0.0, 0.0, 1.0  # orientation of the base
 FEEDBACK = 'run_shape_sequence/_action/feedback'
 TENDON_STATE = f'{TENDON_ACTUATION}/state'
@@ -90,24 +90,25 @@ TOPICS: dict[str, tuple[Any, Any, str]] = {
 """Message, QoS and publishing node of the topics that do not depend on the arm."""
 OPTIONAL = {FEEDBACK, RECORDER_STATE, TELEOP_STATE, PREDICTED_DISCS,
             *(f'{node}/status' for node in SENSORS)}
-"""Of these, what an arm may be without."""
+"""Those that an arm may lack."""
 
 
 class ObservedArm:
     """
-    Keeps what the four nodes publish; has no thread and asks for nothing.
+    Stores the messages of the four nodes; has no thread and sends no requests.
 
-    Callbacks come on the thread that spins the node.  ``snapshot`` may be called from any thread.
+    Callbacks are called on the thread that spins the node.  ``snapshot`` may be called from any
+    thread.
     """
 
     def __init__(self, node: Node, *, feedback: bool = True) -> None:
-        """Subscribe on ``node``, with relative names; feedback: to that of sequences too."""
+        """Subscribe on ``node``, with relative names; feedback: also to that of sequences."""
         self._node = node
         self._messages: dict[str, Any] = {}
         self._ages: dict[str, Age] = {}  # by topic and by node
         self._listeners: list[Callable[[str], object]] = []
-        self._measured: dict[str, tuple[Age, Pose]] = {}  # by disc, what a sensor measured last
-        self._segments = self._jams = 0  # of which there are poses; that are switched
+        self._measured: dict[str, tuple[Age, Pose]] = {}  # by disc, the last measurement
+        self._segments = self._jams = 0  # with poses; switched
         for topic, (kind, qos, source) in TOPICS.items():
             if topic == FEEDBACK and not feedback:
                 continue
@@ -147,11 +148,11 @@ class ObservedArm:
             if before == space and node in (*NODES, *SENSORS):
                 self._ages.setdefault(node, Age()).refresh()
 
-    # The latest of everything.
+    # Latest values.
 
     @property
     def recorder(self) -> RecorderState | None:
-        """The latest state of the recorder that runs; None while none does."""
+        """The latest state of a running recorder; None without one."""
         return self._fresh(RECORDER_STATE)
 
     @property
@@ -188,25 +189,25 @@ class ObservedArm:
 
     @property
     def segments(self) -> int:
-        """Number of segments; 0 while it is not known."""
+        """Number of segments; 0 while unknown."""
         return self._segments
 
     @property
     def disc_topics(self) -> tuple[str, ...]:
-        """Where sensors publish the poses of the discs, base first; empty for no segments."""
+        """Topics of the measured poses of the discs, base first; empty without segments."""
         return tuple(MEASURED_POSE.format(n)
                      for n in range(self._segments + 1 if self._segments else 0))
 
     @property
     def tendons(self) -> tuple[str, ...]:
-        """Names of the tendons; empty while they are not known."""
+        """Names of the tendons; empty while unknown."""
         state = self.message(TENDON_STATE)
         message = self.message('tendon_states') or self.message('tendon_tensions')
         names = state.tendons if state else message.name if message else ()
         return tuple(printable(name, MAX_NAME) for name in names[:MAX_TENDONS])
 
     def stiff(self, segment: int) -> bool | None:
-        """Return whether a segment (from 1) is stiff; None while that is not known."""
+        """Return whether a segment (from 1) is stiff; None while unknown."""
         state = self.jamming_valves
         if (state is None or segment > len(state.stiffness)
                 or state.stiffness[segment - 1] == JammingValvesState.UNKNOWN):
@@ -223,7 +224,7 @@ class ObservedArm:
         return self._of_tendons('tendon_states', 'position')
 
     def tensions(self) -> tuple[float, ...] | None:
-        """Return the tension of each tendon by the model, N; nan where nothing determines it."""
+        """Return the modelled tension of each tendon, N; nan where not determined."""
         return self._of_tendons('tendon_tensions', 'effort')
 
     def poses(self, topic: str) -> tuple[Pose, ...] | None:
@@ -232,14 +233,14 @@ class ObservedArm:
         return None if message is None else tuple(map(pose_of, message.poses))
 
     def _on_measured(self, topic: str, message: PoseWithCovarianceStamped) -> None:
-        """Keep what is measured of a disc; an angle alone does not replace a whole pose."""
+        """Store the measurement of a disc; an angle alone does not replace a whole pose."""
         model = self.message('disc_poses')
         axes = SPATIAL_AXES if _about_three_axes(self.message('joint_states')) else PLANAR_AXES
         try:
             measured, covariance = measured_pose_from_ros(
                 message, axes, model.header.frame_id if model is not None else '')
         except ValueError:
-            return  # measure says why
+            return  # measure reports the reason
         known = (np.diag(covariance) < MAX_VARIANCE) | ~axes
         place, turn = np.split(known, [3])
         age, before = self._measured.get(topic, (Age(), None))
@@ -253,7 +254,7 @@ class ObservedArm:
             tuple(measured[3:].tolist()) if turn.all() else (nan,) * 4)
 
     def _measured_discs(self) -> tuple[Pose | None, ...]:
-        """Return where each disc is measured to be; empty while none is."""
+        """Return the measured pose of each disc; empty while none is measured."""
         found = [self._measured.get(topic) for topic in self.disc_topics]
         poses = tuple(None if entry is None or entry[0].seconds >= STALE_AFTER else entry[1]
                       for entry in found)
@@ -269,7 +270,7 @@ class ObservedArm:
         return tuple(float(values[n]) for n in names) if values.keys() >= set(names) else None
 
     def progress(self) -> Progress | None:
-        """Return how far the sequence is that runs, whoever started it; None if none runs."""
+        """Return the progress of the running sequence of any client; None if none runs."""
         state, message = self.shape_sequencer, self.message(FEEDBACK)
         if state is None or not state.running:
             return None
@@ -278,7 +279,7 @@ class ObservedArm:
         return progress_of(state, float(message.feedback.progress), message.feedback)
 
     def estimate(self) -> Estimate | None:
-        """Return where the shape comes from and how well it is known; None while that is stale."""
+        """Return the source and accuracy of the shape; None while that is stale."""
         message = self._fresh(KINEMATICS_STATE)
         if message is None:
             return None
@@ -298,7 +299,7 @@ class ObservedArm:
 
     @property
     def complete(self) -> bool:
-        """Whether a message came on every topic of an active arm, and of its sensors."""
+        """Whether every topic of an active arm, and of its sensors, has had a message."""
         expected = TOPICS.keys() - OPTIONAL | {
             f'segment_{n}/pressure' for n in range(1, self._jams + 1)} | {
             topic for topic in self.disc_topics if self._node.count_publishers(topic)}
@@ -308,7 +309,7 @@ class ObservedArm:
 
     @property
     def _lacks_jamming(self) -> bool:
-        """Whether it is an arm without jamming: then kinematics does not listen to valves."""
+        """Whether the arm has no jamming: kinematics then does not subscribe to valves."""
         if self.message(KINEMATICS_STATE) is None or self._messages.get(JAMMING_STATE):
             return False
         listeners = self._node.get_subscriptions_info_by_topic(
@@ -316,7 +317,7 @@ class ObservedArm:
         return all(one.node_name != KINEMATICS for one in listeners)
 
     def snapshot(self) -> ArmState:
-        """Return all that is known now."""
+        """Return the present state."""
         joints, tendons = self._fresh('joint_states'), self.tendon_actuation
         angles = None if joints is None else tuple(float(a) for a in joints.position)
         segment_poses, disc_poses = self.poses('segment_poses'), self.poses('disc_poses')
@@ -359,21 +360,21 @@ class ObservedArm:
 
 
 def _stopped(state: TendonActuationState) -> str:
-    """Return why motion is stopped, empty when it is not."""
+    """Return why motion is stopped; empty if it is not."""
     if state.stopped == TendonActuationState.NOT_STOPPED:
         return ''
     return printable(state.stop_message) or 'no reason given'
 
 
 def _about_three_axes(joints: Any) -> bool:
-    """Whether joints, of joint_states or None, turn about x, y and z: those of a spatial arm."""
+    """Whether the joints (joint_states or None) are those of a spatial arm: about x, y and z."""
     return joints is not None and any(name.endswith('_x') for name in joints.name[:1])
 
 
 def _bending(joints: Any, segments: Sequence[Pose]
              ) -> tuple[tuple[float, ...] | None, tuple[float, ...]]:
     """
-    Return bending angles and, of a spatial arm, directions, rad; None and none if not known.
+    Return bending angles and, for spatial arms, directions, rad; None and none if unknown.
 
     joints: joint_states, or None.  segments: the poses of their upper ends.
     """

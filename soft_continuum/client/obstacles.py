@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The obstacles that shape_sequencer plans with, as a client sees and changes them."""
+"""Access of clients to the obstacles that shape_sequencer plans with."""
 
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from pathlib import Path
@@ -35,12 +35,12 @@ class ArmObstacles:
     """
     The obstacles around a running arm: ``arm.obstacles``.
 
-    Every change waits until shape_sequencer plans with it, and raises RefusedError, with its
-    reason, when it does not: then nothing has changed.
+    Every change waits until shape_sequencer has applied it.  A refused change raises RefusedError
+    with the reason, and nothing changes.
     """
 
     def __init__(self, requests: Requests) -> None:
-        """Ask nothing yet."""
+        """Send no request yet."""
         self._requests = requests
         self._known: Mapping[Key, Obstacle] | None = None
         self._publisher: Any = None
@@ -48,18 +48,18 @@ class ArmObstacles:
 
     @property
     def known(self) -> tuple[Obstacle, ...]:
-        """All that shape_sequencer plans with, whoever gave them; in base_link, m."""
+        """All obstacles that shape_sequencer plans with, from any client; in base_link, m."""
         return tuple(self._do(self._follow()).values())
 
     def add(self, *obstacles: Obstacle, replace: bool = False) -> None:
-        """Add obstacles, in place of those with the same names; replace: of all others too."""
+        """Add obstacles, replacing those with the same names; replace: also remove all others."""
         self._do(self._add(obstacles, replace))
 
     def load(self, path: str | Path, *, replace: bool = False) -> tuple[Obstacle, ...]:
         """
-        Add the obstacles of a YAML file, as ``add`` does; return them.
+        Add the obstacles of a YAML file like ``add``; return them.
 
-        Raises ClientError for a file that cannot be used, also a mesh too large for a message.
+        Raises ClientError for an invalid file, or a mesh too large for a message.
         """
         try:
             obstacles = load_obstacles(path)
@@ -69,11 +69,11 @@ class ArmObstacles:
         return obstacles
 
     def remove(self, *names: str) -> None:
-        """Remove obstacles by name; raises ClientError for one that is not known."""
+        """Remove obstacles by name; raises ClientError for an unknown one."""
         self._do(self._remove(names))
 
     def clear(self) -> None:
-        """Remove all obstacles, also those of the file that shape_sequencer has read."""
+        """Remove all obstacles, including those of the file that shape_sequencer has read."""
         self._do(self._change([Marker(action=Marker.DELETEALL)], lambda known: not known))
 
     def _do(self, work: Coroutine[Any, None, T]) -> T:
@@ -84,7 +84,7 @@ class ArmObstacles:
         stamp = self._requests.node.get_clock().now().to_msg()
         markers = [marker for one in obstacles
                    for marker in obstacle_to_ros((one.name, 0), one, self._frame, stamp)]
-        # As it comes back: the vertices of a mesh are in another order then.
+        # In returned form: the vertices of a mesh are in another order.
         wanted = known_from_ros(MarkerArray(markers=markers))
 
         def done(known: Mapping[Key, Obstacle]) -> bool:
@@ -105,13 +105,13 @@ class ArmObstacles:
 
     async def _change(self, markers: list[Marker], done: Callable[[Mapping[Key, Obstacle]], bool]
                       ) -> None:
-        """Publish markers and wait until it is so; raises RefusedError and NoAnswerError."""
+        """Publish markers and wait for the result; raises RefusedError and NoAnswerError."""
         await self._follow()
         requests, refused = self._requests, self._refused
         message = MarkerArray(markers=markers)
         if (size := len(serialize_message(message))) > MAX_MARKER_BYTES:
             raise ClientError(f'the obstacles are a message of {size} bytes; allowed: '
-                              f'{MAX_MARKER_BYTES}. Simplify their meshes, or give the file to '
+                              f'{MAX_MARKER_BYTES}. Simplify their meshes, or pass the file to '
                               f'{SHAPE_SEQUENCER}, as its parameter obstacles.file')
         await requests.found(self._is_heard, 'a subscriber of obstacles', SHAPE_SEQUENCER)
         before = refused()
@@ -125,10 +125,10 @@ class ArmObstacles:
                             f'{requests.timeout:g} s')
 
     async def _follow(self) -> Mapping[Key, Obstacle]:
-        """Return what is known; the first time as soon as it has come."""
+        """Return the obstacles; the first call waits for them."""
         requests = self._requests
         if self._publisher is None:
-            requests.observed  # noqa: B018  (its status is watched from now on)
+            requests.observed  # noqa: B018  (this subscribes to its status)
             node = requests.node
             self._publisher = node.create_publisher(MarkerArray, 'obstacles', OBSTACLES)
             subscribe(node, MarkerArray, 'known_obstacles', self._on_known, LATCHED,
@@ -136,7 +136,7 @@ class ArmObstacles:
         if not self._frame:
             values = await requests.parameters(SHAPE_SEQUENCER, ['frame_id'])
             self._frame = str(values.get('frame_id', 'base_link'))
-        # Its status too: it has what was refused before.
+        # Also its status, which has the previous refusal.
         await requests.found(lambda: self._known is not None and self._status is not None,
                              'known_obstacles', SHAPE_SEQUENCER)
         assert self._known is not None
@@ -147,7 +147,7 @@ class ArmObstacles:
         self._requests.step()
 
     def _is_heard(self) -> bool:
-        """Whether the node, and whoever else is there to listen, will receive what is sent."""
+        """Whether the node, and any other subscriber, will receive the message."""
         node = self._requests.node
         listeners = [one.node_name for one in node.get_subscriptions_info_by_topic(
             node.resolve_topic_name('obstacles'))]
@@ -159,14 +159,14 @@ class ArmObstacles:
         return self._requests.observed.message(f'{SHAPE_SEQUENCER}/status')
 
     def _refused(self) -> str:
-        """Return what the node last said of a message that it refused, with its number."""
+        """Return the node's last refusal of a message, with its number."""
         status = self._status
         return next((printable(pair.value) for pair in (status.values if status else ())
                      if pair.key == REFUSED), '')
 
 
 def obstacles_text(obstacles: Sequence[Obstacle], unit: str) -> str:
-    """Return a list of obstacles for people; unit: of its lengths, m or mm."""
+    """Return a printable list of obstacles; unit: of its lengths, m or mm."""
     if not obstacles:
         return 'no obstacles'
     scale = 1.0 / UNITS[unit]

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is asked of the arm by hand, as coroutines on the node that observes it."""
+"""Manual operations of the arm, as coroutines on the node that observes it."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -29,7 +29,7 @@ from soft_continuum.ros.names import (
 from soft_continuum.text import printable
 from soft_continuum_interfaces.srv import SetVacuum
 
-if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
+if TYPE_CHECKING:  # imports that stop does not need are local
     from soft_continuum.client.observed import ObservedArm
     from soft_continuum.mechanics.arm import Arm
     from soft_continuum_interfaces.msg import TendonTrajectory
@@ -38,22 +38,22 @@ CLOSED_LOOP = 'closed_loop'  # parameter of shape_sequencer
 JOG_SPEED = 0.01  # m/s
 JOG_MINIMUM = 0.2  # s
 SWITCHING_TIMEOUT = 15.0  # s for a segment to be evacuated or vented
-SETTLING_TIMEOUT = 1.0  # s for topics that a running node may have no reason to publish
+SETTLING_TIMEOUT = 1.0  # s for topics that a running node may not publish
 
 
 class Operations(Tasks):
     """
-    What Requests has besides sequences.
+    The part of Requests without sequences.
 
-    Every coroutine ends when what it asks for is done, or raises a ClientError that says why it is
-    not.  Run them with ``start``, on the thread that spins the node.
+    Every coroutine returns when it is done, or raises a ClientError with the reason.  Run them
+    with ``start``, on the thread that spins the node.
     """
 
     hears_feedback = True
-    """Whether ``observed`` subscribes to the feedback of sequences, whoever started them."""
+    """Whether ``observed`` subscribes to the feedback of sequences of any client."""
 
     def __init__(self, node: Node, timeout: float, discovery_timeout: float | None = None) -> None:
-        """``timeout``: s for an answer, and for a node to be found unless that is given."""
+        """``timeout``: s for a response, and for discovery of a node unless given separately."""
         super().__init__(
             node, timeout, timeout if discovery_timeout is None else discovery_timeout)
         self._numbers = count(1)
@@ -61,7 +61,7 @@ class Operations(Tasks):
 
     @cached_property
     def observed(self) -> 'ObservedArm':
-        """The arm as it is observed, from the first use on."""
+        """The observed arm, created on first use."""
         from soft_continuum.client.observed import ObservedArm
         observed = ObservedArm(self.node, feedback=self.hears_feedback)
         observed.on_change(self.step)
@@ -79,14 +79,14 @@ class Operations(Tasks):
         return observed
 
     async def trigger(self, service: str, attempts: int = 1) -> str:
-        """Call a std_srvs/Trigger; return its message, or raise RefusedError with that."""
+        """Call a std_srvs/Trigger; return its message, or raise RefusedError with it."""
         answer = await self.call(Trigger, service, attempts=attempts)
         if not answer.success:
             raise RefusedError(f'{service}: {answer.message}')
         return printable(answer.message)
 
     async def stop(self) -> str:
-        """Stop all motion, holding tension; nothing moves before ``resume``."""
+        """Stop all motion, holding tension; nothing moves until ``resume``."""
         return await self.trigger(f'{TENDON_ACTUATION}/stop', ATTEMPTS)
 
     async def resume(self) -> str:
@@ -94,15 +94,15 @@ class Operations(Tasks):
         return await self.trigger(f'{TENDON_ACTUATION}/resume')
 
     async def reference(self, sure: bool = False) -> str:
-        """Take the present pulls as those of the straight arm; sure: as of ``_say``."""
+        """Set the present pulls as the zero of the straight arm; sure: as in ``_say``."""
         return await self._say(f'{TENDON_ACTUATION}/reference', sure)
 
     async def reset(self, sure: bool = False) -> str:
-        """Tell kinematics that the arm is straight; sure: as of ``_say``."""
+        """Reset kinematics to the straight arm; sure: as in ``_say``."""
         return await self._say(f'{KINEMATICS}/reset', sure)
 
     async def _say(self, service: str, sure: bool) -> str:
-        """Call a service that asks back in a refusal; sure: answer by calling it again."""
+        """Call a service that refuses with a question; sure: confirm by calling it again."""
         try:
             return await self.trigger(service)
         except RefusedError:
@@ -111,7 +111,7 @@ class Operations(Tasks):
         return await self.trigger(service)
 
     async def record(self, begin: bool) -> str:
-        """Begin or end a recording by the recorder; return what it says."""
+        """Start or end a recording of the recorder; return its message."""
         service = f'{RECORDER}/record'
         if self.observed.recorder is None:
             raise NodesMissingError('the recorder does not run; start it with: ros2 run '
@@ -121,10 +121,10 @@ class Operations(Tasks):
             raise RefusedError(f'{RECORDER}: {answer.message}')
         return printable(answer.message)
 
-    # What the nodes were started with.
+    # Parameters of the nodes.
 
     async def description(self) -> 'Arm':
-        """Return the mechanical description that kinematics works with, planar or spatial."""
+        """Return the mechanical description used by kinematics, planar or spatial."""
         from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
         from soft_continuum.parameters.parameter import ParameterError
         values = await self.parameters(KINEMATICS, [p.name for p in ARM_PARAMETERS])
@@ -137,7 +137,7 @@ class Operations(Tasks):
             raise ClientError(f'{KINEMATICS}: {error}') from None
 
     async def has_jamming(self) -> bool:
-        """Return whether the arm of kinematics has segments that can be stiffened."""
+        """Return whether the segments of the arm can be stiffened."""
         return bool((await self.parameters(KINEMATICS, ['arm.jamming'])).get('arm.jamming', True))
 
     async def shapes(self, description: 'Arm') -> dict[str, tuple[float, ...]]:
@@ -154,7 +154,7 @@ class Operations(Tasks):
             raise ClientError(f'{SHAPE_SEQUENCER}: {error}') from None
 
     async def shape_directions(self) -> dict[str, tuple[float, ...]]:
-        """Return the directions (rad) of each segment by name, of the shapes that have some."""
+        """Return the bending directions (rad) of each segment by name, for shapes with any."""
         from soft_continuum.parameters.shapes import directions_from_parameters
         names = (await self.parameters(SHAPE_SEQUENCER, ['shape_names'])).get('shape_names', ())
         return directions_from_parameters(await self._directions(names))
@@ -165,12 +165,12 @@ class Operations(Tasks):
             SHAPE_SEQUENCER, [DIRECTION_PREFIX + name for name in names])
 
     async def closed_loop(self) -> bool | None:
-        """Return whether shape_sequencer corrects by measurements; None where it cannot."""
+        """Return whether shape_sequencer corrects with measurements; None if not supported."""
         value = (await self.parameters(SHAPE_SEQUENCER, [CLOSED_LOOP])).get(CLOSED_LOOP)
         return value if isinstance(value, bool) else None
 
     async def set_closed_loop(self, closed: bool) -> None:
-        """Let shape_sequencer correct by measurements, or not; raises RefusedError."""
+        """Turn the correction with measurements on or off; raises RefusedError."""
         await self.set_parameter(SHAPE_SEQUENCER, CLOSED_LOOP, closed)
 
     # Segments.
@@ -179,7 +179,7 @@ class Operations(Tasks):
         """
         Evacuate or vent a segment (from 1), or all (None), until its pressure confirms it.
 
-        A segment counts as soft from ``soft_vacuum`` of the shape_sequencer on.
+        A segment counts as soft below ``soft_vacuum`` of the shape_sequencer.
         """
         observed = self.observed
         await self._refuse_during_sequence()
@@ -208,9 +208,9 @@ class Operations(Tasks):
 
     async def set_vacuum(self, segment: int, vacuum: float) -> None:
         """
-        Set the vacuum of a segment (from 1), Pa below ambient, until its pressure has followed.
+        Set the vacuum of a segment (from 1), Pa below ambient; wait until it is reached.
 
-        Raises RefusedError where the rig has valves, or the description has no law for it.
+        Raises RefusedError if the rig has valves, or the description has no law for it.
         """
         observed = self.observed
         await self._refuse_during_sequence()
@@ -240,13 +240,13 @@ class Operations(Tasks):
                                f'the segments are 1 to {observed.segments}')
 
     def _jamming_faults(self) -> str:
-        """Return what jamming_valves reports to be wrong, for people."""
+        """Return the faults that jamming_valves reports, as text."""
         state = self.observed.jamming_valves
         faults = '; '.join(filter(None, [state.fault, *state.segment_faults])) if state else ''
         return f'{JAMMING_VALVES} reports: {faults or "no fault"}'
 
     async def _refuse_during_sequence(self) -> None:
-        """Refuse what would come between a sequence and the arm."""
+        """Refuse operations that would disturb a running sequence."""
         observed = self.observed
         await until(lambda: observed.shape_sequencer or not observed.running()[SHAPE_SEQUENCER],
                     self.discovery_timeout)
@@ -259,13 +259,13 @@ class Operations(Tasks):
 
     async def jog(self, changes: Mapping[str, float]) -> None:
         """
-        Pull tendons by so many m further, negative: pay out; end when they rest there.
+        Pull in tendons by some m, negative: pay out; return when they are at rest.
 
         changes: by name of the tendon, such as 'right_tendon', or 'right' for short.
 
-        A jog that is asked for while another one moves starts where that would have ended.
-        Raises RefusedError with the reason of tendon_actuation; MotionEndedError when it was
-        accepted but ended early, also when a newer trajectory took its place.
+        A jog requested during another one starts at the end of that one. Raises RefusedError with
+        the reason of tendon_actuation; MotionEndedError when it was accepted but ended early, also
+        when a newer trajectory replaced it.
         """
         from trajectory_msgs.msg import JointTrajectoryPoint
 
@@ -318,22 +318,22 @@ class Operations(Tasks):
         if request is None:
             raise NoAnswerError(f'the tendons did not arrive within {duration + self.timeout:g} s')
         if request.id != this:
-            raise MotionEndedError(f'{TENDON_ACTUATION}: a newer trajectory took its place',
+            raise MotionEndedError(f'{TENDON_ACTUATION}: a newer trajectory replaced it',
                                    MotionRequest.REPLACED)
         if request.status == MotionRequest.ENDED:
             raise MotionEndedError(f'{TENDON_ACTUATION}: {request.message}', request.reason)
         if request.status == MotionRequest.REFUSED:
             raise RefusedError(f'{TENDON_ACTUATION}: {request.message}')
-        # The pulls that it reports come on another topic, maybe later.
+        # Its pulls arrive on another topic, maybe later.
         received = observed.message('tendon_states')
         await until(lambda: observed.message('tendon_states') is not received, self.timeout)
 
     async def hold(self) -> None:
-        """Let the tendons come to rest and hold: a trajectory without points."""
+        """Stop and hold the tendons: a trajectory without points."""
         self._trajectories.publish(self._trajectory())
 
     def _trajectory(self) -> 'TendonTrajectory':
-        """Return one without points, with an identity of its own."""
+        """Return a trajectory without points, with a unique identity."""
         from trajectory_msgs.msg import JointTrajectory
 
         from soft_continuum_interfaces.msg import TendonTrajectory

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The file of the user in which shapes and sequences are saved, and which every client reads.
+The user's file of saved shapes and sequences, which every client reads.
 
 It is ``soft_continuum/shapes.yaml`` in ``XDG_CONFIG_HOME``, else in ``~/.config``::
 
@@ -11,8 +11,8 @@ It is ``soft_continuum/shapes.yaml`` in ``XDG_CONFIG_HOME``, else in ``~/.config
     sequences:
       nod: {rounds: 3, steps: [[lean, 1.0], [c_form, 2.5]]}    # shape, hold time in s
 
-Every change reads the file and writes all of it.  What could not be read whole is copied aside
-before, so that nothing is lost.
+Every change reads and rewrites the whole file.  A file that could not be read completely is copied
+first, so that nothing is lost.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -48,14 +48,14 @@ from soft_continuum.parameters.parameter import name_hint, ParameterError
 from soft_continuum.text import MAX_NAME, printable, write_whole
 from soft_continuum.user_files import saved_shapes
 
-LOCK_TIMEOUT, LOCK_PERIOD = 10.0, 0.05  # s, to wait for another program that writes
+LOCK_TIMEOUT, LOCK_PERIOD = 10.0, 0.05  # s, to wait for another program to write
 VERSION = 1
 HEADER = '# Saved shapes and sequences. A program writes all of this file at every change.\n'
 KINDS: tuple[Kind, ...] = ('shapes', 'sequences')
 
 
 def read_saved() -> Saved:
-    """Return what the user has saved, and what of the file cannot be read."""
+    """Return the saved shapes and sequences, and the unreadable parts of the file."""
     path = saved_shapes()
     try:
         document = read_yaml(path)
@@ -81,14 +81,14 @@ def read_saved() -> Saved:
     return Saved(shapes, sequences, f'{path}: {"; ".join(problems[:3])}' if problems else '')
 
 
-# Changes.  Each returns what was done, for the user to read.
+# Changes. Each returns a message for the user.
 
 
 def save_shape(name: str, shape: Sequence[Bending], library: Collection[str] = ()) -> str:
     """
-    Save what each segment bends by, as Arm.run has it; a shape of the same name is replaced.
+    Save the bending of each segment, as for Arm.run; replaces a shape of the same name.
 
-    library: names that the arm's own library has.  Raises OwnShapesError, as all of these do.
+    library: names in the library of the arm.  Raises OwnShapesError, like all of these functions.
     """
     try:
         kept = shape_of(bendings(shape))
@@ -99,7 +99,7 @@ def save_shape(name: str, shape: Sequence[Bending], library: Collection[str] = (
 
 def save_sequence(name: str, steps: Sequence[Step], rounds: int, library: Collection[str] = ()
                   ) -> str:
-    """Save a sequence; one of the same name is replaced.  Its shapes have to be known."""
+    """Save a sequence; replaces one of the same name.  Its shapes must be known."""
     try:
         kept = sequence_of({'steps': [list(step) for step in steps], 'rounds': rounds})
     except ValueError as error:
@@ -108,7 +108,7 @@ def save_sequence(name: str, steps: Sequence[Step], rounds: int, library: Collec
 
 
 def rename(kind: Kind, old: str, new: str, library: Collection[str] = ()) -> str:
-    """Give a shape or a sequence another name, in the sequences that use it too."""
+    """Rename a shape or a sequence, also in the sequences that use it."""
     def changed(saved: Saved) -> tuple[Saved, str]:
         group = _group(saved, kind, old)
         _check_name(new, {*saved.names, *library})
@@ -124,7 +124,7 @@ def rename(kind: Kind, old: str, new: str, library: Collection[str] = ()) -> str
 
 
 def delete(kind: Kind, name: str) -> str:
-    """Delete a shape that no sequence uses, or a sequence; what it was is in the text."""
+    """Delete a shape that no sequence uses, or a sequence; the message has its values."""
     def changed(saved: Saved) -> tuple[Saved, str]:
         group = _group(saved, kind, name)
         users = sorted(user for user, one in saved.sequences.items()
@@ -154,7 +154,7 @@ def _save(kind: Kind, name: str, kept: SavedShape | SavedSequence, library: Coll
 
 
 def _group(saved: Saved, kind: Kind, name: str) -> dict[str, Any]:
-    """Return all of a kind, in which there has to be this name."""
+    """Return all of a kind; this name must be among them."""
     group = dict(getattr(saved, kind))
     if name not in group:
         raise OwnShapesError(f'nothing is saved as {name!r}{name_hint(name, group)}')
@@ -163,15 +163,15 @@ def _group(saved: Saved, kind: Kind, name: str) -> dict[str, Any]:
 
 def _check_name(name: str, taken: Collection[str]) -> None:
     if not NAME.fullmatch(name):
-        raise OwnShapesError(f'{name!r} is no name; allowed: a letter, then letters, digits and '
-                             f'_, {MAX_NAME} at most')
+        raise OwnShapesError(f'{name!r} is not a valid name; allowed: a letter, then letters, '
+                             f'digits and _, {MAX_NAME} at most')
     if name in taken:
         raise OwnShapesError(f'{name} is the name of another shape or sequence; choose another')
 
 
 def _change(changed: Callable[[Saved], tuple[Saved, str]]) -> str:
-    """Change the file while no other client does; return what was done."""
-    path = saved_shapes().resolve()  # a link stays one
+    """Change the file under a lock; return the message."""
+    path = saved_shapes().resolve()  # keep a symbolic link
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with _locked(path.parent):
@@ -187,7 +187,7 @@ def _change(changed: Callable[[Saved], tuple[Saved, str]]) -> str:
                 aside = next(p for n in count(1) if not (
                     p := path.with_name(f'{path.name}.kept-{n}')).exists())
                 shutil.copy2(path, aside)
-                done += f'. What was in the file before is kept as {aside}: {saved.problem}'
+                done += f'. The previous file is kept as {aside}: {saved.problem}'
             write_whole(path, text)
     except OSError as error:
         raise OwnShapesError(f'{error.filename or path}: cannot be written: {error.strerror}'
@@ -207,7 +207,7 @@ def _locked(directory: Path) -> Iterator[None]:
             except BlockingIOError:
                 if monotonic() > deadline:
                     raise OwnShapesError(f'{directory}: another program has been writing there '
-                                         f'for {LOCK_TIMEOUT:g} s; end it, then save again'
+                                         f'for {LOCK_TIMEOUT:g} s; close it, then save again'
                                          ) from None
                 sleep(LOCK_PERIOD)
         yield
@@ -224,7 +224,7 @@ def _flow(value: Any) -> str:
 
 def _entries(document: Mapping[str, Any], kind: Kind, read: Callable[[Any], Any],
              problems: list[str]) -> Iterator[tuple[str, Any]]:
-    """Yield the entries of a kind by name; add to the problems what is none."""
+    """Yield the entries of a kind by name; add invalid ones to the problems."""
     for name, entry in keys_of(document.get(kind) or {}, None, kind).items():
         try:
             if not (isinstance(name, str) and NAME.fullmatch(name)):

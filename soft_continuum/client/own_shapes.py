@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes and sequences that a user has saved: what they are, and how they read."""
+"""Saved shapes and sequences of a user, and their texts."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,12 +19,12 @@ from soft_continuum_interfaces.msg import Shape
 MAX_ROUNDS = 1_000_000
 NAME = re.compile(rf'[A-Za-z]\w{{0,{MAX_NAME - 1}}}', re.ASCII)
 Step = tuple[str, float]
-"""A shape by its name, and how long it is held, s."""
+"""A shape by its name, and its hold time, s."""
 Kind = Literal['shapes', 'sequences']
 
 
 class OwnShapesError(ClientError):
-    """A shape or a sequence cannot be saved or changed like this; the message says why."""
+    """A shape or a sequence cannot be saved or changed; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class SavedShape:
 
 @dataclass(frozen=True)
 class SavedSequence:
-    """Shapes one after the other; rounds: how often, 0 for until it is stopped."""
+    """A sequence of shapes; rounds: repetitions, 0: until it is stopped."""
 
     steps: tuple[Step, ...]
     rounds: int = 1
@@ -51,9 +51,9 @@ class SavedSequence:
 @dataclass(frozen=True)
 class Saved:
     """
-    What a user has saved, by name.
+    Saved shapes and sequences, by name.
 
-    problem: what of the file could not be read; empty for nothing.
+    problem: unreadable parts of the file; empty for none.
     """
 
     shapes: Mapping[str, SavedShape] = field(default_factory=dict)
@@ -62,19 +62,19 @@ class Saved:
 
     @property
     def names(self) -> set[str]:
-        """The names of all; a shape and a sequence have not the same one."""
+        """All names; unique among shapes and sequences."""
         return {*self.shapes, *self.sequences}
 
     def having(self, kind: Kind, group: Mapping[str, Any]) -> 'Saved':
-        """Return the same with other shapes, or other sequences."""
+        """Return a copy with other shapes, or other sequences."""
         return (replace(self, shapes=group) if kind == 'shapes' else
                 replace(self, sequences=group))
 
     def offered(self, arm: Arm, library: Collection[str]) -> 'Saved':
         """
-        Return what this arm can be set to.
+        Return the shapes and sequences that fit this arm.
 
-        library: names in its shape library; they come first, where one of them was saved too.
+        library: names in its shape library; they take precedence over saved ones.
         """
         shapes = {name: shape for name, shape in self.shapes.items() if name not in library
                   and not angles_problem(shape.angles, arm, shape.directions)}
@@ -84,7 +84,7 @@ class Saved:
         return replace(self, shapes=shapes, sequences=sequences)
 
     def replaced(self, shapes: Sequence[Shape], library: Collection[str]) -> list[Shape]:
-        """Return the shapes of a goal with what was saved in place of the names that are here."""
+        """Return the shapes of a goal, with saved names replaced by their shapes."""
         found: list[Shape] = []
         for shape in shapes:
             given = shape.name in library or shape.bending_angles or shape.tips
@@ -103,19 +103,19 @@ class Saved:
 
 
 def steps_text(steps: Sequence[Step]) -> str:
-    """Return steps as steps_from_text reads them."""
+    """Return steps in the format of steps_from_text."""
     return ', '.join(f'{name} {hold:g}' for name, hold in steps)
 
 
 def sequence_text(sequence: SavedSequence) -> str:
-    """Return a sequence for people, with hold times in s."""
+    """Return a sequence as text, with hold times in s."""
     often = {0: 'until it is stopped', 1: 'once'}.get(sequence.rounds, f'{sequence.rounds} times')
     return f'{steps_text(sequence.steps)}; {often}'
 
 
 def steps_from_text(text: str, hold: float) -> list[Step]:
     """
-    Read ``c_form, lean 2.5``: shapes, and how long each is held, s; ``hold`` if that is left out.
+    Read ``c_form, lean 2.5``: shapes with hold times, s; ``hold`` if omitted.
 
     Raises OwnShapesError.
     """
@@ -128,8 +128,8 @@ def steps_from_text(text: str, hold: float) -> list[Step]:
                 raise ValueError
         except ValueError:
             raise OwnShapesError(
-                f'{part!r} given; needed: the name of a shape and how long it is held, such as '
-                f'c_form 2.5; 0 to {MAX_HOLD:g} s') from None
+                f'{part!r} given; needed: the name of a shape and its hold time, such as c_form '
+                f'2.5; 0 to {MAX_HOLD:g} s') from None
         steps.append((name, seconds))
     if not steps:
         raise OwnShapesError('no shape is given; give names, such as c_form 1, s_form 2.5')
@@ -140,7 +140,7 @@ def steps_from_text(text: str, hold: float) -> list[Step]:
 
 
 def plain(one: SavedShape | SavedSequence) -> dict[str, Any]:
-    """Return an entry as the file has it."""
+    """Return an entry in the format of the file."""
     if isinstance(one, SavedSequence):
         return {'rounds': one.rounds, 'steps': [list(step) for step in one.steps]}
     directions = {'bending_directions': list(one.directions)} if one.directions else {}
@@ -149,7 +149,7 @@ def plain(one: SavedShape | SavedSequence) -> dict[str, Any]:
 
 
 def keys_of(entry: Any, allowed: Collection[str] | None, what: str) -> Mapping[str, Any]:
-    """Return the values by key, None for those that are missing; raises ValueError for others."""
+    """Return the values by key, None for missing ones; raises ValueError for unknown keys."""
     if not isinstance(entry, Mapping):
         raise ValueError(f'{what} has no keys')
     for key in entry:
@@ -167,10 +167,10 @@ def shape_of(entry: Any) -> SavedShape:
     vacuums = _numbers(values['vacuums'] or [], 'vacuums')
     if len(vacuums) not in (0, len(angles)):
         raise ValueError(f'{len(vacuums)} vacuums and {len(angles)} bending_angles; needed: one '
-                         'of every segment, or none')
+                         'for each segment, or none')
     if not angles or len(directions) not in (0, len(angles)):
         raise ValueError(f'{len(angles)} bending_angles and {len(directions)} bending_directions; '
-                         'needed: an angle of every segment, and as many directions or none')
+                         'needed: an angle for each segment, and as many directions or none')
     return SavedShape(angles, directions, vacuums)
 
 
@@ -186,7 +186,8 @@ def sequence_of(entry: Any) -> SavedSequence:
     kept = []
     for step in steps:
         if not (isinstance(step, list) and len(step) == 2 and isinstance(step[0], str)):
-            raise ValueError(f'{printable(step)} is no step; needed: a shape and its hold time, s')
+            raise ValueError(f'{printable(step)} is not a step; needed: a shape and its hold '
+                             'time, s')
         hold, = _numbers([step[1]], 'the hold time')
         if not 0.0 <= hold <= MAX_HOLD:
             raise ValueError(f'the hold time is {hold:g} s; allowed: 0 to {MAX_HOLD:g} s')

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What would be done to set shapes, as frozen values in SI units."""
+"""Plans to set shapes, as frozen values in SI units."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ MAX_STEPS, MAX_POSES = 1000, 10_000
 @dataclass(frozen=True)
 class PlanStep:
     """
-    A segment softened, bent and stiffened, or a whole arm without jamming bent.
+    A step: one segment softened, bent and stiffened, or the whole arm bent without jamming.
 
-    shape: which one, from 0.  segment: from 1 at the base; 0: the whole arm.  bending_angles: rad,
-    of every segment at the end; bending_directions: rad, empty of a planar arm.  duration: s for
-    which the tendons move.  tension: N, the largest on the way.  clearance: m, the smallest
-    distance to an obstacle on the way, inf without any; obstacle: its name.  tip: on the way.
+    shape: its index, from 0.  segment: from 1 at the base; 0: the whole arm.  bending_angles: rad,
+    of every segment at the end; bending_directions: rad, empty for planar arms.  duration: s of
+    tendon motion.  tension: N, the maximum during the step.  clearance: m, the minimum distance to
+    an obstacle, inf without any; obstacle: its name.  tip: path of the tip.
     """
 
     shape: int
@@ -42,11 +42,11 @@ class PlanStep:
 @dataclass(frozen=True)
 class Plan:
     """
-    How shapes would be set.
+    A plan to set shapes.
 
-    found: whether all can be.  message: why not, else empty; then steps lead to the nearest that
-    can be had, if anything can.  tip_errors: m from the tip to each goal in the end, or at worst
-    on a path; 0 of shapes by angles.  planning_time: s.
+    found: whether all can be set.  message: why not, else empty; steps then lead to the nearest
+    reachable shape, if any.  tip_errors: m from the tip to each goal at the end, or the maximum on
+    a path; 0 for shapes by angles.  planning_time: s.
     """
 
     found: bool
@@ -57,34 +57,34 @@ class Plan:
 
     @property
     def softenings(self) -> int:
-        """How often a segment is softened; of an arm without jamming, how often it is moved."""
+        """Number of softenings; without jamming, number of motions."""
         return len(self.steps)
 
     @property
     def duration(self) -> float:
-        """How long the tendons move, s."""
+        """Duration of tendon motion, s."""
         return sum(step.duration for step in self.steps)
 
     @property
     def tension(self) -> float:
-        """The largest on the way, N."""
+        """Maximum tension, N."""
         return max((step.tension for step in self.steps), default=0.0)
 
     @property
     def clearance(self) -> float:
-        """The smallest on the way, m; inf without obstacles."""
+        """Minimum clearance, m; inf without obstacles."""
         return min((step.clearance for step in self.steps), default=inf)
 
 
 async def plan_shapes(requests: Requests, shapes: Sequence[ShapeLike], time_limit: float = 0.0,
                       states: int = 0) -> Plan:
     """
-    Return how shapes would be set from where the arm is; nothing moves.
+    Return the plan to set shapes from the present state; nothing moves.
 
-    shapes: as of Arm.run.  time_limit: s after which the search for each ends at the latest; 0: as
-    the parameter reach.time_limit says.  states: of the arm to judge in search of a better plan of
-    each; 0: as many as the action would.  Raises ValueError for what is none, NodesMissingError
-    or NoAnswerError.
+    shapes: as for Arm.run.  time_limit: maximum duration of the search for each, s; 0: the
+    parameter reach.time_limit.  states: number of states to evaluate in the search for a better
+    plan for each; 0: as many as the action.  Raises ValueError for invalid arguments,
+    NodesMissingError or NoAnswerError.
     """
     if not 0.0 <= time_limit < inf:
         raise ValueError(f'time_limit is {time_limit} s; allowed: 0 and more')
@@ -98,7 +98,7 @@ async def plan_shapes(requests: Requests, shapes: Sequence[ShapeLike], time_limi
 
 
 def plan_from_ros(response: PlanShapes.Response) -> Plan:
-    """Return what plan_shapes answered, within bounds."""
+    """Return the response of plan_shapes, clipped."""
     return Plan(response.success, printable(response.message),
                 tuple(map(_step, response.steps[:MAX_STEPS])),
                 tuple(response.tip_errors[:MAX_ITEMS]), response.planning_time)

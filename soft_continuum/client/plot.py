@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 def plot(observed: ObservedArm, arm: Arm, axes: 'Axes | None',
          obstacles: Sequence[Obstacle] = ()) -> 'Axes':
-    """Draw the shape that kinematics has, and obstacles around it, as Arm.plot."""
+    """Draw the shape from kinematics, and the obstacles; see Arm.plot."""
     chain, message = Chain(arm), observed.message(KINEMATICS_STATE)
     state = None if message is None else equilibrium_from_ros(message, chain)
     if state is None:
         raise ClientError('kinematics publishes no shape of the arm that it describes; was it '
-                          'started anew?')
+                          'restarted?')
     projection = projection_of(arm)
     if axes is None:
         axes = pyplot.figure().add_subplot(projection=projection)
     if projection and axes.name != projection:
-        raise ClientError(f'a spatial arm is drawn into axes with projection={projection!r}, or '
-                          'leave them out')
+        raise ClientError(f'a spatial arm needs axes with projection={projection!r}, or leave '
+                          'them out')
     draw_arm(axes, state)
     draw_obstacles(axes, obstacles, arm.length)
     if not projection:

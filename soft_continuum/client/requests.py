@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What can be asked of the arm, as coroutines on the node that observes it."""
+"""Requests to the arm, as coroutines on the node that observes it."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -16,36 +16,35 @@ from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.progress import AIMS
 from soft_continuum.user_files import saved_shapes
 
-if TYPE_CHECKING:  # what stop must not wait for is imported where it is used
+if TYPE_CHECKING:  # imports that stop does not need are local
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import SequenceResult
 
-PLANNING_TIMEOUT = 30.0  # s that the shape_sequencer may take to plan before it answers
+PLANNING_TIMEOUT = 30.0  # s for the shape_sequencer to plan before it answers
 TIP_TIMEOUT = 130.0  # s more for each goal of the tip: more than reach.time_limit
-LOST_TIMEOUT = 10.0  # s without a message of the shape_sequencer until a sequence counts as lost
+LOST_TIMEOUT = 10.0  # s without messages from the shape_sequencer until a sequence counts as lost
 ANSWER_PAUSE = 1.0
-"""s for which an answer is waited for once the state of the sequencer says that it was sent."""
+"""s to wait for a response once the state of the sequencer shows that it was sent."""
 REASON_TIMEOUT = 1.0  # s between the answer to a goal and the reason of its rejection
 
 
 class Requests(Operations):
     """
-    Requests to the four nodes: sequences, and what is done by hand.
+    Requests to the four nodes: sequences and manual operations.
 
-    Every coroutine ends when what it asks for is done, or raises a ClientError that says why it is
-    not.  Run them with ``start``, on the thread that spins the node.
+    Every coroutine returns when it is done, or raises a ClientError with the reason.  Run them
+    with ``start``, on the thread that spins the node.
     """
 
     async def send(self, shapes: 'Sequence[ShapeLike]', hold: 'float | Sequence[float]',
                    aim: str = AIMS[0]) -> 'RunningSequence':
         """
-        Set one shape after the other, each held for ``hold`` s; return when that is accepted.
+        Set shapes in sequence, each held for ``hold`` s; return when accepted.
 
-        shapes: names in the library or of what was saved, or what each segment bends by, base
-        first, as Arm.run.  hold: also one for each shape.
-        aim: what is to be right in the end, 'angles' or 'tip'.
-        Raises RefusedError with the reason of the shape_sequencer; ValueError for a hold time
-        or an aim that is none.
+        shapes: names in the library or of saved shapes, or the bending of each segment, base
+        first, as for Arm.run.  hold: may also be one for each shape.  aim: controlled quantity,
+        'angles' or 'tip'. Raises RefusedError with the reason of the shape_sequencer; ValueError
+        for an invalid hold time or aim.
         """
         from soft_continuum.client.sequence import goal, RunningSequence
         message = goal(shapes, hold, aim)
@@ -67,7 +66,7 @@ class Requests(Operations):
         return sequence
 
     async def _look_up_saved(self, goal: Any) -> None:
-        """Replace names in a goal that something was saved by, and the library does not have."""
+        """Replace names of saved shapes in a goal that are not in the library."""
         from soft_continuum.client.own_file import read_saved
         saved = read_saved()
         if any(shape.name in saved.names for shape in goal.shapes):
@@ -78,8 +77,8 @@ class Requests(Operations):
         """
         Send a goal; return its handle once it is accepted or rejected.
 
-        If the answer is lost, as on a busy machine, the state of the shape_sequencer still says
-        which of the two.
+        If the response is lost, as on a busy machine, the state of the shape_sequencer shows the
+        outcome.
         """
         from rclpy.action.client import ClientGoalHandle
         from unique_identifier_msgs.msg import UUID
@@ -108,10 +107,10 @@ class Requests(Operations):
             return ClientGoalHandle(self._action, goal_id, (
                 RunShapeSequence.Impl.SendGoalService.Response(accepted=accepted)))
         answer.add_done_callback(lambda late: late.result().cancel_goal_async())
-        raise NoAnswerError(f'no answer of {SHAPE_SEQUENCER} within {timeout:g} s')
+        raise NoAnswerError(f'no answer from {SHAPE_SEQUENCER} within {timeout:g} s')
 
     async def _follow(self, handle: Any) -> 'SequenceResult':
-        """Return how a sequence ended; raises SequenceError or LostError."""
+        """Return the result of a sequence; raises SequenceError or LostError."""
         from soft_continuum.client.sequence import sequence_result
         result = sequence_result(await self._result(handle))
         if result.outcome != 'SUCCESSFUL':
@@ -122,8 +121,9 @@ class Requests(Operations):
         """
         Return the result of a goal; raises LostError.
 
-        It comes when the goal ends, unless it is lost, as on a busy machine: it is asked for again
-        when the goal has not run for 1 s, then 2 s and so on, ``ATTEMPTS * timeout`` s in all.
+        It arrives when the goal ends, unless it is lost, as on a busy machine: it is requested
+        again when the goal has not run for 1 s, then 2 s and so on, ``ATTEMPTS * timeout`` s in
+        all.
         """
         observed, accepted, runs, asked = self.observed, Age(), Age(), list[Any]()
         accepted.refresh()
@@ -140,7 +140,7 @@ class Requests(Operations):
             if (state := observed.shape_sequencer) is not None:
                 began = began or state.goal_id == handle.goal_id
                 if state.running and (state.goal_id == handle.goal_id or not began):
-                    runs.refresh()  # it does, or waits until the one before has ended
+                    runs.refresh()  # running, or waiting for the previous one to end
             return runs.seconds >= pause
 
         pause, patience = ANSWER_PAUSE, ATTEMPTS * self.timeout
@@ -153,16 +153,15 @@ class Requests(Operations):
                 return found[0].result().result
             if lost():
                 raise LostError(
-                    f'nothing received of {SHAPE_SEQUENCER} for {LOST_TIMEOUT:g} s; the arm may '
-                    'be left with a soft segment: see its state, start the nodes again, stiffen '
+                    f'nothing received from {SHAPE_SEQUENCER} for {LOST_TIMEOUT:g} s; a segment '
+                    'of the arm may still be soft: check its state, restart the nodes, stiffen '
                     'all segments')
             patience, pause = patience - pause, min(2.0 * pause, self.timeout)
-        raise LostError(f'{SHAPE_SEQUENCER} does not run the sequence any more, but has not '
-                        f'answered how it ended within {ATTEMPTS * self.timeout:g} s; see its '
-                        'state')
+        raise LostError(f'{SHAPE_SEQUENCER} no longer runs the sequence, but has not reported its '
+                        f'result within {ATTEMPTS * self.timeout:g} s; see its state')
 
     async def cancel_all(self) -> None:
-        """Cancel every sequence, whoever started it."""
+        """Cancel every sequence of any client."""
         from action_msgs.srv import CancelGoal
         await self.call(
             CancelGoal, 'run_shape_sequence/_action/cancel_goal', attempts=ATTEMPTS)
@@ -172,15 +171,15 @@ class Requests(Operations):
         from rclpy.action import ActionClient
 
         from soft_continuum_interfaces.action import RunShapeSequence
-        self.observed  # noqa: B018  (the sequencer is watched from now on)
+        self.observed  # noqa: B018  (this subscribes to the sequencer)
         return ActionClient(self.node, RunShapeSequence, 'run_shape_sequence')
 
     def destroy(self) -> None:
         """
-        Take down the action client: before its node, and after its executor has been shut down.
+        Destroy the action client: before its node, and after its executor was shut down.
 
-        An executor of events that spins on ends the process when it comes to a message of an
-        action client, or server, that was taken from it (rclpy 7.1 holds no GIL there).
+        A spinning events executor crashes the process at a message for a destroyed action client
+        or server (rclpy 7.1 does not hold the GIL there).
         """
         if '_action' in self.__dict__:
             self._action.destroy()

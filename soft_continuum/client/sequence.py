@@ -23,16 +23,16 @@ MAX_HOLD = 86400.0  # s
 OUTCOMES = {getattr(RunShapeSequence.Result, code.name): code.name for code in Code}
 
 Bending = float | tuple[float, float]
-"""What a segment bends by: its angle, or angle and direction, rad."""
+"""Bending of a segment: its angle, or angle and direction, rad."""
 
 
 @dataclass(frozen=True)
 class Held:
     """
-    A shape that is held with other vacuums than the full one, where regulators can.
+    A shape held at other vacuums than the full one, for rigs with regulators.
 
-    shape: its name, what each segment bends by, or where the tip shall be.  vacuums: of each
-    segment, Pa below ambient.
+    shape: its name, the bending of each segment, or a goal of the tip.  vacuums: of each segment,
+    Pa below ambient.
     """
 
     shape: 'str | Sequence[Bending] | Tip'
@@ -40,16 +40,16 @@ class Held:
 
 
 ShapeLike = str | Sequence[Bending] | Tip | Sequence[Tip] | Held
-"""A shape: its name in the library, what each segment bends by, or where the tip shall be."""
+"""A shape: its name in the library, the bending of each segment, or a goal of the tip."""
 
 
 def goal(shapes: Sequence[ShapeLike], hold: float | Sequence[float], aim: str = AIMS[0]
          ) -> RunShapeSequence.Goal:
     """
-    Return the goal for shapes, each held for ``hold`` s, or each for its own.
+    Return the goal for shapes, with one hold time (s) for all or one for each.
 
-    aim: one of AIMS.  Raises ValueError for a hold time or an aim that is none; shapes are for the
-    shape_sequencer to judge.
+    aim: one of AIMS.  Raises ValueError for an invalid hold time or aim; the shape_sequencer
+    checks the shapes.
     """
     if aim not in AIMS:
         raise ValueError(f'aim is {aim!r}; allowed: {" or ".join(map(repr, AIMS))}')
@@ -63,7 +63,7 @@ def goal(shapes: Sequence[ShapeLike], hold: float | Sequence[float], aim: str = 
 
 
 def fields_of(shape: ShapeLike) -> dict[str, Any]:
-    """Return what a message Shape has of a shape; raises ValueError for what is none."""
+    """Return a shape as a Shape message; raises ValueError for an invalid one."""
     if isinstance(shape, Held):
         return fields_of(shape.shape) | {'vacuums': [float(v) for v in shape.vacuums]}
     if isinstance(shape, str):
@@ -75,7 +75,7 @@ def fields_of(shape: ShapeLike) -> dict[str, Any]:
 
 
 def tip_goal(tip: Tip) -> TipGoal:
-    """Return a goal of the tip as the shape_sequencer takes it."""
+    """Return a goal of the tip as a message for the shape_sequencer."""
     (x, y, z), turn = tip.place, dict(zip('xyzw', tip.quaternion, strict=True))
     return TipGoal(
         kind=KINDS.index(tip.kind), position_tolerance=float(tip.tolerance),
@@ -84,7 +84,7 @@ def tip_goal(tip: Tip) -> TipGoal:
 
 
 def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:
-    """Return the angles of a shape and, if one is given, the directions, as Shape has them."""
+    """Return the angles of a shape and its directions, if any is given, as in Shape."""
     angles, directions, directed = [], [], False
     for bend in shape:
         try:
@@ -102,7 +102,7 @@ def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:
 
 
 def sequence_result(message: RunShapeSequence.Result | ShapeSequencerState) -> SequenceResult:
-    """Return the result of a goal, or of the last one that the state of the sequencer has."""
+    """Return the result of a goal, or of the last one in the state of the sequencer."""
     outcome = OUTCOMES.get(message.error_code, f'error_code {message.error_code}')
     reached = _reached(message) if isinstance(message, RunShapeSequence.Result) else None
     return SequenceResult(
@@ -110,7 +110,7 @@ def sequence_result(message: RunShapeSequence.Result | ShapeSequencerState) -> S
 
 
 def _reached(message: RunShapeSequence.Result) -> Reached | None:
-    """Return what a result says of the last shape; None of one that says nothing."""
+    """Return the last shape in a result; None if it has none."""
     angles = tuple(message.bending_angles[:MAX_ITEMS])
     if not angles:
         return None
@@ -125,7 +125,7 @@ def _reached(message: RunShapeSequence.Result) -> Reached | None:
 
 class RunningSequence:
     """
-    A sequence that was accepted; made by ``Arm.start``.
+    An accepted sequence; returned by ``Arm.start``.
 
     Wait with ``result()``, or with ``await`` in asyncio.
     """
@@ -138,12 +138,12 @@ class RunningSequence:
         self._end: Future[SequenceResult] = Future()
 
     def begin(self, cancel: Callable[[], object], end: Future[SequenceResult]) -> None:
-        """Take how to cancel it, and what its end will be."""
+        """Set its cancel function and the future of its result."""
         self._cancel, self._end = cancel, end
         end.add_done_callback(lambda _: self._notify())
 
     def on_feedback(self, message: Any) -> None:
-        """Keep the progress of the goal."""
+        """Store the progress of the goal."""
         feedback = message.feedback
         self._progress = progress_of(feedback, float(feedback.progress), feedback)
         self._notify()
@@ -154,16 +154,16 @@ class RunningSequence:
 
     @property
     def progress(self) -> Progress | None:
-        """How far it is; None before the first feedback."""
+        """Its progress; None before the first feedback."""
         return self._progress
 
     @property
     def done(self) -> bool:
-        """Whether it has ended, in whatever way."""
+        """Whether it has ended, with any outcome."""
         return self._end.done()
 
     def updates(self) -> Iterator[Progress]:
-        """Yield how far it is whenever that changes, until it has ended."""
+        """Yield its progress at every change, until it has ended."""
         before: Progress | None = None
         while True:
             with self._changed:
@@ -178,10 +178,10 @@ class RunningSequence:
 
     def result(self, timeout: float | None = None) -> SequenceResult:
         """
-        Wait for the end, at most ``timeout`` s; return how it ended.
+        Wait for the end, at most ``timeout`` s; return the result.
 
         Raises SequenceError if not every shape was reached and held, NoAnswerError when it still
-        runs after ``timeout``, LostError when the shape_sequencer reports nothing any more.
+        runs after ``timeout``, LostError when the shape_sequencer stops reporting.
         """
         try:
             return self._end.result(timeout)
@@ -192,13 +192,13 @@ class RunningSequence:
                                 'wait longer or cancel() it') from None
 
     def __await__(self) -> Generator[Any, None, SequenceResult]:
-        """Wait as ``result()`` does, without blocking the event loop."""
-        import asyncio  # 0.04 s that a stop must not wait for
+        """Wait like ``result()``, without blocking the event loop."""
+        import asyncio  # saves a stop 0.04 s
         return asyncio.wrap_future(self._end).__await__()
 
     def cancel(self) -> None:
         """
-        Ask for the end: the tendons come to rest, the soft segment is stiffened.
+        Request cancellation: the tendons come to rest, the soft segment is stiffened.
 
         Returns at once; ``result()`` then raises SequenceError with outcome CANCELED.
         """

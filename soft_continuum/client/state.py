@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The state of the arm as a client sees it, as frozen values in SI units, and how it reads."""
+"""The state of the arm for clients, as frozen values in SI units, and its text."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from soft_continuum.text import MAX_NAME, printable
 
 __all__ = ['ArmState', 'NodeReport', 'Pose', 'Progress', 'Reached', 'SequenceResult']
 
-IN_PLANE = 1e-6  # m, or part of a quaternion: what rounding takes out of the bending plane
+IN_PLANE = 1e-6  # m, or part of a quaternion: rounding error out of the bending plane
 UNKNOWN = '?'
 MAX_ERROR = 1e3  # rad or m that a shape may be off; also not what is not a number
 
@@ -50,7 +50,7 @@ class Pose:
 
     @property
     def is_planar(self) -> bool:
-        """Whether it is in the bending plane of planar arms, or not known."""
+        """Whether it is in the bending plane of planar arms, or unknown."""
         about_x, _, about_z, _ = self.orientation
         return not max(abs(self.position[1]), abs(about_x), abs(about_z)) > IN_PLANE
 
@@ -73,8 +73,8 @@ class NodeReport:
     The status of one node.
 
     level: 'ok', 'warn' or 'error'; None if none was received.  message and values: its
-    ``~/status``, for people (msg_docs/README.md).  age: s since its last message on any topic,
-    None if there was none.  stale: whether that is longer than the nodes ever pause.
+    ``~/status`` (msg_docs/README.md).  age: s since its last message on any topic, None if there
+    was none.  stale: whether that is longer than any regular pause.
     """
 
     name: str
@@ -89,26 +89,23 @@ class NodeReport:
 @dataclass(frozen=True)
 class ArmState:
     """
-    The arm at one moment; None where a value was not received, or is stale.
+    A snapshot of the arm; None where a value was not received, or is stale.
 
-    tendons: names, in the order of pulls (m), speeds (m/s), tensions (N, by the model, nan where
-    nothing determines them) and measured_tensions (N, of load cells or a driver that measures, nan
-    of a silent cell).  stopped:
-    why nothing moves before a resume, '' when motion is allowed.  emergency_stop: whether it is
-    on, so that resuming and switching are refused.  referenced: whether pulls are known relative
-    to the straight arm.
-    stiff: of each segment, base first, as confirmed by its pressure.  pressures: Pa, absolute.
-    set_vacuums: what the regulator of each segment is set to, Pa below ambient; empty of valves.
-    bending_angles: rad, one per segment; of a spatial arm never negative.  bending_directions: of
-    a spatial arm, rad, one per segment: towards where it leans, about +z from +x of the disc below
-    it; empty of a planar one.  joint_angles: rad, all joints of the URDF.
-    segment_poses: distal end of each segment.  disc_poses: bottom and top of each disc.  tip: top
-    of the last disc.  measured_discs: bottom of each disc as a sensor sees it, empty while none
-    does; nan where the sensor measures no position, or no orientation.  predicted_disc_poses: as
-    disc_poses, where the model alone has them, while the shape is estimated.  estimate: whether
-    the shape is measured, how well it is known, what was learned, and what is wrong.  progress: of
-    the sequence that runs, whoever started it.  last_result: of the one that ended last.  nodes:
-    those that this arm needs.  sensors: the nodes that look at the arm, as far as they were heard.
+    tendons: names, in the order of pulls (m), speeds (m/s), tensions (N, from the model, nan where
+    not determined) and measured_tensions (N, from load cells or the driver, nan without readings).
+    stopped: why nothing moves until a resume, '' when motion is allowed.  emergency_stop: whether
+    it is on, so that resuming and switching are refused.  referenced: whether pulls are known
+    relative to the straight arm. stiff: of each segment, base first, as confirmed by its pressure.
+    pressures: Pa, absolute. set_vacuums: set-point of each segment's regulator, Pa below ambient;
+    empty for valves. bending_angles: rad, one per segment; never negative for spatial arms.
+    bending_directions: of a spatial arm, rad, one per segment, about +z from +x of the disc below
+    it; empty for planar arms.  joint_angles: rad, all joints of the URDF. segment_poses: distal
+    end of each segment.  disc_poses: bottom and top of each disc. tip: top of the last disc.
+    measured_discs: measured bottom of each disc, empty without measurements; nan where position or
+    orientation is not measured.  predicted_disc_poses: as disc_poses, open-loop prediction, while
+    the shape is estimated.  estimate: source and accuracy of the shape, estimated parameters, and
+    anomalies.  progress: of the running sequence of any client.  last_result: of the last
+    sequence.  nodes: those that this arm needs.  sensors: the sensor nodes, if received.
     """
 
     tendons: tuple[str, ...]
@@ -139,10 +136,10 @@ class ArmState:
     @property
     def disc_errors(self) -> tuple[tuple[float, float] | None, ...]:
         """
-        How far each disc is seen from where the model has it, m and rad; None if unknown.
+        Distance of each measured disc from the model, m and rad; None if unknown.
 
-        The angle has a sign where it is about y, as in the plane.  nan where the position, or the
-        orientation, is not measured.
+        Angles about y, as in the plane, are signed.  nan where position or orientation is not
+        measured.
         """
         return tuple(
             None if seen is None or not self.disc_poses or 2 * n >= len(self.disc_poses)
@@ -150,11 +147,11 @@ class ArmState:
             for n, seen in enumerate(self.measured_discs))
 
     def __str__(self) -> str:
-        """Return the state in full, for people."""
+        """Return the full state as text."""
         return state_page(self)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return HTML for notebooks."""
         return f'<pre>{escape(str(self))}</pre>'
 
     def node(self, name: str) -> NodeReport:
@@ -166,7 +163,7 @@ class ArmState:
 
 
 def _apart(one: Pose, other: Pose) -> tuple[float, float]:
-    """Return distance and angle between two poses, m and rad; about y alone it has a sign."""
+    """Return distance and angle between two poses, m and rad; angles about y are signed."""
     x, y, z, w = one.orientation
     a, b, c, d = other.orientation
     about = (d * x - a * w - b * z + c * y, d * y - b * w - c * x + a * z,
@@ -180,9 +177,9 @@ def _apart(one: Pose, other: Pose) -> tuple[float, float]:
 
 def progress_of(report: Any, fraction: float, feedback: Any = None) -> Progress:
     """
-    Return the progress that a feedback or a state of the sequencer reports, within bounds.
+    Return the progress from feedback or a state of the sequencer, clipped.
 
-    feedback: has aim, correction and error, unless there was none of this goal.
+    feedback: has aim, correction and error, unless none was received for this goal.
     """
     try:
         phase = Phase(report.phase)
@@ -201,13 +198,13 @@ def progress_of(report: Any, fraction: float, feedback: Any = None) -> Progress:
 @dataclass(frozen=True)
 class Reached:
     """
-    Where the last shape of a sequence ended.
+    The end state of the last shape of a sequence.
 
-    measured: whether measurements say so; else it is what the model has of motors and vacuum.
-    bending_angles: rad, one per segment.  tip: its pose.  angle_stddevs, tip_covariance: as of
-    an Estimate.  tip_error: m from where the aim has the tip.  corrections: of all segments of all
-    shapes.  bending_directions: rad, one per segment of a spatial arm, else empty.  replans: plans
-    that were made again on the way.
+    measured: whether it is measured; otherwise it is predicted from motors and vacuum.
+    bending_angles: rad, one per segment.  tip: its pose.  angle_stddevs, tip_covariance: as in
+    Estimate.  tip_error: m from the tip to its goal. corrections: of all segments of all shapes.
+    bending_directions: rad, one per segment of a spatial arm, else empty.  replans: number of
+    times it was planned again.
     """
 
     measured: bool
@@ -222,18 +219,18 @@ class Reached:
 
     @property
     def lost(self) -> bool:
-        """Whether it is predicted though measurements were there before, in this sequence."""
+        """Whether it is predicted although there were measurements earlier in this sequence."""
         return not self.measured and bool(self.angle_stddevs)
 
 
 @dataclass(frozen=True)
 class SequenceResult:
     """
-    How a sequence ended.
+    The result of a sequence.
 
     outcome: name of the error_code, SUCCESSFUL or another one of msg_docs/shape_sequencer.md.
-    message: what went wrong; on success what the last shape lacks, or empty.  reached: where the
-    last shape ended, None where that was not reported.
+    message: the problem; on success the shortfall of the last shape, or empty.  reached: the end
+    state of the last shape, None if not reported.
     """
 
     outcome: str
@@ -242,14 +239,14 @@ class SequenceResult:
     reached: Reached | None = None
 
 
-# How it reads.
+# Texts.
 
 
 def angles_text(angles: Sequence[float], directions: Sequence[float] = ()) -> str:
     """
     Return bending angles (rad), and directions behind an @, in degrees.
 
-    What is shown as straight is shown without its direction, which is that of its rounding.
+    Straight segments are shown without direction, which would be rounding noise.
     """
     towards = [f'@{degrees(direction):z.1f}' if abs(degrees(angle)) >= 0.05 else ''
                for angle, direction in zip(angles, directions, strict=True)
@@ -316,7 +313,7 @@ def state_page(state: ArmState) -> str:
     poses = state.segment_poses or (None,) * len(state.stiff)
     for i, pose in enumerate(poses):
         jam = ''
-        if i < len(state.stiff):  # of an arm without jamming nothing is switched
+        if i < len(state.stiff):  # without jamming nothing is switched
             pressure = state.pressures[i]
             kilopascals = UNKNOWN if pressure is None else f'{pressure * 1e-3:.1f}'
             jam = f'{_stiffness_text(state.stiff[i]):<6}{kilopascals:>6} kPa  '
@@ -336,7 +333,7 @@ def state_page(state: ArmState) -> str:
 
 
 def source_text(estimate: Estimate) -> str:
-    """Return where the shape comes from, in one line."""
+    """Return the source of the shape in one line."""
     age = age_text(estimate.age)
     if not estimate.measured:
         return f'predicted by the model; {age}'
@@ -352,7 +349,7 @@ def source_text(estimate: Estimate) -> str:
 
 
 def estimate_lines(estimate: Estimate | None) -> list[str]:
-    """Return what measurements say of the arm; no line for what there is nothing to say of."""
+    """Return the lines of an estimate; parts without content have no line."""
     if estimate is None:
         return []
     lines = [f'shape      {source_text(estimate)}']
@@ -369,7 +366,7 @@ def estimate_lines(estimate: Estimate | None) -> list[str]:
 
 
 def reached_text(reached: Reached) -> str:
-    """Return where a sequence ended, and how that is known, in one line."""
+    """Return the end state of a sequence, and its source, in one line."""
     error = f'tip {millimetres(reached.tip_error)} mm from its aim'
     directions = reached.bending_directions
     angles = angles_text(reached.bending_angles, directions)
@@ -390,7 +387,7 @@ def reached_text(reached: Reached) -> str:
 
 
 def error_text(error: float, aim: str) -> str:
-    """Return the error of a shape that is being set, in the unit of its aim ('': not known)."""
+    """Return the error of a shape being set, in the unit of its aim ('': unknown)."""
     if aim == 'tip':
         return f'{millimetres(error)} mm'
     return f'{degrees(error):.2f} deg' if aim else f'{error:.2g} m or rad'

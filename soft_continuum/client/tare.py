@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tare of all sensors that look at the arm."""
+"""The tare of all sensors of the arm."""
 
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ SERVICE = 'tare'
 
 
 async def tare(requests: 'Requests') -> dict[str, str]:
-    """Call ~/tare of every node that has it; return the answers by node, as Arm.tare."""
+    """Call ~/tare of every node that has it; return the responses by node, as Arm.tare."""
     node = requests.node
     space = f'{node.get_namespace().rstrip("/")}/'
 
@@ -24,6 +24,6 @@ async def tare(requests: 'Requests') -> dict[str, str]:
         return sorted(parts[0] for parts in found if parts[1:] == [SERVICE])
 
     if not await until(nodes, requests.discovery_timeout):
-        raise NodesMissingError(f'nothing that can be tared runs in namespace {space}: neither a '
+        raise NodesMissingError(f'no node that can be tared runs in namespace {space}: neither a '
                                 'camera nor disc_sensors')
     return {name: await requests.trigger(f'{name}/{SERVICE}') for name in nodes()}

@@ -28,8 +28,8 @@ from soft_continuum.ros.names import JAMMING_VALVES, NODES, RECORDER, SHAPE_SEQU
 
 T = TypeVar('T')
 
-ATTEMPTS = 4  # of what may be asked for again
-POLL_PERIOD = 0.05  # s between two looks at what gives no notice, such as the ROS graph
+ATTEMPTS = 4  # of repeatable requests
+POLL_PERIOD = 0.05  # polling period, s, of conditions without events, such as the ROS graph
 HOW_TO_START = 'start them with `./run up` or `ros2 launch soft_continuum bringup.launch.py`'
 
 
@@ -39,7 +39,7 @@ def _next_step() -> Generator[None, None, None]:
 
 
 async def until(condition: Callable[[], T], timeout: float) -> T:
-    """Return what ``condition`` gives as soon as that is true, or at last after ``timeout`` s."""
+    """Return the value of ``condition`` once it is true, or at the latest after ``timeout`` s."""
     deadline = monotonic() + timeout
     while not (value := condition()) and monotonic() < deadline:
         await _next_step()
@@ -48,20 +48,20 @@ async def until(condition: Callable[[], T], timeout: float) -> T:
 
 class Tasks:
     """
-    Runs coroutines that wait by ``until``, each step on the thread that spins ``node``.
+    Runs coroutines that wait with ``until``, each step on the thread that spins ``node``.
 
-    rclpy has coroutines of its own, but polls them without a pause.  Callbacks of a future come
-    on that thread, too.
+    rclpy has its own coroutines, but polls them without a pause.  Callbacks of futures are also
+    called on that thread.
     """
 
     def __init__(self, node: Node, timeout: float, discovery_timeout: float) -> None:
-        """``timeout``: s for an answer.  ``discovery_timeout``: s for a node to be found."""
+        """``timeout``: s for a response. ``discovery_timeout``: s for discovery of a node."""
         self.node = node
         self.timeout = timeout
         self.discovery_timeout = discovery_timeout
         self._open = True
         self._clients: dict[str, Any] = {}
-        self._callers: Counter[str] = Counter()  # of each of them, that wait
+        self._callers: Counter[str] = Counter()  # waiting coroutines of each
         self._tasks: dict[Coroutine[Any, None, Any], Future[Any]] = {}
         self._timer = node.create_timer(
             POLL_PERIOD, self.step, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -71,9 +71,9 @@ class Tasks:
         """Start a coroutine, from any thread; return the future of its outcome."""
         if not self._open:
             work.close()
-            raise ClientError('this Arm is closed; make a new one')
+            raise ClientError('this Arm is closed; create a new one')
         future: Future[T] = Future()
-        future.set_running_or_notify_cancel()  # a task that no longer awaits it ends nothing
+        future.set_running_or_notify_cancel()  # its task no longer awaits it
         self.node.executor.create_task(self._begin, work, future)
         return future
 
@@ -83,7 +83,7 @@ class Tasks:
         self._advance(work)
 
     async def close(self) -> None:
-        """Start no more; let what still waits fail."""
+        """Accept no more coroutines; fail those that still wait."""
         self._open = False
         for work, future in list(self._tasks.items()):
             if not work.cr_running:  # type: ignore[attr-defined]  # all but this one
@@ -92,9 +92,9 @@ class Tasks:
                 future.set_exception(ClientError('this Arm was closed meanwhile'))
 
     def step(self, *_: object) -> None:
-        """Let every coroutine see whether what it waits for has come."""
+        """Let every coroutine check the condition it waits for."""
         for work in list(self._tasks):
-            if work in self._tasks:  # an earlier one may have closed it
+            if work in self._tasks:  # a previous one may have closed it
                 self._advance(work)
         if not self._tasks:
             self._timer.cancel()
@@ -111,7 +111,7 @@ class Tasks:
 
     async def found(self, condition: Callable[[], T], what: str, node: str) -> T:
         """
-        Return what ``condition`` gives once it is true.
+        Return the value of ``condition`` once it is true.
 
         Raises NodesMissingError or NoAnswerError, about ``node``, after the discovery timeout.
         """
@@ -121,7 +121,7 @@ class Tasks:
         return value
 
     def client(self, kind: Any, name: str) -> Any:
-        """Return the client of a service; made before the first call, that waits for nothing."""
+        """Return the client of a service; creating it before the first call saves a wait."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         return self._clients[name]
@@ -131,8 +131,8 @@ class Tasks:
         """
         Call a service of one of the nodes; return its response.
 
-        attempts: how often it is asked in all, where that may be: an answer can get lost when a
-        node has just been started.  within: s for an answer that takes longer than others.
+        attempts: total number of calls, for repeatable requests: a response can get lost when a
+        node has just started.  within: s for a response that takes longer than others.
 
         Raises NodesMissingError or NoAnswerError.
         """
@@ -146,7 +146,7 @@ class Tasks:
             for _ in range(attempts):
                 asked.append(client.call_async(kind.Request(**request)))
                 asked[-1].add_done_callback(self.step)
-                # The answer to an earlier one counts, too: it may only be late.
+                # A late response to an earlier call counts, too.
                 if answered := await until(
                         lambda: [one for one in asked if one.done()], timeout / attempts):
                     return answered[0].result()
@@ -154,10 +154,10 @@ class Tasks:
             self._callers[name] -= 1
             for one in asked:
                 client.remove_pending_request(one)
-        # What nobody waits for must not be carried out later; what others wait for must be.
+        # Abandoned requests must not be carried out later; those that others await must be.
         if not self._callers[name] and self._clients.pop(name, None):
             self.node.destroy_client(client)
-        raise self.not_found(f'an answer of {name}', [node], timeout)
+        raise self.not_found(f'an answer from {name}', [node], timeout)
 
     async def done(self, future: Any, timeout: float) -> bool:
         """Wait for a future of rclpy; return whether it is done."""
@@ -165,10 +165,10 @@ class Tasks:
         return await until(future.done, timeout)
 
     async def parameters(self, node: str, names: Sequence[str]) -> dict[str, Any]:
-        """Return parameters of a node by name, without those that have no value."""
+        """Return parameters of a node by name, without those not set."""
         answer = await self.call(GetParameters, f'{node}/get_parameters', attempts=ATTEMPTS,
                                  names=list(names))
-        if len(answer.values) < len(names) > 1:  # a node that lacks one gives none
+        if len(answer.values) < len(names) > 1:  # a node that lacks one returns none
             return {key: value for name in names
                     for key, value in (await self.parameters(node, [name])).items()}
         read = {name: parameter_value_to_python(value)
@@ -185,18 +185,18 @@ class Tasks:
             raise RefusedError(f'{node}: {result.reason if result else "no answer"}')
 
     def not_found(self, what: str, needed: Sequence[str], timeout: float) -> ClientError:
-        """Return the error for something that did not appear within ``timeout`` s."""
+        """Return the error for something not found within ``timeout`` s."""
         running = running_nodes(self.node, (*NODES, RECORDER))
         if all(running[name] for name in needed):
-            return NoAnswerError(f'nothing of {what} within {timeout:g} s, though its node '
-                                 'runs; is it active, and the machine not overloaded?')
+            return NoAnswerError(f'{what} is missing after {timeout:g} s, although its node runs; '
+                                 'is it active, and the computer not overloaded?')
         missing = [name for name in NODES if not running[name]]
         space = self.node.get_namespace()
         text = (f'{", ".join(missing)} {"does" if len(missing) == 1 else "do"} not run in '
                 f'namespace {space}; {HOW_TO_START}')
-        if {*missing} <= {JAMMING_VALVES, SHAPE_SEQUENCER}:  # it may be an arm without
-            text += ('; an arm without jamming has no jamming_valves, and, where tendons do not '
-                     'bend each segment by itself, no shape_sequencer: they are moved by jog and '
+        if {*missing} <= {JAMMING_VALVES, SHAPE_SEQUENCER}:  # the arm may be without jamming
+            text += ('; an arm without jamming has no jamming_valves and, unless its tendons bend '
+                     'each segment independently, no shape_sequencer: move it by jog and '
                      'trajectories')
         elsewhere = sorted({other for name, other in self.node.get_node_names_and_namespaces()
                             if name in NODES and other != space})

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A goal of the tip as users give it, to the client and on the command line."""
+"""A goal of the tip in the client and on the command line."""
 
 from dataclasses import dataclass
 from math import cos, hypot, isfinite, sin
@@ -8,17 +8,17 @@ from typing import Literal
 
 Kind = Literal['position', 'direction', 'pose']
 KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
-"""What of a goal counts; the values of kind in TipGoal, from 0."""
+"""Constrained parts of a goal; the values of kind in TipGoal, from 0."""
 
 
 @dataclass(frozen=True)
 class Tip:
     """
-    Where the tip shall be, in base_link.
+    A goal of the tip in base_link.
 
-    position: x, z in the plane of a planar arm, or x, y, z, m.  At most one of these says where it
-    points: angle, rad about +y from +z; direction, a vector x, y, z of any length; orientation,
-    the whole one, as a quaternion x, y, z, w.  tolerance: m.  angle_tolerance: rad.  0: those of
+    position: x, z in the plane of a planar arm, or x, y, z, m.  At most one of these sets its
+    orientation: angle, rad about +y from +z; direction, a vector x, y, z of any length;
+    orientation, a full quaternion x, y, z, w.  tolerance: m.  angle_tolerance: rad.  0: those of
     the shape_sequencer.  Raises ValueError.
     """
 
@@ -30,7 +30,7 @@ class Tip:
     angle_tolerance: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no place; who plans judges the rest."""
+        """Refuse an invalid position; the planner checks the rest."""
         _check('position', self.position, (2, 3))
         given = [name for name in ('angle', 'direction', 'orientation')
                  if getattr(self, name) is not None]
@@ -53,14 +53,14 @@ class Tip:
 
     @property
     def kind(self) -> Kind:
-        """What of it counts, one of KINDS."""
+        """Its constrained parts, one of KINDS."""
         if self.orientation is not None:
             return 'pose'
         return 'position' if self.angle is None and self.direction is None else 'direction'
 
     @property
     def quaternion(self) -> tuple[float, float, float, float]:
-        """An orientation x, y, z, w of which what counts is as it should be."""
+        """An orientation x, y, z, w that fulfils the constrained parts."""
         if self.orientation is not None:
             x, y, z, w = map(float, self.orientation)
             return x, y, z, w
@@ -69,7 +69,7 @@ class Tip:
             direction = sin(self.angle), 0.0, cos(self.angle)
         length = hypot(*direction)
         x, y, z = (value / length for value in direction)
-        length = hypot(x, y, 1.0 + z)  # the shortest turn from +z
+        length = hypot(x, y, 1.0 + z)  # the shortest rotation from +z
         return (-y / length, x / length, 0.0, (1.0 + z) / length) if length > 1e-9 else (
             0.0, 1.0, 0.0, 0.0)
 

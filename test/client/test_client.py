@@ -207,7 +207,7 @@ def test_leaving_cancels_what_was_started(arm, here):
         wait_until(lambda: running.progress)
     assert running.done
     arm.wait_for_status('shape_sequencer', 'last', 'CANCELED')
-    with pytest.raises(ClientError, match='this Arm is closed; make a new one'):
+    with pytest.raises(ClientError, match='this Arm is closed; create a new one'):
         client.stop()
 
 
@@ -240,7 +240,7 @@ def test_a_sequencer_that_dies_does_not_keep_its_client_waiting(rig, connect, mo
     rig.goal_when_heard(STRAIGHT).result()
     running = connect().start('c_form', hold=600.0)
     rig.end(sequencer)
-    with pytest.raises(LostError, match='nothing received of shape_sequencer for 1 s'):
+    with pytest.raises(LostError, match='nothing received from shape_sequencer for 1 s'):
         running.result(DEADLINE)
 
 
@@ -398,7 +398,7 @@ def test_what_no_arm_can_have_is_named(here):
     for timeout in (0.0, -1.0, nan):
         with pytest.raises(ValueError, match='must be positive'):
             Arm(timeout=timeout)
-    with pytest.raises(ClientError, match="'a b' is not one that ROS takes"):
+    with pytest.raises(ClientError, match="'a b' is not valid in ROS"):
         Arm('a b')
 
 

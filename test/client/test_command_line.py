@@ -238,4 +238,4 @@ def test_an_interrupt_before_it_has_begun_ends_quietly(command):
 def test_a_namespace_that_ros_does_not_take_is_an_error_in_a_line(call):
     status, _, errors = call('stop', namespace='a b')
     assert status == FAILED
-    assert "namespace 'a b' is not one that ROS takes" in errors
+    assert "namespace 'a b' is not valid in ROS" in errors

@@ -45,7 +45,7 @@ class Fake:
 
 def test_without_a_plan_it_goes_home_and_ends_stiff():
     arm = Fake()
-    assert 'went home without a plan, because shape_sequencer: no plan' in home(arm)
+    assert 'straightened without a plan, because shape_sequencer: no plan' in home(arm)
     assert arm.does == ['soften 3', 'jog', 'soften 2', 'soften 1', 'stiffen']
 
 

@@ -19,7 +19,7 @@ def test_what_can_be_started_is_not_refused() -> None:
 @pytest.mark.parametrize(('namespace', 'files', 'packages', 'reason'), [
     ('', ['missing.yaml'], [], 'missing.yaml: cannot be read: No such file'),
     ('', [description_file(), 'missing.yaml'], [], 'missing.yaml: cannot be read: No such file'),
-    ('a-b', [], [], "namespace 'a-b' is not one that ROS takes"),
+    ('a-b', [], [], "namespace 'a-b' is not valid in ROS"),
     ('', [], ['no_such_publisher'], 'sudo apt install ros-jazzy-no-such-publisher'),
 ])
 def test_what_cannot_be_started_is_refused_before_anything_starts(

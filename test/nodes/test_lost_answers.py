@@ -67,8 +67,8 @@ def test_a_client_is_told_which_answer_did_not_come(
     requests = connection.requests
     with lost_answers(shared_arm.node('tendon_actuation'), '/reference'):
         assert problem(requests.start(requests.reference())) == (
-            'nothing of an answer of tendon_actuation/reference within 0.5 s, though its node '
-            'runs; is it active, and the machine not overloaded?')
+            'an answer from tendon_actuation/reference is missing after 0.5 s, although its node '
+            'runs; is it active, and the computer not overloaded?')
 
 
 def test_what_may_be_asked_again_is_and_the_first_answer_that_comes_counts(
@@ -112,7 +112,7 @@ def test_a_sequence_of_which_the_result_never_comes_ends_with_the_reason(
 
     monkeypatch.setattr(SequenceServer, '_execute_get_result_request', lose)
     sequence = requests.start(requests.send([[0.0, 0.0, 0.2]], 0.0)).result(DEADLINE)
-    with pytest.raises(LostError, match='does not run the sequence any more, but has not'):
+    with pytest.raises(LostError, match='no longer runs the sequence, but has not'):
         sequence.result(DEADLINE)
 
 
@@ -146,7 +146,7 @@ def test_a_goal_that_is_not_answered_is_given_up_and_canceled_if_it_is_later(
     monkeypatch.setattr(SequenceServer, '_send_answer', lambda server, *answer: late.append(
         lambda: send(server, *answer)))
     assert problem(requests.start(requests.send([[0.0, 0.0, 0.3]], 600.0))) == (
-        'no answer of shape_sequencer within 0.5 s')
+        'no answer from shape_sequencer within 0.5 s')
     shared_arm.wait_for(lambda: late, 'the answer')
     shared_arm.node('shape_sequencer').executor.create_task(late[0])
     ends, canceled = shared_arm.sequencer, RunShapeSequence.Result.CANCELED
@@ -184,7 +184,7 @@ def test_the_page_is_told_which_answer_did_not_come(
         session.resume()
         notice = shared_arm.wait_for(lambda: session.notices and session.notices[-1], 'a notice')
     assert notice.title == 'Resume: failed'
-    assert 'nothing of an answer of Resume within 0.5 s' in notice.text  # as its button
+    assert 'an answer from Resume is missing after 0.5 s' in notice.text  # as its button
 
 
 def test_a_recording_goes_on_without_the_parameters_that_nobody_answers(
@@ -198,7 +198,7 @@ def test_a_recording_goes_on_without_the_parameters_that_nobody_answers(
         assert shared_arm.call(SetBool, 'recorder/record', data=True).success
         shared_arm.wait_for(
             lambda: any('parameters of kinematics' in text for text in said), 'a reason')
-    assert any('nothing of an answer of kinematics/list_parameters within 0.5 s' in text
+    assert any('an answer from kinematics/list_parameters is missing after 0.5 s' in text
                for text in said)
     shared_arm.wait_for(lambda: states.last.recording and states.last.messages, 'messages')
     assert shared_arm.call(SetBool, 'recorder/record', data=False).success
@@ -214,7 +214,7 @@ def test_teleop_says_which_answer_did_not_come_and_moves_once_it_does(
     with lost_answers(joystick.nodes[0], '/enable') as lost:
         monkeypatch.setattr(teleop._arm._requests, 'timeout', TIMEOUT)
         joystick.show(LB)
-        joystick.wait_for('failed: nothing of an answer of servo/enable within 0.5 s')
+        joystick.wait_for('failed: an answer from servo/enable is missing after 0.5 s')
         joystick.wait_for(steered_arm.PREPARING)  # by itself, as long as the button is held
         monkeypatch.setattr(teleop._arm._requests, 'timeout', DEADLINE)
     assert lost
