@@ -201,7 +201,7 @@ def test_a_file_that_is_there_stays_unless_it_is_given_up(run, tmp_path):
     assert run('arm', '--yes', '--kind', 'planar')[0] == 2
     status, output, error = run('arm', typed=['no'])
     assert (status, output) == (2, f'{there} exists: overwrite? (yes, no) ')
-    assert 'stays as it is' in error
+    assert 'is unchanged' in error
     assert there.read_text(encoding='utf-8') == 'precious'
     assert run('arm', typed=['yes', 'planar', *[''] * 19, 'yes'])[0] == 0
     assert load_arm(there).planar
@@ -220,7 +220,7 @@ def test_wrong_options_are_one_line_that_says_what_is_allowed(run, words, reason
 
 def test_a_shape_that_needs_more_than_is_allowed_is_told(run):
     _, output, _ = run('--yes', '--kind', 'tendons', '--rod-diameters', '2')
-    assert 'That tension is more than tension_limit allows, 10.0' in output
+    assert 'This tension exceeds tension_limit, 10.0' in output
 
 
 def test_every_drawing_belongs_to_a_question():

@@ -197,8 +197,8 @@ def _clear_zero(values: Mapping[str, Any]) -> None:
 
 
 UNHOOK_REQUEST = (
-    'The tendons move by up to {:g} mm, one after the other, so nothing may be strained: unhook '
-    'them from the arm, or pay out that much slack by hand.')
+    'The tendons move by up to {:g} mm, one after the other. To avoid strain, unhook them from '
+    'the arm, or pay out that much slack by hand.')
 
 
 def _must_ask(job: Job, why: str, option: str, note: str = '') -> None:

@@ -67,7 +67,7 @@ def main() -> int:
     if options.tendon_driver and not options.twin:
         parser.error('--tendon-driver needs --twin here')
     if options.camera and not options.twin:
-        parser.error('--camera needs --twin here: no other rig has camera images')
+        parser.error('--camera needs --twin here: only the twin has camera images')
     require('matplotlib')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'

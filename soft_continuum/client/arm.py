@@ -202,7 +202,7 @@ class Arm:
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the rig is a twin."""
+        """Whether a twin simulates the rig."""
         return running_nodes(self._connection.node, [TWIN])[TWIN]
 
     # Sequences of shapes.
@@ -215,7 +215,7 @@ class Arm:
         shapes: names in the library; the bending of each segment, base first: its bending angle
         or, for spatial arms, (angle, direction), rad; a Tip; or several as a path.  aim:
         controlled quantity in closed loop: 'angles' of every segment, or the position of the
-        'tip', whose angles may then differ.  progress: called at every change.  ``reached`` of the
+        'tip', possibly at other angles.  progress: called at every change.  ``reached`` of the
         result has the end of the last shape, measured or predicted.
 
         Raises RefusedError before anything moves, SequenceError when it ends early, LostError when
@@ -315,7 +315,7 @@ class Arm:
 
     def set_vacuum(self, segment: int, vacuum: float) -> None:
         """
-        Set the vacuum of a segment (from 1 at the base), Pa below ambient; wait for it.
+        Set the vacuum of a segment (from 1 at the base), Pa below ambient; wait until reached.
 
         Raises RefusedError, with the reason, if the rig has valves instead of regulators, or the
         description has no law for this vacuum.
@@ -327,7 +327,7 @@ class Arm:
 
     def jog(self, **changes: float) -> None:
         """
-        Pull in tendons by some m, negative: pay out; wait until they are at rest.
+        Pull in tendons by the given lengths (m), negative: pay out; wait until they rest.
 
         changes: by name of the tendon, such as ``right=0.001``, short for ``right_tendon``.
         A segment has to be soft.  Raises RefusedError, with the reason, when tendon_actuation

@@ -179,7 +179,7 @@ class Operations(Tasks):
         """
         Evacuate or vent a segment (from 1), or all (None), until its pressure confirms it.
 
-        A segment counts as soft below ``soft_vacuum`` of the shape_sequencer.
+        A segment counts as soft up to the ``soft_vacuum`` of the shape_sequencer.
         """
         observed = self.observed
         await self._refuse_during_sequence()
@@ -259,7 +259,7 @@ class Operations(Tasks):
 
     async def jog(self, changes: Mapping[str, float]) -> None:
         """
-        Pull in tendons by some m, negative: pay out; return when they are at rest.
+        Pull in tendons by the given lengths (m), negative: pay out; return when they rest.
 
         changes: by name of the tendon, such as 'right_tendon', or 'right' for short.
 

@@ -73,7 +73,7 @@ class Tasks:
             work.close()
             raise ClientError('this Arm is closed; create a new one')
         future: Future[T] = Future()
-        future.set_running_or_notify_cancel()  # its task no longer awaits it
+        future.set_running_or_notify_cancel()  # an abandoned await does not cancel the work
         self.node.executor.create_task(self._begin, work, future)
         return future
 

@@ -102,8 +102,8 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
                   'readings'),
         Parameter('load_cells.zeros', (0.0, 0.0), 'reading of each load cell without tension',
                   -1e9, 1e9),
-        Parameter('load_cells.scales', (1.0, 1.0), "tension per unit of each load cell's reading "
-                  'above its zero, N', -1e9, 1e9),
+        Parameter('load_cells.scales', (1.0, 1.0), 'scale of each load cell: N per unit of its '
+                  'reading above zero', -1e9, 1e9),
         *driver_parameters(TENDON_DRIVERS),
     ),
     JAMMING_VALVES: (

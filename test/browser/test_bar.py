@@ -87,7 +87,7 @@ def test_a_stopped_arm_is_called_so_in_the_words_of_the_page() -> None:
     assert shown.kind == 'stopped' and f'Not running: {NODES[-1]}' in shown.text
     assert bar_state(STOPPED).may_resume and not bar_state(READY).may_resume
     shown = bar_state(replace(STOPPED, emergency_stop=True))
-    assert not shown.may_resume and 'turns it off' in shown.text
+    assert not shown.may_resume and 'where it was triggered' in shown.text
     assert bar_state(ABSENT).kind == 'lost'
     assert './run up' in bar_state(ABSENT).text
 

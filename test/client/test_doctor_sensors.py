@@ -79,7 +79,7 @@ def test_a_sound_sensor_is_described() -> None:
 
 
 @pytest.mark.parametrize(('topic', 'messages', 'status', 'words'), [
-    ('disc_1/measured_pose', heard(pose(), delay=3600.0), 'FAIL', 'stamped 3600.0 s ago; set the'),
+    ('disc_1/measured_pose', heard(pose(), delay=3600.0), 'FAIL', 'stamped 3600.0 s ago; synchronise the'),
     ('disc_1/measured_pose', heard(pose(), delay=-60.0), 'FAIL', 'stamped -60.0 s ago'),
     ('disc_1/measured_pose', heard(pose(), delay=0.5), 'WARN', '500 ms late; is a computer'),
     ('disc_1/measured_pose', heard(pose(), rate=1.0), 'WARN', 'expected: 2 Hz or more'),
@@ -87,7 +87,7 @@ def test_a_sound_sensor_is_described() -> None:
     ('disc_3/imu', heard(imu(z=1.0)), 'FAIL', '1.00 m/s^2, at rest it is 9.81; is it in'),
     ('disc_3/imu', heard(imu(x=float('nan'))), 'FAIL', 'not finite'),
     ('disc_3/imu', heard(imu()), 'WARN', 'frozen'),
-    ('disc_3/imu', heard(imu(), rate=10.0), 'WARN', 'the same numbers'),
+    ('disc_3/imu', heard(imu(), rate=10.0), 'WARN', 'identical readings'),
     ('load_cells', heard(cells(['a', 'a'], [1.0, 2.0])), 'FAIL', 'needed: name and effort'),
     ('load_cells', heard(cells(['a', 'b'], [1.0])), 'FAIL', 'tensions 1; needed'),
     ('load_cells', heard(cells(['a'], [float('nan')])), 'FAIL', 'check the cables'),

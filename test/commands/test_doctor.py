@@ -238,7 +238,7 @@ FAULTS = {
         lambda rig: rig.modbus._set_coil(0, True), 'pump and valves', 'WARN', ['pump on']),
     'a sensor that shows vacuum in a vented segment': (
         lambda rig: setattr(rig.modbus.segments[0], 'stuck_at', 12000),
-        'segment 1', 'FAIL', ['50.0 kPa of vacuum though it is vented']),
+        'segment 1', 'FAIL', ['50.0 kPa of vacuum although it is vented']),
     'a sensor with a wrong zero': (
         lambda rig: setattr(rig.modbus.segments[0], 'stuck_at', 4800),
         'segment 1', 'WARN', ['adjust the zero']),
