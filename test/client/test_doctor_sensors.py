@@ -79,7 +79,7 @@ def test_a_sound_sensor_is_described() -> None:
 
 
 @pytest.mark.parametrize(('topic', 'messages', 'status', 'words'), [
-    ('disc_1/measured_pose', heard(pose(), delay=3600.0), 'FAIL', 'stamped 3600.0 s ago; synchronise the'),
+    ('disc_1/measured_pose', heard(pose(), delay=3600.0), 'FAIL', 'stamped 3600.0 s ago'),
     ('disc_1/measured_pose', heard(pose(), delay=-60.0), 'FAIL', 'stamped -60.0 s ago'),
     ('disc_1/measured_pose', heard(pose(), delay=0.5), 'WARN', '500 ms late; is a computer'),
     ('disc_1/measured_pose', heard(pose(), rate=1.0), 'WARN', 'expected: 2 Hz or more'),
