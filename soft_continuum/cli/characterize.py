@@ -188,7 +188,7 @@ def _table(states: Sequence[MeasuredState], bodies: int, leaf: float | None, len
             'c_phi = E I / l, N m/rad': f'{stiffness / length:.4g}',
             f'c_phi_i, n = {bodies}, N m/rad (eq. 5)': f'{joint:.4g}',
             **beside,
-            'deviation from a line, of largest force':
+            'deviation from line, of largest force':
                 _cell(100 * result.linearity_error, ' %'),
             'spread between repetitions, N': _cell(result.spread),
             'settling, last over first force': _cell(100 * result.settling, ' %', '+.2g'),
