@@ -57,7 +57,7 @@ def direction_problem(arm: Arm, segment: int, direction: float) -> str:
     places = np.array([place for t, end in enumerate(arm.tendon_ends) if end > segment
                        for place in arm.places(t, (0.0, 0.5, 1.0))[segment]])
     if not len(places):
-        return f'no tendon passes segment {segment + 1}, so its bending cannot be chosen'
+        return f'no tendon passes segment {segment + 1}, so its bending cannot be set'
     about_x, about_y = arm.bending_axes[segment]
     if about_x and about_y:
         values, axes = np.linalg.svd(places)[1:]

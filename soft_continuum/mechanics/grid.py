@@ -72,8 +72,9 @@ def set_on_grid(
     axis there are two directions.  order: of setting the segments (default: base first).
     jamming: whether all others are stiff meanwhile; without it all are soft, those not yet set
     are held straight, and the order has little effect.  progress: called with the states and
-    the segment's name, returns an iterable of the states.  Returns each state with the bending (segments, 2), rad,
-    that was commanded, without those that no tendons hold.  Raises ValueError for counts below 1.
+    the segment's name, returns an iterable of the states.  Returns each state with the commanded
+    bending (segments, 2), rad, without those that no tendons hold.  Raises ValueError for counts
+    below 1.
     """
     for name, count in (('angles', angles), ('directions', directions)):
         if not whole(count) or count < 1:

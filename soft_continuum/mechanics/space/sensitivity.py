@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How an equilibrium in space changes with pulls, loads and stiffness.
+Derivatives of a spatial equilibrium by pulls, loads and stiffness.
 
-The blocks of the matrix of the last Newton step are eliminated as a band, what borders them (taut
-tendons, and what holds spans across) as a small dense system.
+The matrix of the last Newton step is eliminated as a band; its border (taut tendons, and forces
+across spans) is a small dense system.
 """
 
 from collections.abc import Sequence
@@ -32,17 +32,17 @@ from soft_continuum.mechanics.space.statics import SpaceStatics
 
 
 class SpaceLinearisation(Linearisation):
-    """The linearised statics of an arm in space."""
+    """The linearised statics of a spatial arm."""
 
     def __init__(self, statics: SpaceStatics, state: Equilibrium, sliding: Sequence[int] = (), *,
                  tensions: ArrayLike | None = None, loading: bool = True) -> None:
-        """Factor the matrix; all as in Linearisation."""
+        """Factor the matrix; arguments as in Linearisation."""
         chain = statics.chain
         if state.chain.arm != chain.arm:
             raise ValueError('this is a state of another arm')
         if any(segment.friction for segment in chain.arm.segments):
-            raise ValueError('derivatives and inverse problems know no friction, which a segment '
-                             'has; leave it out with replace(segment, friction=0.0)')
+            raise ValueError('derivatives and inverse problems exclude friction of segments; '
+                             'remove it with replace(segment, friction=0.0)')
         count = len(chain.arm.tendons)
         given = np.full(count, np.nan) if tensions is None else tensions_of(
             tensions, count, optional=True)
@@ -130,7 +130,7 @@ class SpaceLinearisation(Linearisation):
         """
         Return the derivatives by a factor, now 1, of every stiffness of each segment.
 
-        Those are its bending, torsional and jam stiffness, not what a jam bears that yields.
+        It scales bending, torsional and jam stiffness, but not the moment of a yielding jam.
         """
         joints = self._system[0]
         secant, _ = parts_of_laws(joints[:, STIFFNESS], self._angles, joints[:, LAW, SPRING_TABLE],
