@@ -156,7 +156,7 @@ def test_a_tendon_that_is_not_like_the_other_makes_an_arm_a_spatial_one(changed)
     assert arm.planar and arm.tendon_labels == ('right', 'left')
     other = replace(arm, tendons=(replace(right, **changed), left))
     assert not other.planar and other.tendon_labels == other.tendon_names
-    with pytest.raises(ArmError, match='a spatial one'):
+    with pytest.raises(ArmError, match='this arm is spatial'):
         PlaneChain(other)
 
 
