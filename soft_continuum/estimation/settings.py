@@ -86,7 +86,7 @@ _DRIFT = {
 }
 ESTIMATION_PARAMETERS = (
     Parameter('estimation.enabled', True, 'correct the shape with disc_N/measured_pose and '
-              'measured tensions, and estimate stiffness, K, tendon offsets and payload from them'),
+              'measured tensions, and estimate stiffness, K, tendon offsets and payload'),
     Parameter('estimation.tension_stddev', 0.3, 'standard deviation of small measured '
               'tensions: zero error of the load cell; ignored if the device reports one',
               1e-3, 100.0, unit='N'),
