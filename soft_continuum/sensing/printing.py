@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tags to print at true scale, rings of them as strips to fold, and drawings of where they go."""
+"""Tags to print at true scale, rings as strips to fold, and drawings of their positions."""
 
 from math import cos, degrees, sin
 from pathlib import Path
@@ -38,7 +38,7 @@ def plane_pages(layout: TagLayout) -> list[Page]:
 
 
 def _drawing(layout: TagLayout) -> Page:
-    """Return the page that says where the tags go."""
+    """Return the page that shows where the tags go."""
     page = Page('Where the tags go, seen from the camera (from -y): x to the right, z along the '
                  'straight arm.\nThis page is not to scale.')
     axes = page.add_axes((0.14, 0.36, 0.78, 0.50))
@@ -115,7 +115,7 @@ def _strips(layout: RingLayout) -> list[Page]:
 
 
 def _ring_drawing(layout: RingLayout) -> Page:
-    """Return the page that says where the tags go."""
+    """Return the page that shows where the tags go."""
     page = Page('Where the tags go, seen from the tip along the arm (z towards you, x to the '
                 'right).\nThis page is not to scale.')
     axes = page.add_axes((0.14, 0.40, 0.78, 0.50))

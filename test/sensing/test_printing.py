@@ -143,7 +143,7 @@ def test_a_source_without_pictures_is_named(source, tmp_path, capsys, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert calibrate.main(['camera', source, '--output', str(tmp_path)]) == 2
     error = capsys.readouterr().err
-    assert source in error or 'no pictures' in error
+    assert source in error or 'no images' in error
     assert 'Traceback' not in error
 
 

@@ -151,7 +151,7 @@ def test_a_calibration_is_read_as_it_was_written(ideal, tmp_path):
 def test_a_file_that_is_no_calibration_is_refused(tmp_path, text):
     path = tmp_path / 'camera.yaml'
     path.write_text(text, encoding='utf-8')
-    with pytest.raises(LensError, match='no calibration'):
+    with pytest.raises(LensError, match='not a camera calibration'):
         Lens.read(path)
 
 
