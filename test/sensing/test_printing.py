@@ -132,7 +132,7 @@ def test_a_lens_is_found_from_pictures_of_the_board(boards, tmp_path, capsys):
 @pytest.mark.parametrize(('chosen', 'named'), [
     (lambda b: [], '0 of 0'), (lambda b: b[:3], '3 of 3'),
     (lambda b: b[:10] + [np.zeros((100, 100), np.uint8)], 'are mixed'),
-    (lambda b: [seen_board((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))] * 10, 'into the corners')])
+    (lambda b: [seen_board((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))] * 10, 'in the corners')])
 def test_pictures_that_do_not_do_are_refused_with_the_remedy(boards, chosen, named):
     with pytest.raises(ValueError, match=named):
         calibrate_lens(chosen(boards))

@@ -176,7 +176,7 @@ def covered(drawn, picture, points, half=45):
 def test_fixed_tags_that_are_hidden(ideal):
     places = views.layout().fixed[:, :3]
     few = covered(ideal[0], ideal[2], places[[0, 1, 4, 5, 6, 7]])
-    without_pose(ideal[1].measure(few), '2 of 8', 'needed: 3', 'before them')
+    without_pose(ideal[1].measure(few), '2 of 8', 'needed: 3', 'are they covered')
 
 
 def test_fixed_tags_that_are_elsewhere(ideal):

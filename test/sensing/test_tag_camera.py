@@ -77,7 +77,7 @@ def test_no_tag_is_seen_in_clutter(ideal):
 def test_a_fixed_tag_that_is_hidden(ideal):
     covered = ideal[2].copy()
     covered[:400, :400] = 0
-    without_pose(ideal[1].measure(covered), '3 of 4', 'before them')
+    without_pose(ideal[1].measure(covered), '3 of 4', 'are they covered')
 
 
 def test_fixed_tags_of_which_three_stand_in_a_line():
