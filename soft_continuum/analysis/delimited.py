@@ -521,7 +521,7 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
 def _check_width(path: Path, line: int, row: list[str], header: Sequence[str], delimiter: str
                  ) -> None:
     if any('\n' in cell for cell in row):
-        raise MeasurementError(f'{path}, line {line}: a quoted cell goes on in the next line; '
+        raise MeasurementError(f'{path}, line {line}: a quoted cell continues in the next line; '
                                'close its quotation mark')
     while len(row) > len(header) and not row[-1]:
         row.pop()
@@ -576,7 +576,7 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
         return '.'
     raise MeasurementError(
         f'{column.path}, line {line}: {column.header} is {cell!r}, which may be '
-        f'{_number(cell, "."):g} or {_number(cell, ","):g}: say which mark is the decimal one, '
+        f'{_number(cell, "."):g} or {_number(cell, ","):g}: give the decimal mark '
         'with --decimal . or --decimal ,')
 
 

@@ -254,7 +254,7 @@ class _Search:
         return there
 
     def why_not(self, state: Equilibrium) -> str:
-        """Return an error that names what cannot be held, with the last state of the search."""
+        """Return a message that names what cannot be held, from the last state of the search."""
         arm = self.statics.chain.arm
         missed = np.where(self.chosen, state.bending - self.wanted, 0.0)
         worst = int(np.argmax(np.abs(missed).max(axis=1)))

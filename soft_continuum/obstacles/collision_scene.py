@@ -141,7 +141,7 @@ class CollisionScene:
                     f'obstacle {obstacle.name} is in the base disc, which has a radius of '
                     f'{1e3 * base.radii[0]:g} mm and is from z = 0 to '
                     f'{2e3 * base.half_lengths[0]:g} mm, so no shape of the arm is clear of it; '
-                    'move it, or leave out what the arm is fixed to')
+                    'move it, or omit the mount of the arm')
 
 
 def _rounding(shape: Shape) -> float:

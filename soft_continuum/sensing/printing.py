@@ -67,13 +67,13 @@ def _drawing(layout: TagLayout) -> Page:
 
 _INSTRUCTIONS = """\
 1. Print at 100 %, check the ruler on every page, cut along the frames. The paper must stay flat.
-2. Stick the fixed tags on one stiff plane behind the arm, upright, their middles where the drawing
-   says (mm).
-3. Stick a tag on each disc, upright on the straight arm, its middle on the axis of the arm and as
-   far above the bottom of the disc as stands below it; {depth:g} mm nearer to the camera than the
+2. Stick the fixed tags on one stiff plane behind the arm, upright, centred at the positions in the
+   drawing (mm).
+3. Stick a tag on each disc, upright on the straight arm, centred on the axis of the arm at the
+   height above the bottom of the disc printed below it; {depth:g} mm nearer to the camera than the
    fixed ones (tags.depth).
-4. The camera looks from the side at which x is to the right when z is up; all fixed tags in the
-   picture.
+4. Place the camera on the side from which x is to the right and z is up, with all fixed tags in
+   the image.
 """
 
 
@@ -160,9 +160,9 @@ _RING_INSTRUCTIONS = """\
    {radius:.1f} mm from its axis: faces 0 to {last} follow each other counterclockwise seen
    from the tip, z points to the tip.
 3. Put a ring around each disc, face 0 towards x, its middle {heights} mm
-   above the bottom of disc 0, 1, ...; here they are drawn larger than they are.
-4. Stick the fixed tags on stiff boards behind the arm, the middle of each where the drawing says
-   (mm), z of the base upwards. The arrows say to which side they look. The origin (red) is the
+   above the bottom of disc 0, 1, ...; the drawing enlarges the rings.
+4. Stick the fixed tags on stiff boards behind the arm, centred at the positions in the drawing
+   (mm), z of the base upwards. The arrows show which way they face. The origin (red) is the
    bottom centre of the base disc.
-5. A camera needs three fixed tags in its picture, and looks best at an edge of the rings.
+5. A camera needs three fixed tags in its image, and measures best facing an edge of the rings.
 """

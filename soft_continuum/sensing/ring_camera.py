@@ -64,7 +64,7 @@ class RingCamera(DiscCamera):
                          self._tags.focal, self._tags.focal_stddev)
         fits = group.fits()
         if not fits:
-            return 'the fixed tags do not fit; are they where tags.fixed_poses says?'
+            return 'the fixed tags do not fit; are they at tags.fixed_poses?'
         factor = group.size_factor(fits[0])
         if MAX_SCALE_ERROR < abs(factor - 1.0) < FAR_OFF:
             return (f'the fixed tags are {factor * self.layout.fixed_size * 1e3:.1f} mm large, '
@@ -90,8 +90,8 @@ class RingCamera(DiscCamera):
         alone = len(seen) == 1 and _tilt(ring[seen[0]], best) < MIN_TILT
         unclear = any(fit.misfit - best.misfit < CLEARER for fit in fits[1:])
         if alone or unclear or np.linalg.eigvalsh(best.covariance[3:, 3:])[-1] > MAX_TURN**2:
-            return (f'of disc {n} only tag {", ".join(map(str, seen))} is seen, too much from its '
-                    'front to tell how it is turned; turn the ring, or move the camera')
+            return (f'only tag {", ".join(map(str, seen))} of disc {n} is seen, too frontally to '
+                    'measure its orientation; turn the ring, or move the camera')
         return best
 
     def _wrong_scale(self, view: 'View', fits: Mapping[int, PoseFit]) -> str:
