@@ -156,8 +156,8 @@ class RingLayout(Layout):
     def stuck_as(self, values: Mapping[str, Any]) -> Corners:
         """Return the corners of parameter tags.reference_corners; raises ParameterError."""
         if any(values['tags.offsets']):
-            raise ParameterError('parameter tags.offsets is for planar arms; for a spatial one keep '
-                                 'tags.reference_corners, which a tare returns: tare again')
+            raise ParameterError('parameter tags.offsets is for planar arms; for a spatial arm '
+                                 'keep tags.reference_corners, which a tare returns: tare again')
         return corners_from_numbers(values['tags.reference_corners'])
 
     def tared(self, stuck: Corners, seen: 'Sequence[TagDetections]'

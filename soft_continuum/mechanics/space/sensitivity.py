@@ -89,10 +89,10 @@ class SpaceLinearisation(Linearisation):
     def _friction(self, tensions: Array, ways: Sequence[int] | None
                   ) -> tuple[Array, Array, Array]:
         """
-        Return what a turn of the links changes of the tension that arrives at spans, per N m.
+        Return the effect of turns of the links on tensions of spans with friction, per N m.
 
-        (3 links, k), times what that does to the links, (3 links, k); and of the stretch of each
-        tendon, (3 links, tendons), m.  ways: how tendons slide, None for no friction.
+        (3 links, k), to be multiplied by their effect on the links, (3 links, k); and on the
+        stretch of each tendon, (3 links, tendons), m.  ways: sliding, None for no friction.
         """
         chain, size = self._chain, 3 * len(self._rotations)
         if ways is None:
