@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Model, actuate and sequence variable-stiffness continuum arms, in a plane or in space."""
+"""Model, actuate and sequence planar and spatial continuum arms of variable stiffness."""
 
 from functools import cache
 
@@ -10,7 +10,7 @@ def version() -> str:
     """
     Return the version and, behind the +, a digest of the sources, such as 0.2.0+1a2b3c4d.
 
-    The same code has the same digest wherever it is, in a clone or installed.
+    The digest is the same for the same code, in a clone or installed.
     """
     from hashlib import sha256
     from importlib.metadata import PackageNotFoundError, version

@@ -24,9 +24,9 @@ def ros2_run() -> NoReturn:
 
 
 def _run(words: list[str]) -> NoReturn:
-    # Until there is something to shut down, Ctrl-C ends the process at once and quietly.
+    # Until there is something to shut down, Ctrl-C ends the process at once without output.
     signal.signal(signal.SIGINT, lambda *_: os._exit(130))
-    # The matrices of an arm are small: more threads only wait for each other, and hold up control.
+    # The matrices of an arm are small: more threads only wait for each other and delay control.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     choose_own_network()
     choose_log_folder(os.environ)

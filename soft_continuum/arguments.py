@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Options of every command: one style of help, errors, numbers and exit codes."""
+"""Command-line options: one style of help, errors, numbers and exit codes for all verbs."""
 
 import argparse
 from collections.abc import Callable
@@ -20,9 +20,9 @@ EXIT_CODES = ('exit status: 0 done, 1 refused or failed, 2 wrong usage or bad in
 SERVICE = re.compile(
     r'(call )?/?(?:(?:~|\btendon_actuation|\bkinematics)/(stop|resume|reference|reset)\b'
     r'|\bjamming_valves/segment_(\w+)/set_stiff)')
-"""Services that verbs call, as they appear in messages of the nodes."""
+"""Services that a verb calls, as named in messages of the nodes."""
 PROGRAM = 'SOFT_CONTINUUM_PROGRAM'
-"""Environment variable: text that the user typed before the verb of a wrapper (./run)."""
+"""Environment variable: the command before the verb, if it is a wrapper (./run)."""
 
 
 def command_name(verb: str = '') -> str:
@@ -44,7 +44,7 @@ def command_name(verb: str = '') -> str:
 
 
 def in_verbs(text: str) -> str:
-    """Return a message of a node with the verbs of the command line in place of ROS services."""
+    """Return a message of a node with command-line verbs instead of ROS services."""
     def verb(match: re.Match[str]) -> str:
         call, name, segment = match.groups()
         if name == 'stop':  # available everywhere
@@ -56,7 +56,7 @@ def in_verbs(text: str) -> str:
 
 
 def number_in(low: float, high: float, unit: str) -> Callable[[str], float]:
-    """Return a reader of a number between bounds."""
+    """Return a parser of a number between bounds."""
     def read(text: str) -> float:
         try:
             value = float(text)
@@ -71,7 +71,7 @@ def number_in(low: float, high: float, unit: str) -> Callable[[str], float]:
 
 
 def whole_number_in(low: int, high: int) -> Callable[[str], int]:
-    """Return a reader of a whole number between bounds."""
+    """Return a parser of a whole number between bounds."""
     def read(text: str) -> int:
         if not (text.isdecimal() and low <= int(text) <= high):
             raise argparse.ArgumentTypeError(
@@ -112,7 +112,7 @@ FOR_NODES = ('--namespace', '--timeout', '--json')
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that reports wrong usage in one line and completes on TAB (argcomplete)."""
+    """A parser with one-line errors and TAB completion (argcomplete)."""
 
     def __init__(self, verb: str, description: str, *common: str, **settings: Any) -> None:
         """verb: empty for the command line as a whole.  common: names in COMMON_OPTIONS."""
@@ -125,9 +125,9 @@ class Parser(argparse.ArgumentParser):
         # Values such as -10,20 are not options.
         self._negative_number_matcher = re.compile(r'-[\d.]')
 
-    # The base class is typed by overloads for namespaces of other types, which nobody here uses.
+    # The base class has overloads for namespaces of other types, which are unused here.
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; on TAB print completions instead and exit."""
+        """Parse; on TAB print completions instead, and end the process."""
         if '_ARGCOMPLETE' in os.environ:
             import argcomplete
             argcomplete.autocomplete(self)

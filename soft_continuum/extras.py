@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Python packages that not every installation has: what needs them, and the line to type."""
+"""Optional Python packages: the features that need them, and the command to install them."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -28,20 +28,20 @@ USES = {
     'study': 'studies',
     'twin': 'the simulated rig in MuJoCo',
 }
-"""The extras of setup.cfg, which has the versions: what needs each."""
+"""The extras of setup.cfg, which has the versions, and the features that need them."""
 MODULES = {'mcap-ros2-support': 'mcap_ros2', 'opencv-python-headless': 'cv2',
            'pyserial': 'serial', 'PyYAML': 'yaml'}
-"""Packages that are not imported by their own name."""
+"""Packages whose import name differs from their own."""
 FROM_APT = ('argcomplete', 'matplotlib', 'numba', 'numpy', 'packaging', 'scipy', 'serial',
             'setuptools', 'tqdm', 'yaml')
-"""Modules that package.xml has: a package of Ubuntu 24.04, python3-NAME, fits."""
+"""Modules listed in package.xml: the package python3-NAME of Ubuntu 24.04 is suitable."""
 ROS = re.compile(r'rclpy|ament_index_python|\w+_(msgs|srvs|interfaces)')
 PAGE = 'docs/how_to/install.md'
 
 
 @cache
 def requirements() -> Mapping[str, tuple['Requirement', ...]]:
-    """Return what setup.cfg asks for, by extra; '': without any.  Empty if not installed."""
+    """Return the requirements of setup.cfg by extra; '': base.  Empty if not installed."""
     from packaging.requirements import Requirement
     try:
         found = [Requirement(text) for text in metadata.requires('soft_continuum') or ()]
@@ -53,7 +53,7 @@ def requirements() -> Mapping[str, tuple['Requirement', ...]]:
 
 
 def remedy(error: ImportError) -> str:
-    """Return what is missing and the line to type; empty if it is a fault of another kind."""
+    """Return what is missing and how to install it; empty for other errors."""
     module = (error.name or '').partition('.')[0]
     if ROS.fullmatch(module):
         return f'ROS 2 is not set up ({error}); source it and the workspace, or start with ./run'
@@ -61,14 +61,14 @@ def remedy(error: ImportError) -> str:
 
 
 def require(module: str) -> None:
-    """Raise ImportError, as remedy takes it, unless a package is there in a version that fits."""
+    """Raise ImportError, for remedy, unless a package is installed in a suitable version."""
     if text := _unfit(module):
         raise ImportError(text, name=module)
 
 
 @contextmanager
 def needed(error: Callable[[str], Exception]) -> Iterator[None]:
-    """Raise ``error`` with the line to type where a package cannot be imported."""
+    """Raise ``error`` with the command to install a package that cannot be imported."""
     try:
         yield
     except ImportError as found:
@@ -78,7 +78,7 @@ def needed(error: Callable[[str], Exception]) -> Iterator[None]:
 
 
 def missing(extra: str) -> str:
-    """Return which packages of an extra are missing or do not fit, and the line to type."""
+    """Return the missing or unsuitable packages of an extra, and how to install them."""
     wrong = {one: why for one in requirements()[extra] if (why := _problem(one))}
     if not wrong:
         return ''
@@ -87,7 +87,7 @@ def missing(extra: str) -> str:
 
 
 def _extra(module: str) -> str | None:
-    """Return the smallest extra that has a module; None: it is not one of those packages."""
+    """Return the smallest extra with a module; None if no extra has it."""
     found = [extra for extra, packages in requirements().items()
              if module in map(_module, packages)]
     return min(found, key=lambda extra: (len(requirements()[extra]), extra), default=None)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Packages that offer names from their modules, and load these when a name is used."""
+"""Lazy loading of modules when a name that a package exports is used."""
 
 from collections.abc import Callable, Collection, Sequence
 from importlib import import_module
@@ -10,9 +10,9 @@ from typing import Any
 def names_from(package: str, names: Collection[str], modules: Sequence[str]
                ) -> Callable[[str], Any]:
     """
-    Return the ``__getattr__`` of a package: it loads ``modules`` in turn until one has the name.
+    Return the ``__getattr__`` of a package: it loads ``modules`` in order until one has the name.
 
-    package: its name.  names: what it offers, which may be modules themselves.
+    package: its name.  names: its exports, which may be modules themselves.
     """
     def attribute(name: str) -> Any:
         if name in names:

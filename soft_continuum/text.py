@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Text and files: what others wrote, within bounds, and what is written whole or not at all."""
+"""Text and files: bounded input from others, and atomic writing."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,20 +10,20 @@ from pathlib import Path
 import stat
 
 MAX_TEXT = 1000
-"""Characters of a message that are shown."""
+"""Displayed characters of a message."""
 MAX_PLAIN = 100
-"""Characters of what other nodes send that are repeated."""
+"""Repeated characters of messages from other nodes."""
 MAX_NAME = 60
-"""Characters of a name that are shown."""
+"""Displayed characters of a name."""
 MAX_ITEMS = 100
-"""Items of a list that are kept, whatever is published."""
+"""Stored items of a list from another node."""
 
 
 def printable(text: object, most: int = MAX_TEXT) -> str:
     r"""
-    Return a text as one line that a terminal shows and does not obey.
+    Return a text as one line without control characters.
 
-    Control characters and the like become escapes such as \x1b or \n; what is longer than
+    Control and unprintable characters become escapes such as \x1b or \n; text longer than
     ``most`` characters is cut.
     """
     whole = str(text)
@@ -32,19 +32,19 @@ def printable(text: object, most: int = MAX_TEXT) -> str:
 
 
 def _escaped(text: str) -> str:
-    r"""Return a text with escapes such as \x1b or \n for what does not print."""
+    r"""Return a text with escapes such as \x1b or \n for unprintable characters."""
     if text.isprintable():
         return text
     return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
 
 
 def plain(text: str) -> str:
-    """Return what other nodes send as ``printable`` does, shorter."""
+    """Return text from other nodes as ``printable`` does, but shorter."""
     return printable(text, MAX_PLAIN)
 
 
 def name_problem(name: str) -> str:
-    """Return why a name that somebody chose is not taken, empty for a good one."""
+    """Return why a chosen name is invalid; empty for a valid one."""
     if len(name) <= MAX_PLAIN and name.isprintable():
         return ''
     return f'"{printable(name, 20)}"; allowed: {MAX_PLAIN} characters that print'
@@ -52,7 +52,7 @@ def name_problem(name: str) -> str:
 
 def read_bytes(path: str | Path, most: int) -> bytes:
     """
-    Return what is in a file of at most ``most`` bytes.
+    Return the content of a file of at most ``most`` bytes.
 
     Raises OSError for a file that cannot be read, is larger, or has no end: a device, a pipe.
     """
@@ -68,7 +68,7 @@ def read_bytes(path: str | Path, most: int) -> bytes:
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Yield a path to write to, which becomes ``path`` at the end, whole or not at all."""
+    """Yield a temporary path that is renamed to ``path`` at the end (atomic write)."""
     partial = path.with_name(f'.{path.name}.{os.getpid()}')
     try:
         yield partial
@@ -78,6 +78,6 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a text to a file, whole or not at all; raises OSError."""
+    """Write a text to a file atomically; raises OSError."""
     with written_whole(path) as partial:
         partial.write_text(text, encoding='utf-8')

@@ -1,40 +1,40 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where files are: a user's, by the XDG Base Directory Specification, and those of the package."""
+"""Locations of files: of the user (XDG Base Directory Specification), and of the package."""
 
 import os
 from pathlib import Path
 
 
 def saved_shapes() -> Path:
-    """Return where shapes and sequences are saved, whether there are any or not."""
+    """Return the path for saved shapes and sequences, which may not exist."""
     return _folder('XDG_CONFIG_HOME', '.config') / 'shapes.yaml'
 
 
 def shape_names() -> Path:
-    """Return where the names of the shape library are kept for the next TAB."""
+    """Return the path of the cached names of the shape library, for TAB completion."""
     return _folder('XDG_CACHE_HOME', '.cache') / 'shapes'
 
 
 def dynamixel_zeros() -> Path:
-    """Return where the zeros of Dynamixel servos are kept for the time without their power."""
+    """Return the path of the zeros of Dynamixel servos, kept while they have no power."""
     return _folder('XDG_STATE_HOME', '.local/state') / 'dynamixel_zeros.json'
 
 
 def config_home() -> Path:
-    """Return where this user's programs have what they are configured with."""
+    """Return the configuration directory of the user."""
     return _home('XDG_CONFIG_HOME', '.config')
 
 
 def pages() -> Path:
-    """Return the folder with docs/ and msg_docs/: the sources, or what is installed of them."""
+    """Return the folder with docs/ and msg_docs/, of the sources or installed."""
     above = Path(__file__).resolve().parents
     return next((folder for parent in above for folder in (parent, parent / 'share/soft_continuum')
                  if (folder / 'msg_docs').is_dir()), above[1])
 
 
 def description_file(arm: str = 'manipulator') -> Path:
-    """Return a shipped description, by default that of the arm of the paper."""
+    """Return the path of a shipped description, by default of the paper's arm."""
     return pages() / 'config' / f'{arm}.yaml'
 
 

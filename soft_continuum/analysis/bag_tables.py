@@ -32,7 +32,7 @@ TOPICS = {
         'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer', 'camera',
         'disc_sensors')},
 }
-"""Types of the topics that are read; others of the same names are somebody else's."""
+"""Types of the topics that are read; topics of other types are ignored."""
 PRESSURE = 'sensor_msgs/msg/FluidPressure'  # of segment_N/pressure
 TOPIC = re.compile(rf'(.*/)({"|".join(TOPICS)}|segment_[1-9]\d?/pressure)')
 NOT_STIFF, STIFF = 1, 2  # of soft_continuum_interfaces/msg/JammingValvesState
@@ -44,7 +44,7 @@ def read_recording(path: Path, namespace: str = '') -> Recording:
     """
     Read a recording: an MCAP file, a directory with one, or a directory of tables.
 
-    namespace: of the arm, where several were recorded; / for none.  Raises MeasurementError.
+    namespace: of the arm, if several were recorded; / for none.  Raises MeasurementError.
     """
     bag = bag_in(path)
     if bag.is_dir():
@@ -56,7 +56,7 @@ def read_recording(path: Path, namespace: str = '') -> Recording:
 
 
 def bag_in(path: Path) -> Path:
-    """Return the MCAP file in a directory, or what is no directory with one as it is."""
+    """Return the MCAP file in a directory; other paths are returned unchanged."""
     if path.suffix == '.db3' or (path.is_dir() and any(path.glob('*.db3*'))):
         folder = path if path.is_dir() else path.parent
         raise MeasurementError(
@@ -104,7 +104,7 @@ def _about(given: dict[str, str], space: str) -> str:
 
 
 class _Tables:
-    """The tables of one arm while they are read."""
+    """The tables of one arm during reading."""
 
     def __init__(self) -> None:
         self.tendons: tuple[str, ...] = ()
@@ -115,7 +115,7 @@ class _Tables:
         self._stiff: dict[int, bool] = {}
 
     def add(self, topic: str, time: float, message: Any) -> None:
-        """Add what a message says; time: s."""
+        """Add the content of a message; time: s."""
         if topic == 'tendon_states':
             self.tendons = self.tendons or tuple(
                 printable(name, MAX_NAME) for name in message.name[:MAX_TENDONS])
@@ -158,7 +158,7 @@ class _Tables:
             self._events.append((time, source, printable(text)))
 
     def recording(self, description: str, damage: str, about: str) -> Recording:
-        """Return all of it, in order of time: a bag of others may be in another one."""
+        """Return the recording in order of time, which bags need not have."""
         def table(name: str, columns: int) -> Array:
             rows = np.array(self._tables[name]).reshape(-1, columns)
             return rows[np.argsort(rows[:, 0], kind='stable')]

@@ -4,7 +4,7 @@
 Bending stiffness of a segment from force-displacement curves (paper, IV-A, Fig. 4, eqs. 6-8).
 
 As in the paper: one linear regression over all repetitions, whose slope is k.  Confidence
-interval, linearity, hysteresis, settling and the moment-curvature table are ours.
+interval, linearity, hysteresis, settling and the moment-curvature table are not from the paper.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.mechanics.stiffness import bending_stiffness_from_slope
 
 CONFIDENCE = 0.95
-NONLINEAR = 0.03  # of the largest force: a line this far off is not all there is
-MAX_SCATTER = 0.8  # scatter about a table over that about a line, for the table to say more
+NONLINEAR = 0.03  # of the largest force: linearity error that needs a table
+MAX_SCATTER = 0.8  # scatter about a table over that about a line, for the table to be used
 TABLE_ROWS = 5  # of a moment-curvature table, with (0, 0)
 QUADRATURE = 32  # points along the spring
 SOFT_OVER_LEAF = (0.6, 8.0)
@@ -34,10 +34,10 @@ STIFF_OVER_SOFT = (1.05, 60.0)
 @dataclass(frozen=True, eq=False)
 class Regression:
     """
-    One line through all repetitions, on the way up: force = slope * displacement + intercept.
+    One line through the loading of all repetitions: force = slope * displacement + intercept.
 
-    slope: k, N/m.  half_width: of its 95 % confidence interval, N/m; nan of one repetition.
-    intercept: N.  each: (repetitions,) slopes of lines of their own, N/m.  residuals: of each
+    slope: k, N/m.  half_width: of its 95 % confidence interval, N/m; nan for one repetition.
+    intercept: N.  each: (repetitions,) slope of each repetition, N/m.  residuals: of each
     repetition, N.  determination: R^2.
     """
 
@@ -52,16 +52,16 @@ class Regression:
 @dataclass(frozen=True, eq=False)
 class Characterisation:
     """
-    What the curves of one segment in one state say.
+    Results from the curves of one segment in one state.
 
-    bending_stiffness: E I, N m^2, by eq. 8; half_width: of its 95 % confidence interval, nan of
-    one repetition, as spread and settling are.
+    bending_stiffness: E I, N m^2, by eq. 8; half_width: of its 95 % confidence interval; nan for
+    one repetition, like spread and settling.
     linearity_error: largest distance of the best piecewise-linear law from the line, over the
-    largest force; nan where no law that rises fits.  table: that law, where it describes the
-    curves better than a line; else None.  table_curve: its displacements (m) and forces (N),
+    largest force; nan if no increasing law fits.  table: that law, if it describes the curves
+    better than a line; else None.  table_curve: its displacements (m) and forces (N),
     (2, points).  spread: largest difference in force between repetitions, N.  settling: force at
     the largest common displacement in the last repetition over that in the first, less one.
-    hysteresis: work lost over work put in, for each repetition measured in both directions.
+    hysteresis: work lost over work done, for each repetition measured in both directions.
     """
 
     regression: Regression
@@ -95,13 +95,13 @@ def regress(curves: Sequence[Curve]) -> Regression:
     """
     Return the line through all repetitions (paper, IV-A), loading only.
 
-    Points of one repetition are not independent of each other: they share its packing of the
-    powder.  So the confidence interval comes from the scatter of the slopes between repetitions
-    (Student, repetitions - 1 degrees of freedom), and from the autocorrelation of the residuals
-    where that gives more.  One repetition gives none.
+    Points of one repetition are not independent: they share the packing of the powder.  So the
+    confidence interval is the larger of two: from the scatter of the slopes between repetitions
+    (Student, repetitions - 1 degrees of freedom), and from the autocorrelation of the residuals.
+    One repetition gives none.
     """
     if not curves:
-        raise MeasurementError('no force-displacement curve was given; name one file at least')
+        raise MeasurementError('no force-displacement curve was given; name at least one file')
     u = np.concatenate([c.loading[0] for c in curves])
     f = np.concatenate([c.loading[1] for c in curves])
     slope, intercept = np.polyfit(u, f, 1)
@@ -137,7 +137,7 @@ def _half_width(curves: Sequence[Curve]) -> float:
 
 
 def _settling(curves: Sequence[Curve]) -> tuple[float, float]:
-    """Return by how much the force changed from first to last, and the spread (N) of all."""
+    """Return the relative change of force from first to last, and the spread (N) of all."""
     low = max(float(c.loading[0].min()) for c in curves)
     high = min(float(c.loading[0].max()) for c in curves)
     if len(curves) == 1 or low >= high:
@@ -148,14 +148,14 @@ def _settling(curves: Sequence[Curve]) -> tuple[float, float]:
 
 
 def _along(grid: Array, u: Array, f: Array) -> Array:
-    """Return forces at displacements; both ways of one crossing count by their order in u."""
+    """Return forces at displacements; repeated crossings are ordered by displacement."""
     order = np.argsort(u, kind='stable')
     values: Array = np.interp(grid, u[order], f[order])
     return values
 
 
 def _hysteresis(curve: Curve) -> float:
-    """Return the work lost over the work put in, of a repetition up and down."""
+    """Return the work lost over the work done, for a repetition up and down."""
     (up_u, up_f), (down_u, down_f) = curve.loading, curve.unloading
     low, high = max(up_u.min(), down_u.min()), min(up_u.max(), down_u.max())
     grid = np.linspace(low, high, 201)
@@ -191,7 +191,7 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
         result: Array = np.stack([part @ weight for part in parts], axis=1)
         return result
 
-    # Every repetition may start at a displacement of its own: differences from its mean count.
+    # Repetitions may start at different displacements: use differences from their means.
     ends = np.cumsum([len(c.loading[0]) for c in curves])[:-1]
 
     def centred(values: Array) -> Array:
@@ -222,10 +222,10 @@ def _fit_law(curves: Sequence[Curve], line: Regression, length: float, lever_arm
 
 def question_soft(result: Characterisation, expected: float, of: str) -> str:
     """
-    Say why E I of a soft segment looks like a wrong unit; empty when it does not.
+    Return why E I of a soft segment suggests a wrong unit; empty if it does not.
 
-    expected: another E I, N m^2, and of what it is, such as that of the leaf spring inside, which
-    the filling can only add to.
+    expected: another E I, N m^2, and its source, such as the leaf spring inside, to which the
+    filling only adds stiffness.
     """
     low, high = SOFT_OVER_LEAF
     ratio = result.bending_stiffness / expected
@@ -237,7 +237,7 @@ def question_soft(result: Characterisation, expected: float, of: str) -> str:
 
 
 def question_stiff(result: Characterisation, soft: float) -> str:
-    """Say why E I of a stiff segment looks wrong beside that of the soft one, N m^2."""
+    """Return why E I of a stiff segment is implausible for that of the soft one, N m^2."""
     low, high = STIFF_OVER_SOFT
     ratio = result.bending_stiffness / soft
     if low <= ratio <= high:

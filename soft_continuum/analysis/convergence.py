@@ -4,9 +4,9 @@
 How many rigid bodies a segment needs (paper, III-B).
 
 As in the paper: every segment is bent in turn by a tendon that is pulled by the same length for
-all n, and the relative change of its bending angle from n to n + 1 bodies is looked at.  The error
-against the continuum is ours.  In space as many tendons are pulled as it takes, and n are the
-multiples of the spans between guides.
+all n, and the relative change of its bending angle from n to n + 1 bodies is evaluated.  The error
+relative to the continuum is not from the paper.  For spatial arms several tendons are pulled, and
+n are multiples of the number of spans between guides.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from soft_continuum.mechanics.statics import Statics
 
 CONTINUUM_BODIES = 100  # of the second-order chain, which is then within 1e-5 of the rod
 Step = tuple[tuple[bool, ...], Array]
-"""Which segments are soft, and by how much each tendon is pulled then, m; nan: it is slack."""
+"""Soft segments, and the pull of each tendon, m; nan: slack."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +47,10 @@ def converge(arm: Arm, bending_angles: Sequence[float], tolerance: float, most: 
     """
     Return the convergence analysis for 2 to ``most`` bodies per segment.
 
-    bending_angles: (segments,) rad, not zero, which the arm has with the bodies it is described
-    with; in space towards x.  tolerance: of the relative change.  jamming: whether segments are
-    bent in turn, or all at once.  Raises StaticsError when no tendon holds the arm, ArmError when
-    there are no two numbers of bodies to compare.
+    bending_angles: (segments,) rad, not zero, for the described number of bodies; for spatial arms
+    towards x.  tolerance: of the relative change.  jamming: whether segments are bent in turn, or
+    all at once.  Raises StaticsError when no tendon holds the arm, ArmError when there are no two
+    numbers of bodies to compare.
     """
     every = arm.spacers + 1
     bodies = np.arange(max(2, every), most + 1, every)
@@ -73,7 +73,7 @@ def converge(arm: Arm, bending_angles: Sequence[float], tolerance: float, most: 
 
 
 def _steps(arm: Arm, bending_angles: Sequence[float], jamming: bool) -> list[Step]:
-    """Return by which tendons the segments are bent, in turn or all at once."""
+    """Return the pulls that bend the segments, in turn or all at once."""
     statics: Statics = Statics(arm)
     segments = range(len(arm.segments))
     state: Equilibrium = statics.chain.straight()
@@ -88,7 +88,7 @@ def _steps(arm: Arm, bending_angles: Sequence[float], jamming: bool) -> list[Ste
 
 
 def _angles(arm: Arm, steps: Sequence[Step]) -> Array:
-    """Return the bending angles after the tendons were pulled by lengths, step by step."""
+    """Return the bending angles after each step of pulls."""
     statics: Statics = Statics(arm)
     state: Equilibrium = statics.chain.straight()
     for soft, lengths in steps:

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Force-displacement curves of a segment, one repetition after the other (paper, IV-A).
+Force-displacement curves of a segment, one per repetition (paper, IV-A).
 
 Repetitions are separate files, blocks with one header below or beside one another, the values of a
-repetition column, or one long record in which the displacement comes back to where it began.
+repetition column, or one long record in which the displacement returns to its start.
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ REPETITION = Quantity('repetition', ('repetition', 'cycle', 'cycles', 'zyklus', 
 @dataclass(frozen=True, eq=False)
 class Curve:
     """
-    One repetition: the way up, and down again where it was measured.
+    One repetition: loading, and unloading if it was measured.
 
     displacement: (points,) m.  force: (points,) N.  name: file and repetition.
     """
@@ -74,8 +74,8 @@ def read_curves(paths: Sequence[str | Path], columns: Mapping[str, str] | None =
     """
     Read all repetitions from files.
 
-    columns, units: by quantity (force, displacement, time, repetition), where the header does
-    not say it.  decimal: the mark, where the numbers allow both.  Raises MeasurementError naming
+    columns, units: by quantity (force, displacement, time, repetition), if missing in the
+    header.  decimal: the mark, if the numbers allow both.  Raises MeasurementError naming
     file, line and remedy.
     """
     curves: list[Curve] = []
@@ -97,7 +97,7 @@ def read_curves(paths: Sequence[str | Path], columns: Mapping[str, str] | None =
 
 
 def _sides(table: Table) -> list[tuple[Column, Column]]:
-    """Return displacement and force; those of each repetition where equal headers repeat them."""
+    """Return displacement and force, for each repetition if headers repeat them."""
     found = table.all('displacement'), table.all('force')
     if len(found[0]) == len(found[1]) and all(
             len({column.header for column in columns}) == 1 for columns in found):
@@ -108,7 +108,7 @@ def _sides(table: Table) -> list[tuple[Column, Column]]:
 
 
 def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
-    """Refuse sides that a row above or below the header calls by different names: channels."""
+    """Raise an error for repeated columns that another row names differently: channels."""
     places = [[column.number - 1 for column in side] for side in sides]
     for rows, are_below in ((table.below, True), (table.above, False)):
         for line, row in rows:
@@ -132,7 +132,7 @@ def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
 
 
 def _whole(table: Table, displacement: Column) -> list[tuple[int, int]]:
-    """Return the blocks, joined where a header is repeated within a repetition, on a new page."""
+    """Return the blocks, joined where a new page repeats the header within a repetition."""
     whole = [table.blocks[0]]
     for start, end in table.blocks[1:]:
         u = _upwards(displacement.part(whole[-1][0], end).numbers())
@@ -145,7 +145,7 @@ def _whole(table: Table, displacement: Column) -> list[tuple[int, int]]:
 
 def _split(table: Table, displacement: Column, force: Column, start: int, end: int
            ) -> list[tuple[Column, Array, Array]]:
-    """Return the repetitions that stand below one another in the rows of a block."""
+    """Return the successive repetitions in the rows of a block."""
     # Repetitions side by side differ in length.
     while (len(table.all('force')) > 1 and end > start
            and not displacement.cells[end - 1] and not force.cells[end - 1]):
@@ -161,7 +161,7 @@ def _split(table: Table, displacement: Column, force: Column, start: int, end: i
     if len(starts) > 1 and ends[-1] - starts[-1] < min(MIN_POINTS, (ends[-2] - starts[-2]) / 2):
         starts.pop()
         ends.pop()
-    # It may count a few rows before or after it turns round.
+    # It may count a few rows before or after the reversal.
     rising = _upwards(u)
     tops = [a + int(np.argmax(rising[a:b])) for a, b in zip(starts, ends, strict=True)]
     starts[1:] = ends[:-1] = [b - int(np.argmin(rising[a:b + 1][::-1]))
@@ -174,12 +174,12 @@ def _changes(cells: Sequence[str]) -> tuple[int, ...]:
 
 
 def _upwards(displacement: Array) -> Array:
-    """Return displacements that grow with the load: a machine that pushes counts downwards."""
+    """Return displacements that grow with the load: pushing machines count downwards."""
     return displacement * (1.0 if abs(displacement.max()) >= abs(displacement.min()) else -1.0)
 
 
 def _starts(displacement: Array) -> list[int]:
-    """Return where the displacement, back from more than half its range, rises again."""
+    """Return where the displacement, after falling by half its range, rises again."""
     u = _upwards(displacement)
     swing = 0.5 * (u.max() - u.min())
     starts, rising, extreme = [0], True, 0
@@ -198,7 +198,7 @@ def _starts(displacement: Array) -> list[int]:
 
 
 def _check_time(time: Column, starts: Sequence[int]) -> None:
-    """Refuse time that steps back, other than where a repetition starts or its clock does."""
+    """Raise an error if time steps back except where a repetition or its clock starts."""
     try:
         values = time.numbers()
     except MeasurementError:  # not needed
@@ -222,7 +222,7 @@ def _curve(name: str, column: Column, displacement: Array, force: Array) -> Curv
         raise MeasurementError(
             f'{where}: the repetition that starts here has {up} points up to its largest '
             f'displacement; {MIN_POINTS} or more are needed: measure it in smaller steps, or '
-            'delete a cycle that is not whole')
+            'delete an incomplete cycle')
     if np.ptp(curve.loading[0]) == 0.0 or np.ptp(curve.loading[1]) == 0.0:
         raise MeasurementError(f'{where}: force or displacement does not change in the repetition '
                                'that starts here; check which columns were exported')

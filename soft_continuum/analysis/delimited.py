@@ -1,12 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Delimited text as testing machines and spreadsheets write it, to columns in SI units.
+Delimited text from testing machines and spreadsheets, as columns in SI units.
 
-A table is a header that has all the columns that are wanted, units in it, ``Force [N]``, or in a
-row of their own below it, and rows of numbers.  Of several tables the longest is read; tables with
-one header are blocks of one.  Numbers are read with the decimal mark that all of them allow; where
-both marks do, they are asked for: a file is never read a thousand times too large.
+A table is a header with all required columns, units in it, ``Force [N]``, or in a separate row
+below it, and rows of numbers.  Of several tables the longest is read; tables with the same header
+are blocks of one.  Numbers are read with the decimal mark that all of them allow; if both marks
+fit, the user must choose: a file is never read a thousand times too large.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -36,7 +36,7 @@ MAX_WRAPPED = 10  # lines of a row whose cells are wrapped
 
 DELIMITERS = {';': 'semicolons', '\t': 'tabs', ',': 'commas', '  ': 'blanks', ' ': 'blanks'}
 UNITS = {'N': 'N, mN, kN, gf, kgf, lbf', 'm': 'm, mm, um, in', 'rad': 'rad, deg', 'kg': 'kg, g'}
-"""Units that messages name, by that of SI."""
+"""Units named in messages, by SI unit."""
 NAMES = frozenset((
     'newton', 'dyne', 'force_gram', 'force_kilogram', 'force_pound', 'force_ounce', 'kip',
     'meter', 'micron', 'inch', 'foot', 'thou', 'radian', 'degree', 'gram', 'pound', 'ounce',
@@ -48,11 +48,11 @@ SUFFIX = re.compile(r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ])([^\W\d_]{1,3}|\N{DEGREE 
 PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
 OF_CHANNELS = frozenset(
     ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
-"""Words after the name of a quantity that do not change it: force cell 2, cycle count."""
+"""Words that may follow the name of a quantity: force cell 2, cycle count."""
 AMONG = 2.0
 """Whole numbers up to so many times the largest one with a mark may be among them, as decimals."""
 JUMP, STEP = 0.5, 0.25
-"""Largest step over the range of a column: more only with a wrong mark, less without."""
+"""Largest step over the range of a column, exceeded only with a wrong mark."""
 MOTION_CAPTURE = re.compile(
     r'Format Version,|NO_OF_FRAMES\b|Frame,Sub Frame,|.*\bRigid Body,Rigid Body\b')
 
@@ -66,20 +66,20 @@ NUMBER = {mark: re.compile(
 """By decimal mark: digits, or groups of three with one separator between them."""
 WRITTEN = {mark: {**dict.fromkeys(map(ord, BLANKS + APOSTROPHES + other)), ord(mark): '.',
                   ord('\u2212'): '-'} for mark, other in OTHER.items()}
-"""How such a number is written for Python."""
+"""Replacements that convert such a number for Python."""
 
 
 class MeasurementError(ValueError):
-    """A file of measurements is not usable; the message names file, line and remedy."""
+    """A file of measurements is invalid; the message names file, line and remedy."""
 
 
 @dataclass(frozen=True)
 class Quantity:
     """
-    A column that is looked for.
+    A column to find.
 
-    name: ours, also of the option that names the column.  aliases: words that stand for it in a
-    header, lower case, without accents.  unit: of SI; empty for text and plain numbers.
+    name: also that of its options.  aliases: words for it in a header, lower case, without
+    accents.  unit: of SI; empty for text and plain numbers.
     options: whether the verb has --NAME-column and, with a unit, --NAME-unit.
     """
 
@@ -90,14 +90,14 @@ class Quantity:
     options: bool = False
 
     def remedy(self, otherwise: str) -> str:
-        """Return how the column is named: by its option, or ``otherwise`` in the file."""
+        """Return how to name the column: by its option, or ``otherwise`` in the file."""
         return f'name it with --{self.name}-column' if self.options else otherwise
 
 
 @dataclass(frozen=True)
 class Column:
     """
-    One column: its header, its factor to SI, its cells and the lines they stand in.
+    One column: its header, its factor to SI, its cells and their lines.
 
     number: of the column in the file, from 1.
     """
@@ -115,7 +115,7 @@ class Column:
         return replace(self, cells=self.cells[start:end], lines=self.lines[start:end])
 
     def numbers(self) -> Array:
-        """Return the values (rows,) in SI; raises MeasurementError for what is no number."""
+        """Return the values (rows,) in SI; raises MeasurementError for invalid numbers."""
         values = np.array([_number(cell, self.decimal) for cell in self.cells], dtype=float)
         for bad in np.flatnonzero(~np.isfinite(values)):
             raise MeasurementError(
@@ -138,10 +138,10 @@ class Column:
 @dataclass(frozen=True)
 class Table:
     """
-    What was read: for each quantity its columns; more than one where the header has several.
+    The columns of each quantity; several if the header has several.
 
     blocks: first row and the row after the last of each block; one unless the header is repeated.
-    above, below: line and cells of what stands above the headers, and from there to the numbers.
+    above, below: line and cells of rows above the headers, and from there to the numbers.
     """
 
     path: Path
@@ -155,7 +155,7 @@ class Table:
         return next(found for q, found in self.columns.items() if q.name == name)
 
     def column(self, name: str) -> Column:
-        """Return the only column of a quantity; raises MeasurementError when there are more."""
+        """Return the only column of a quantity; raises MeasurementError if there are more."""
         found = self.all(name)
         if len(found) > 1:
             quantity = next(q for q in self.columns if q.name == name)
@@ -175,9 +175,9 @@ class Table:
 @dataclass
 class _Block:
     """
-    A header and what stands below it: a row of units, if there is one, and rows by lines.
+    A header, a row of units if there is one, and rows by lines.
 
-    words: rows above the numbers, that of units too.
+    words: rows above the numbers, including the units.
     """
 
     line: int
@@ -194,11 +194,11 @@ class _Block:
 
     @property
     def numbered(self) -> bool:
-        """Whether there is a number where there should be."""
+        """Whether the cells have numbers where expected."""
         return any(_is_number(cell) for _, row in self.rows for cell in self.measured(row))
 
     def trim(self) -> '_Block':
-        """Put the row of units apart, and take away words below the numbers: titles, results."""
+        """Separate the row of units, and remove text below the numbers: titles, results."""
         for k, (line, row) in enumerate(self.rows[:MAX_SUBHEADERS]):
             if any(_is_number(cell) for cell in self.measured(row)):
                 break
@@ -222,10 +222,10 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
     """
     Read the columns of ``quantities`` from a file.
 
-    named: header of a column, by quantity, where it is not to be found by its aliases.  units: of
-    a quantity, in place of what the header says; usual: where it says nothing.  decimal: the
-    mark, where numbers may be read with both.  Raises MeasurementError naming file, line and
-    remedy for files that are empty, have other columns, other delimiters or uneven rows.
+    named: header of a column, by quantity, if its aliases do not match.  units: of a quantity,
+    instead of those in the header; usual: if the header has none.  decimal: the mark, if numbers
+    may be read with both.  Raises MeasurementError naming file, line and remedy for files that
+    are empty, have other columns, other delimiters or uneven rows.
     """
     path = Path(path)
     units, usual = units or {}, usual or {}
@@ -271,11 +271,11 @@ def _text(path: Path) -> str:
     try:
         return data.decode('utf-8-sig')
     except UnicodeDecodeError:
-        return data.decode('cp1252', errors='replace')  # what Windows programs write
+        return data.decode('cp1252', errors='replace')  # of Windows programs
 
 
 def _rows(text: str) -> Iterator[tuple[int, str]]:
-    """Yield rows with the number of their first line: a quoted cell may go over several lines."""
+    """Yield rows with the number of their first line: quoted cells may span several lines."""
     lines = text.splitlines()
     at = 0
     while at < len(lines):
@@ -304,10 +304,10 @@ def _cells(text: str, delimiter: str) -> list[str]:
 def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mapping[str, str],
             known: bool = True) -> tuple[str, list[_Block], list[tuple[int, list[str]]]]:
     """
-    Return the delimiter, the longest table, and what stands above it.
+    Return the delimiter, the longest table, and the rows above it.
 
-    The table is a block, or those with the same header.  known: whether columns that are given
-    by their numbers have a header that says what they are; if there is none, any word does.
+    The table is a block, or those with the same header.  known: whether columns given by their
+    numbers need a header that names the quantity; otherwise any word is a header.
     """
     rows = [(number, row) for number, row in _rows(text) if row.strip()]
     if not rows:
@@ -370,7 +370,7 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
 
 def _above(rows: Sequence[tuple[int, str]], block: _Block, blocks: Sequence[_Block],
            delimiter: str) -> Iterator[tuple[int, list[str]]]:
-    """Yield line and cells of the rows above a block, upwards to the numbers of another one."""
+    """Yield line and cells of the rows above a block, up to the numbers of another one."""
     before = [other for other in blocks if other.line < block.line and other.numbered]
     for line, row in reversed([each for each in rows if each[0] < block.line]):
         cells = _cells(row, delimiter)
@@ -385,7 +385,7 @@ def _above(rows: Sequence[tuple[int, str]], block: _Block, blocks: Sequence[_Blo
 
 def _find_others(block: _Block, above: Sequence[tuple[int, list[str]]],
                  wanted: Sequence[Quantity], all_of_them: Sequence[Quantity]) -> None:
-    """Find more columns of quantities that are not named, in another row that is a header too."""
+    """Find columns of unnamed quantities in further header rows."""
     near = takewhile(lambda each: not any(map(_is_number, each[1])), above)
     for _, row in (*near, *block.words):
         found = {q: [k for k, cell in enumerate(row[:len(block.header)])
@@ -398,7 +398,7 @@ def _find_others(block: _Block, above: Sequence[tuple[int, list[str]]],
 def _no_header(path: Path, first: tuple[int, str],
                best: tuple[int, int, list[str], list[Quantity]], required: Sequence[Quantity]
                ) -> str:
-    """Say what is missing; best: columns found, line, header and quantities that are missing."""
+    """Return what is missing; best: columns found, line, header and missing quantities."""
     found, at, header, missing = best
     if found:
         have = ', '.join(f"'{printable(cell, MAX_NAME)}'" for cell in header[:10] if cell)
@@ -433,7 +433,7 @@ def _matches(cell: str, quantity: Quantity, named: str | None, number: int, know
 
 
 def _name(cell: str) -> str:
-    """Return a header cell without brackets, and without a unit that stands behind it."""
+    """Return a header cell without brackets and without a trailing unit."""
     name = cell
     while BRACKETS.search(name):
         name = BRACKETS.sub('', name)
@@ -443,7 +443,7 @@ def _name(cell: str) -> str:
 
 @cache
 def _head(cell: str) -> str:
-    """Return the word of a header cell that says what it is of: Maximum Load at Break, load."""
+    """Return the word of a header cell that names the quantity: Maximum Load at Break, load."""
     plain = unicodedata.normalize('NFKD', _name(cell).lower())
     words = re.findall(r'[^\W\d_]+', ''.join(c for c in plain if not unicodedata.combining(c)))
     words = words[:next((k for k, word in enumerate(words) if word in PREPOSITIONS and k), None)]
@@ -461,7 +461,7 @@ def _registry() -> Any:
 
 @cache
 def _unit(text: str) -> tuple[float, str] | None:
-    """Return factor to SI, and SI unit, of a unit; None for what is no unit of a measurement."""
+    """Return factor to SI, and SI unit, of a unit; None for unknown units."""
     word = text.strip(' .')
     if word == '\N{DEGREE SIGN}':
         word = 'deg'
@@ -478,7 +478,7 @@ def _unit(text: str) -> tuple[float, str] | None:
 
 
 def _is_of_units(cells: Sequence[str]) -> bool:
-    """Whether the cells of a row are units: one that is known, or all in brackets."""
+    """Whether the cells of a row are units: one is known, or all are in brackets."""
     filled = [cell for cell in cells if cell]
     return bool(filled) and (any(_unit(cell.strip('[]() ')) for cell in filled)
                              or all(BRACKETS.fullmatch(cell) for cell in filled))
@@ -521,7 +521,7 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
 def _check_width(path: Path, line: int, row: list[str], header: Sequence[str], delimiter: str
                  ) -> None:
     if any('\n' in cell for cell in row):
-        raise MeasurementError(f'{path}, line {line}: a quoted cell goes on in the next line; '
+        raise MeasurementError(f'{path}, line {line}: a quoted cell continues in the next line; '
                                'close its quotation mark')
     while len(row) > len(header) and not row[-1]:
         row.pop()
@@ -538,7 +538,7 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
     """
     Return the decimal mark with which the columns can be read; raises MeasurementError.
 
-    table: the cells of all columns, which tell where those that are wanted allow both marks.
+    table: the cells of all columns, which decide if the required ones allow both marks.
     """
     if delimiter == ',':
         for column in measured:
@@ -566,7 +566,7 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
         return _checked(measured, ',' if '.' in excluded else '.')
     line, column = unsure[0]
     cell = column.cells[column.lines.index(line)]
-    # What a column does with the other mark, such as a time of day, 10.15, says nothing of this.
+    # Columns that use the other mark otherwise, such as a time of day, 10.15, decide nothing.
     shared = ',' if ',' in cell else '.'
     votes = {mark for cells in table if any(shared in each for each in cells)
              for mark in _vote(cells)}
@@ -576,14 +576,14 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
         return '.'
     raise MeasurementError(
         f'{column.path}, line {line}: {column.header} is {cell!r}, which may be '
-        f'{_number(cell, "."):g} or {_number(cell, ","):g}: say which mark is the decimal one, '
+        f'{_number(cell, "."):g} or {_number(cell, ","):g}: give the decimal mark '
         'with --decimal . or --decimal ,')
 
 
 def _checked(measured: Sequence[Column], mark: str) -> str:
-    """Return the mark; raises MeasurementError for a number that stands out, so read."""
+    """Return the mark; raises MeasurementError for a number that is an outlier with it."""
     for column in measured:
-        # 4,800; 5.100; 5,400: one that was put right by hand.
+        # 4,800; 5.100; 5,400: one was corrected by hand.
         cells = [cell.replace(OTHER[mark], mark) if len(_marks(cell)) == 2 else cell
                  for cell in column.cells]
         if _jump(column.cells, mark) > JUMP and _jump(cells, mark) < STEP:
@@ -604,7 +604,7 @@ def _jump(cells: Sequence[str], mark: str) -> float:
 
 
 def _vote(cells: Sequence[str]) -> set[str]:
-    """Return the decimal mark that a column of numbers proves; two or none where it does not."""
+    """Return the decimal mark that a column of numbers proves; otherwise two or none."""
     filled = [cell for cell in cells if cell]
     allowed = set(OTHER).intersection(*map(_marks, filled))
     marks = {mark for mark in OTHER for cell in filled if mark in cell}
@@ -631,7 +631,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _number(cell: str, decimal: str) -> float:
-    """Return a number; nan for what is none with this decimal mark."""
+    """Return a number; nan if it is invalid with this decimal mark."""
     if not NUMBER[decimal].fullmatch(cell):
         return float('nan')
     return float(cell.translate(WRITTEN[decimal]))

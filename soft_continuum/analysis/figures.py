@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of the arm, and of one that was just described."""
+"""Figures of an arm and its shapes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,7 +30,7 @@ def new_panels(rows: int, columns: int, width: float, height: float,
     """
     Return a figure (inches) and its panels of equal scale, row by row; axes in mm.
 
-    part: of a figure, to draw them there and not in a new one.
+    part: subfigure to draw into, instead of a new figure.
     """
     figure = new_figure(width, height)
     panels = (part or figure).subplots(
@@ -44,7 +44,7 @@ def new_panels(rows: int, columns: int, width: float, height: float,
 
 
 def finish_panels(path: str | Path, figure: 'Figure', legend_columns: int) -> None:
-    """Write a figure with one legend, that of its first panel, below all of them."""
+    """Write a figure with the legend of its first panel below all panels."""
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside lower center', frameon=False,
                   ncols=min(len(labels), legend_columns))
@@ -53,9 +53,9 @@ def finish_panels(path: str | Path, figure: 'Figure', legend_columns: int) -> No
 
 def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[Equilibrium, Array]]) -> None:
     """
-    Write a picture of shapes side by side, with constant curvature beside the rigid chain.
+    Write a figure of shapes side by side, by constant curvature and by the rigid chain.
 
-    shapes: by name, the state, and the bending (segments, 2), rad, that was asked for.
+    shapes: by name, the state, and the commanded bending (segments, 2), rad.
     """
     arm, count = next(iter(shapes.values()))[0].chain.arm, len(shapes)
     if (projection := projection_of(arm)) is None:
@@ -74,7 +74,7 @@ def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[Equilibrium, Arra
 
 
 def preview_figure(path: str | Path, states: Sequence[tuple[str, Equilibrium]]) -> None:
-    """Write states by their titles as seen from the side, and the tendons at the base; in mm."""
+    """Write a side view of states by their titles, and the tendons at the base; in mm."""
     figure, panels = new_panels(1, len(states) + 1, 3.6 * (len(states) + 1), 5.0)
     for axes, (title, state) in zip(panels, states, strict=False):
         draw_arm(axes, state, ())

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Unknowns of an arm from measured points and pulls, by least squares.  Not in the paper.
+Unknowns of an arm from measured points and pulls, by least squares.  Not from the paper.
 
-The pulls are taken as they are, the points as measured with independent errors of one size.
+The pulls are assumed exact, the points to have independent errors of equal size.
 """
 
 from collections.abc import Sequence
@@ -26,16 +26,16 @@ from soft_continuum.mechanics.statics import Statics
 from soft_continuum.parameters.arm import arm_from_parameters
 
 DIFFERENCE = 1e-4  # of the scale of an unknown
-SNAP = 1e-3  # m: a point that such a difference moves further is of an arm that snaps over
+SNAP = 1e-3  # m: a point that such a difference moves farther belongs to an arm that snaps
 DETERMINED = 0.15  # standard deviation over scale, beyond which data do not determine an unknown
 BEST_MEASUREMENT = 5e-5  # m: points agree no better than this by merit of the model
-MIN_SHARE = 0.3  # of an unknown in what cannot be told, for it to be named
+MIN_SHARE = 0.3  # share of an unknown in an undetermined combination, for it to be named
 
 
 @dataclass(frozen=True, eq=False)
 class Identification:
     """
-    What a fit found.
+    The result of a fit.
 
     values, deviations: (k,) of the unknowns and their standard deviations.  half_widths: (k,) of
     the 95 % confidence intervals.  correlations: (k, k).  noise: standard deviation of one
@@ -56,10 +56,10 @@ def identify(described: Values, unknowns: Sequence[Unknown], shapes: Sequence[Me
     """
     Fit the unknowns to the points of the shapes.
 
-    described: the parameters of the arm, as spread_out returns them.  The arm is computed with
-    second-order springs: E I is then that of the segment, not of a coarse chain.  Raises
-    IdentificationError when there are fewer measured coordinates than unknowns, the model cannot
-    follow the shapes, or the data do not determine every unknown.
+    described: the parameters of the arm, from spread_out.  The arm is computed with second-order
+    springs, so that E I is that of the segment, not of a coarse chain.  Raises IdentificationError
+    when there are fewer measured coordinates than unknowns, the model cannot follow the shapes, or
+    the data do not determine every unknown.
     """
     described = {**described, 'arm.discretisation': SECOND_ORDER}
     coordinates = sum(shape.coordinates for shape in shapes)
@@ -98,7 +98,7 @@ def identify(described: Values, unknowns: Sequence[Unknown], shapes: Sequence[Me
         misses(*start.tolist())
     except StaticsError as error:
         raise IdentificationError(
-            f'the arm as described cannot be set as measured: {error}; describe it better with '
+            f'the described arm cannot follow the measured pulls: {error}; correct it with '
             '--params-file, such as by characterize.yaml') from None
     bounds = (np.array([u.low for u in unknowns]) / scales,
               np.array([u.high for u in unknowns]) / scales)
@@ -110,7 +110,7 @@ def identify(described: Values, unknowns: Sequence[Unknown], shapes: Sequence[Me
 
 
 def _statics(described: Values, payload: float) -> Statics:
-    """Return the statics of the arm that parameters describe, with a payload (kg) more."""
+    """Return the statics of the described arm with an additional payload (kg)."""
     arm = arm_from_parameters(described)
     return Statics(replace(arm, payload=arm.payload + payload))
 
@@ -120,7 +120,7 @@ def _size(change: Array) -> float:
 
 
 def _misses(statics: Statics, shape: MeasuredShape) -> Array:
-    """Return by how much the coordinates that were measured of a shape are missed, m."""
+    """Return the errors of the measured coordinates of a shape, m."""
     misses = shape.misses(_points(statics, shape))
     return misses[np.isfinite(misses)]
 
@@ -131,7 +131,7 @@ def _points(statics: Statics, shape: MeasuredShape) -> Array:
 
 def _judged(described: Values, unknowns: tuple[Unknown, ...], values: Array,
             residuals: Array, jacobian: Array, scales: Array) -> Identification:
-    """Return the fit with its uncertainties; raises IdentificationError for what is not known."""
+    """Return the fit with uncertainties; raises IdentificationError for undetermined unknowns."""
     spare = residuals.size - values.size
     noise = float(np.sqrt(residuals @ residuals / spare))
     _, singular, directions = np.linalg.svd(jacobian, full_matrices=False)
@@ -142,7 +142,7 @@ def _judged(described: Values, unknowns: tuple[Unknown, ...], values: Array,
         edge = 1e-3 * unknown.scale
         if not unknown.low + edge < value < unknown.high - edge:
             raise IdentificationError(
-                f'{unknown.name} went to the end of what is allowed, {value:.4g} {unknown.unit}; '
+                f'{unknown.name} reached the end of its range, {value:.4g} {unknown.unit}; '
                 'either the points do not belong to these pulls, or something that is not among '
                 f'the unknowns is described wrongly; else {unknown.remedy}')
     inverse = (directions.T / singular) * noise
@@ -170,13 +170,13 @@ def _refuse(unknowns: tuple[Unknown, ...], direction: Array, spread: float) -> N
 
 
 def shape_error(described: Values, shape: MeasuredShape) -> Array:
-    """Return the distances (m) of the moving points of a shape from where the model has them."""
+    """Return the distances (m) of the moving points of a shape from the model."""
     statics = _statics({**described, 'arm.discretisation': SECOND_ORDER}, shape.payload)
     return shape.errors(_points(statics, shape))
 
 
 def without(shapes: Sequence[MeasuredShape], names: Sequence[str]) -> list[MeasuredShape]:
-    """Return the shapes without those of these names; raises IdentificationError if none stay."""
+    """Return the shapes except those named; raises IdentificationError if none remain."""
     known = [shape.name for shape in shapes]
     for name in names:
         if name not in known:

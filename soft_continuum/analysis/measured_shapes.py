@@ -1,16 +1,16 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Shapes that were set on a rig: what was pulled, step by step, and where the arm then was.
+Shapes set on a rig: the pulls, step by step, and the measured points of the arm.
 
 Two files.  Points, in the frame of the base (origin at the bottom centre of the base disc, z along
 the straight arm, x to the right tendon): shape, point (1 is the bottom of the base disc, then
-bottom and top of each disc), x, z.  Pulls: shape, segment that was soft, pull of the right and the
-left tendon against the straight arm, or the word slack; and where known the bending angle that was
-set and the payload that hung at the tip.
+bottom and top of each disc), x, z.  Pulls: shape, soft segment, pull of the right and the left
+tendon relative to the straight arm, or the word slack; and optionally the commanded bending angle
+and the payload at the tip.
 
-In space points have a y too, and pulls a column for each tendon of the description; without
-jamming there is no segment that was soft: all were.
+For spatial arms points also have y, and pulls have a column for each tendon of the description;
+without jamming there is no soft segment column: all are soft.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,9 +48,9 @@ OPTIONAL = (
 @dataclass(frozen=True)
 class Step:
     """
-    One segment (0-based) is soft while the tendons go to pulls (tendons,), m, or SLACK.
+    One segment (0-based) is soft while the tendons move to pulls (tendons,), m, or SLACK.
 
-    segment: None if all are soft.  angle: bending angle that was set, rad; nan where none was.
+    segment: None if all are soft.  angle: commanded bending angle, rad; nan without one.
     """
 
     segment: int | None
@@ -65,10 +65,10 @@ class Step:
 @dataclass(frozen=True, eq=False)
 class MeasuredShape:
     """
-    One shape: its steps, and the calculation points that were measured.
+    One shape: its steps, and the measured calculation points.
 
-    numbers: (m,) of the points, 0 for the bottom of the base disc.  positions: (m, 3), m; nan for
-    what was not measured, as y of a planar arm.  payload: kg.
+    numbers: (m,) of the points, 0 for the bottom of the base disc.  positions: (m, 3), m; nan if
+    not measured, as y of a planar arm.  payload: kg.
     """
 
     name: str
@@ -79,17 +79,17 @@ class MeasuredShape:
 
     @property
     def moving(self) -> list[int]:
-        """Which rows of positions are not of the base disc, which cannot move."""
+        """Which rows of positions are not of the base disc, which is fixed."""
         return [row for row, number in enumerate(self.numbers) if number > 1]
 
     @property
     def coordinates(self) -> int:
-        """How many coordinates of moving points were measured."""
+        """Number of measured coordinates of moving points."""
         return int(np.isfinite(self.positions[self.moving]).sum())
 
     def misses(self, points: Array) -> Array:
         """
-        Return by how much the moving points miss those measured, (m, 3), m; nan: not measured.
+        Return the errors of the moving points, (m, 3), m; nan: not measured.
 
         points: bottom and top centre of every disc, base first, (2 * discs, 3), m.
         """
@@ -98,7 +98,7 @@ class MeasuredShape:
         return missed
 
     def errors(self, points: Array) -> Array:
-        """Return how far, in m, the moving points are from those measured, as far as known."""
+        """Return the distances of the moving points from the measured ones, m."""
         distances: Array = np.linalg.norm(np.nan_to_num(self.misses(points)), axis=1)
         return distances
 
@@ -150,7 +150,7 @@ def _read_points(table: Table, axes: str, arm: Arm
                                    f'{most}, bottom and top of each disc')
         rows = shapes.setdefault(name, {})
         if number - 1 in rows:
-            raise MeasurementError(f'{where}: point {number} of shape {name!r} is there already; '
+            raise MeasurementError(f'{where}: point {number} of shape {name!r} is given twice; '
                                    'give repeated measurements names of their own')
         shown = ', '.join(f'{value:.4g}' for value in place)
         if np.linalg.norm(place) > 2.0 * arm.length:
@@ -179,7 +179,7 @@ def _read_points(table: Table, axes: str, arm: Arm
 
 
 def _check_lengths(where: str, rows: Mapping[int, tuple[float, ...]], arm: Arm) -> None:
-    """Raise MeasurementError when discs or segments are not as long as those of the arm."""
+    """Raise MeasurementError if discs or segments differ in length from the arm."""
     for one in sorted(rows):
         if one + 1 not in rows:
             continue
@@ -240,7 +240,7 @@ def _pulls(column: Column) -> list[float]:
 
 
 def sliding(start: Equilibrium, step: Step) -> tuple[int, ...]:
-    """Return where the tendons slide in a step: 1 to the base, -1 to the tip, 0 slack."""
+    """Return the sliding of tendons in a step: 1 to the base, -1 to the tip, 0 slack."""
     return tuple(0 if pull == SLACK else 1 if pull > before else -1
                  for pull, before in zip(step.pulls, start.pulls.tolist(), strict=True))
 

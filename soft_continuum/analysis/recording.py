@@ -3,8 +3,8 @@
 """
 A recorded run as tables: one per kind of message, which CSV files keep.
 
-Times count from the start of the recording.  Lengths are in mm, tensions in N, pressures in kPa
-absolute, orientations quaternions: tables are for people and spreadsheets.
+Times are from the start of the recording.  Lengths are in mm, tensions in N, absolute pressures in
+kPa, orientations are quaternions: tables are for people and spreadsheets.
 """
 
 from collections.abc import Sequence
@@ -29,14 +29,14 @@ COLUMNS = {
     'stiff': ('time [s]', 'segment', 'stiff'),
     'events': ('time [s]', 'source', 'event'),
 }
-"""Columns by file, without its ending, of the files that are the same for every arm."""
+"""Columns by file, without suffix, of the files that are the same for every arm."""
 
 TABLES = ('tendons', 'tensions', *COLUMNS)
 """The tables of a recording."""
 FILES = tuple(f'{name}.csv' for name in TABLES)
 
 DESCRIPTION = 'description.yaml'
-"""The arm that was recorded, as a parameter file beside them."""
+"""Parameter file of the recorded arm."""
 ABOUT = 'recording'  # source of the event that says when, what and by which version
 
 BAG = 'recording.mcap'
@@ -75,13 +75,13 @@ class Held:
 @dataclass(frozen=True)
 class Recording:
     """
-    What was recorded.
+    A recording.
 
     tendon_names: in the order of the columns.  tendons, tensions: (rows, 1 + tendons), time in s
     and mm or N.  points: (rows, 9), time, number of the point, and pose as in Held.  pressures,
     stiff: (rows, 3), time, number of the segment, and kPa, or 1 for stiff.  events: (time, source,
-    text).  description: the arm as a parameter file, empty if it is not known.  damage: why there
-    may have been more; empty if there was not.
+    text).  description: the arm as a parameter file, empty if unknown.  damage: why data may be
+    missing; empty if complete.
     """
 
     tendon_names: tuple[str, ...]
@@ -95,7 +95,7 @@ class Recording:
     damage: str = ''
 
     def held_shapes(self) -> list[Held]:
-        """Return every shape that was held, as it was when its holding began."""
+        """Return every held shape at the start of its holding."""
         found = []
         for time, source, text in self.events:
             shape, _, phase = text.partition(': ')
@@ -111,12 +111,12 @@ class Recording:
 
     @property
     def about(self) -> str:
-        """When it was recorded, in which namespace and by which version; '' if not known."""
+        """Date, namespace and version of the recording; '' if unknown."""
         return next((text for _, source, text in self.events if source == ABOUT), '')
 
 
 def tables(recording: Recording) -> dict[str, tuple[tuple[str, ...], list[Sequence[object]]]]:
-    """Return the columns and the rows of every table by name, as CSV files have them."""
+    """Return the columns and the rows of every table by name, as in CSV files."""
     named = {'tendons': ('time [s]', *(name + PULL for name in recording.tendon_names)),
              'tensions': ('time [s]', *(name + TENSION for name in recording.tendon_names)),
              **COLUMNS}
@@ -140,7 +140,7 @@ def write_tables(recording: Recording, paths: Sequence[Path]) -> None:
 
 def read_tables(directory: Path) -> Recording:
     """
-    Read what write_tables wrote, and ``record`` of version 0.1.
+    Read tables of write_tables, and of ``record`` in version 0.1.
 
     Raises MeasurementError naming file and line.
     """

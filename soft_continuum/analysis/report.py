@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run as one HTML page that needs no other file."""
+"""Report of a recorded run as one self-contained HTML page."""
 
 import base64
 from collections.abc import Iterable, Mapping, Sequence
@@ -34,9 +34,9 @@ MAX_EVENTS = 1000
 
 def report_html(recording: Recording, title: str, parameters: Mapping[str, Value]) -> str:
     """
-    Return the page; what is in its figures is also in its tables or in the files.
+    Return the page; the data of its figures are also in its tables or in the files.
 
-    parameters: of the arm, by name; empty if they are not known.
+    parameters: of the arm, by name; empty if unknown.
     """
     held = recording.held_shapes()
     parts = [f'<h1>{escape(title)}</h1>', _summary(recording)]
@@ -56,7 +56,7 @@ def report_html(recording: Recording, title: str, parameters: Mapping[str, Value
     arm = [[p.name, as_yaml(parameters[p.name], digits=6), p.unit, p.meaning]
            for p in ARM_PARAMETERS if p.name in parameters]
     parts += ['<h2>Arm</h2>', _table(['parameter', 'value', 'unit', 'meaning'], arm, 'text') if arm
-              else '<p>The recording does not have the parameters of the arm.</p>']
+              else '<p>The recording does not contain the parameters of the arm.</p>']
     return ('<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
             f'<title>{escape(title)}</title><style>{STYLE}</style></head><body>'
             + '\n'.join(parts) + '</body></html>\n')

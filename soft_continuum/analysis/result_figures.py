@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of what the commands compute, in grey."""
+"""Figures of the results of commands, in grey."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ MAX_PANELS = 4
 
 @dataclass(frozen=True, eq=False)
 class MeasuredState:
-    """The curves of one state of a segment (soft or stiff), and what they say."""
+    """The curves of one state of a segment (soft or stiff), and their results."""
 
     name: str
     curves: Sequence[Curve]
@@ -143,8 +143,8 @@ class ShapeResult:
     """
     Largest errors of one shape, m.
 
-    described: of the arm as described.  identified: of the fit, to which the shape belonged unless
-    it was held out.  held_out: of a fit without the shape; nan where there was none.
+    described: of the described arm.  identified: of the fit, which includes the shape unless it
+    was held out.  held_out: of a fit without the shape; nan without one.
     """
 
     name: str
@@ -187,11 +187,11 @@ def identification_figure(path: str | Path, found: Identification,
 def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
                      height: float) -> None:
     """
-    Write the tips, a panel for each set, and how far gravity moves them; mm.
+    Write a figure of tips, a panel for each set, and their displacement by gravity; mm.
 
-    In the plane their density, and that below; in space from the side and from above, the darker
-    the further gravity moves them.  base: the tips whose outline is drawn in every panel.
-    height: of the straight arm, m.
+    For planar arms it shows their density, with the displacement below; for spatial arms side and
+    top views, darker for larger displacements.  base: the tips whose outline is drawn in every
+    panel.  height: of the straight arm, m.
     """
     flat, count = base.tips.shape[1] == 2, len(reaches)
     figure, panels = new_panels(2, count, 4.2 * count, 6.8 if flat else 8.4)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a command leaves behind: tables on the screen, files that overwrite nothing."""
+"""Output of commands: tables on the screen, and files that overwrite nothing."""
 
 from collections.abc import Iterable, Iterator, Sequence
 import csv
@@ -24,10 +24,10 @@ class ResultError(RuntimeError):
 
 def reserve_outputs(directory: str | Path, names: Sequence[str], force: bool) -> tuple[Path, ...]:
     """
-    Return the paths of results in a directory, which is made when it does not exist.
+    Return the paths of results in a directory, which is created if it does not exist.
 
-    Raises ResultError when one of them exists and may not be overwritten: before any work is
-    done, and before any of them is written.
+    Raises ResultError if one of them exists and may not be overwritten: before any work is done,
+    and before any of them is written.
     """
     folder = Path(directory)
     paths = tuple(folder / name for name in names)
@@ -44,16 +44,16 @@ def reserve_outputs(directory: str | Path, names: Sequence[str], force: bool) ->
 
 
 def write_rows(path: Path, rows: Iterable[Sequence[object]]) -> None:
-    """Write rows, of which the first is the header, as CSV; raises OSError."""
+    """Write rows, the header first, as CSV; raises OSError."""
     with path.open('w', encoding='utf-8', newline='') as file:
         csv.writer(file, lineterminator='\n').writerows(rows)
 
 
 def progress(items: Iterable[T], what: str, count: int | None = None) -> Iterator[T]:
     """
-    Yield the items; show how far that is: by a bar, or now and then by a line in a pipe.
+    Yield the items and show progress: by a bar, or by occasional lines in a pipe.
 
-    count: how many there are, of items that cannot tell.
+    count: number of items without a length.
     """
     total = count if count is not None else len(items)  # type: ignore[arg-type]
     if sys.stderr.isatty():

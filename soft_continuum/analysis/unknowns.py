@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What of an arm can be unknown: parameters of its description, some by one factor.
+Unknowns of an arm for identification: parameters of its description, some by a common factor.
 
 Names: stiffness_N, ratio_N, segment_mass_N, disc_mass_N and offset_N of segment N (1 is the
 lowest; the disc is the one above it), angle_N of the tendons that end at disc N; stiffness, mass
@@ -38,10 +38,10 @@ class Unknown:
     """
     One unknown of an arm.
 
-    unit: of its value.  start, low, high: where a fit begins and its bounds.  scale: a change that
-    is all of it.  changes: names of the parameters that it changes.  put: from a description, as
-    spread_out returns it, and a value to the description that has it.  remedy: what to do when the
-    data do not determine it.
+    unit: of its value.  start, low, high: initial value and bounds of a fit.  scale: its full
+    range of change.  changes: names of the parameters that it changes.  put: returns a
+    description, from spread_out, with a given value.  remedy: what to do when the data do not
+    determine it.
     """
 
     name: str
@@ -64,7 +64,7 @@ def stiffnesses_of(arm: Arm) -> dict[str, tuple[float, ...]]:
 
 
 def spread_out(values: Values) -> Values:
-    """Return a description whose lists have a number of its own for every part."""
+    """Return a description whose lists have one number for every part."""
     arm = arm_from_parameters(values)
     offsets = _numbers(values, 'arm.guide_offsets')
     if len(offsets) == 1:
@@ -84,8 +84,8 @@ def find_unknowns(names: Sequence[str], values: Values) -> tuple[Unknown, ...]:
     """
     Return the unknowns of these names.
 
-    values: of the description, as spread_out returns them.  Raises IdentificationError listing
-    what there is.
+    values: of the description, from spread_out.  Raises IdentificationError listing the known
+    names.
     """
     arm = arm_from_parameters(values)
     allowed = [f'{kind}_{n}' for kind in ('stiffness', 'ratio', 'segment_mass', 'disc_mass',
@@ -140,7 +140,7 @@ def _unknown(name: str, values: Values, arm: Arm) -> Unknown:
 
 
 def _of_all(name: str, values: Values, arm: Arm) -> Unknown:
-    """Return an unknown of the whole arm; factors are those of the description it began with."""
+    """Return an unknown of the whole arm; factors are relative to the initial description."""
     number: Any = values.get({
         'friction': 'arm.tendon_friction', 'tilt': 'arm.mounting_angle',
         'stretch': 'arm.tendon_axial_stiffness'}.get(name, ''))
@@ -175,14 +175,14 @@ def _of_all(name: str, values: Values, arm: Arm) -> Unknown:
 
 def _scaled(values: Values, names: Sequence[str], places: Sequence[int] | None, factor: float
             ) -> Values:
-    """Return the description with lists times a factor, whole or at some places."""
+    """Return the description with lists times a factor, entirely or at some indices."""
     return {**values, **{name: tuple(
         factor * number if places is None or i in places else number
         for i, number in enumerate(_numbers(values, name))) for name in names}}
 
 
 def _with_mean(values: Values, names: Sequence[str], places: Sequence[int], to: float) -> Values:
-    """Return the description with the first list having a mean at places, others in proportion."""
+    """Return the description with a mean of the first list at indices, others in proportion."""
     mean = float(np.mean([_numbers(values, names[0])[place] for place in places]))
     if mean:
         return _scaled(values, names, places, to / mean)
@@ -191,7 +191,7 @@ def _with_mean(values: Values, names: Sequence[str], places: Sequence[int], to: 
 
 
 def _turned(values: Values, which: Sequence[int], angle: float) -> Values:
-    """Return the description with tendons turned together, the first of them to an angle, rad."""
+    """Return the description with tendons turned together, the first to an angle, rad."""
     angles = list(_numbers(values, 'arm.tendon_angles'))
     more = angle - angles[which[0]]
     for i in which:

@@ -3,8 +3,8 @@
 """
 Models against measured shapes: constant curvature, chain, chain under gravity (paper, V, Fig. 5).
 
-Every model gets the pulls that the rig got.  Errors are distances between calculation points; the
-base disc, which cannot move, does not count.
+Every model gets the pulls of the rig.  Errors are distances between calculation points; the base
+disc, which is fixed, is excluded.
 """
 
 from collections.abc import Sequence
@@ -33,10 +33,10 @@ class Prediction:
     """
     One shape by one model.
 
-    points: (2 * discs, 3), m.  slack: of each step, whether no tendon was taut at its end.
-    jumped: whether the arm went over to another equilibrium on the way.  needed: of each step,
-    tendon and its pull (m) that bend the segment to the angle that was set; None where no angle
-    was given, no tendon can, or an angle does not tell how a segment bends.
+    points: (2 * discs, 3), m.  slack: for each step, whether no tendon was taut at its end.
+    jumped: whether the arm snapped to another equilibrium on the way.  needed: for each step,
+    tendon and pull (m) that bend the segment to the commanded angle; None if no angle was given,
+    no tendon can, or an angle does not determine the bending.
     """
 
     model: str
@@ -59,14 +59,14 @@ class Prediction:
 
     @property
     def segments(self) -> list[int]:
-        """Segment (0-based) that each of the errors belongs to: that below the disc."""
+        """Segment (0-based) of each error: the one below the disc."""
         return [self.shape.numbers[row] // 2 - 1 for row in self.shape.moving]
 
 
 def predict(shapes: Sequence[MeasuredShape], arm: Arm, corrected: Arm | None = None
             ) -> tuple[Prediction, ...]:
     """
-    Return what each model says for each shape, shape by shape.
+    Return the results of each model for each shape, shape by shape.
 
     corrected: the arm with measured stiffness.  Raises StaticsError naming model, shape and step.
     """
@@ -81,7 +81,7 @@ def predict(shapes: Sequence[MeasuredShape], arm: Arm, corrected: Arm | None = N
 
 
 def _constant_curvature(shape: MeasuredShape, arm: Arm) -> Prediction:
-    """Return arcs with the pulls of the tendons; straight ones where these say too little."""
+    """Return arcs for the pulls of the tendons; straight if these do not determine them."""
     bending = np.zeros((len(arm.segments), 2))
     aimed, needed = bending.copy(), []
     for step in shape.steps:
@@ -101,7 +101,7 @@ def _constant_curvature(shape: MeasuredShape, arm: Arm) -> Prediction:
 
 
 def _wanted(arm: Arm, step: Step) -> Array | None:
-    """Return the bending (segments, 2), rad, of the angle that was set, if it tells one."""
+    """Return the bending (segments, 2), rad, of the commanded angle, if it determines one."""
     if step.segment is None or not np.isfinite(step.angle) or not hinged(arm):
         return None
     wanted = np.zeros((len(arm.segments), 2))
@@ -123,7 +123,7 @@ def _chain(model: str, shape: MeasuredShape, arm: Arm) -> Prediction:
 
 
 def _needed(statics: Statics, shape: MeasuredShape) -> tuple[tuple[int, float] | None, ...]:
-    """Return tendon and pull for the angle of each step, as far as a tendon holds it there."""
+    """Return tendon and pull for the angle of each step, if a tendon holds it there."""
     state, needed = statics.chain.straight(), []
     for step in shape.steps:
         wanted = _wanted(statics.chain.arm, step)

@@ -1,10 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Where the tip can go, and how that depends on gravity and on the order of the segments; ours.
+Workspace of the tip, and its dependence on gravity and on the order of the segments.
 
-Each segment is bent in turn while the others are stiff.  Under gravity a segment that is set with
-others already bent above it carries them at another lever arm, so the order leaves its traces.
+Not from the paper.  Each segment is bent in turn while the others are stiff.  Under gravity a
+segment that is set with others already bent above it carries them at another lever arm, so the
+order matters.
 """
 
 from collections.abc import Sequence
@@ -26,8 +27,8 @@ class Reach:
     Tips of one arm, set in one order.
 
     order: segments, 0-based.  tips: (m, axes), m, along the axes of the arm.  bending: (m,
-    segments, 2) rad, about x and y, in the same rows.  asked: how many shapes were tried; those
-    that no tendon holds are left out.
+    segments, 2) rad, about x and y, in the same rows.  asked: number of shapes tried, including
+    those that no tendon holds.
     """
 
     order: tuple[int, ...]
@@ -51,8 +52,8 @@ def reach(arm: Arm, order: Sequence[int], per_segment: int, directions: int = 1,
     """
     Return the tips for ``per_segment`` angles between the limits of every segment.
 
-    One that bends in all directions has half as many to each side, in so many ``directions``, and
-    straight; without ``jamming`` all segments are bent at once.  Tendons do not rub here.
+    A segment that bends in all directions has half as many in each of ``directions``, and
+    straight.  Without ``jamming`` all segments are bent at once.  Tendon friction is neglected.
     """
     grid = bendings(arm, per_segment, directions)
     found = set_each(Statics(arm), grid, order, jamming=jamming,
@@ -66,18 +67,18 @@ def reach(arm: Arm, order: Sequence[int], per_segment: int, directions: int = 1,
 
 
 def bendings(arm: Arm, per_segment: int, directions: int) -> list[Array]:
-    """Return the bendings (k, 2), rad, to which each segment is set; all combinations count."""
+    """Return the bendings (k, 2), rad, of each segment; all combinations are set."""
     return [bends(arm, s, per_segment, directions) for s in range(len(arm.segments))]
 
 
 def furthest_apart(one: Reach, other: Reach) -> float:
-    """Return the largest distance (m) of tips with the same bending; nan if there are none."""
+    """Return the largest distance (m) of tips with the same bending; nan without any."""
     return max((float(np.linalg.norm(a - b)) for a, b in tips_in_common(one, other)),
                default=float('nan'))
 
 
 def tips_in_common(one: Reach, other: Reach) -> list[tuple[Array, Array]]:
-    """Return the two tips (m) of all bendings that both have."""
+    """Return both tips (m) for all common bendings."""
     there = {row.tobytes(): tip for row, tip in zip(other.bending, other.tips, strict=True)}
     return [(tip, there[row.tobytes()]) for row, tip in zip(one.bending, one.tips, strict=True)
             if row.tobytes() in there]

@@ -32,7 +32,7 @@ class Verb:
     @property
     def completes(self) -> bool:
         """Whether TAB may call the function: it builds a Parser before it does anything."""
-        return self.target.startswith(('cli.', 'emulators.'))
+        return self.target.startswith(('cli.', 'commissioning.', 'emulators.'))
 
 
 def _operate(name: str, text: str) -> Verb:
@@ -82,9 +82,9 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
     ),
     'set up a rig, while no nodes run': (
         Verb('new-arm', 'describe an arm interactively', 'cli.new_arm:main'),
-        Verb('doctor', 'check a rig step by step; nothing moves', 'cli.doctor:main'),
+        Verb('doctor', 'check a rig step by step; nothing moves', 'commissioning.doctor:main'),
         Verb('calibrate', 'measure a rig: vacuum, signs, steps, zero; set up servos',
-             'cli.calibrate:main'),
+             'commissioning.calibrate:main'),
         Verb('emulate', 'emulate a device: grbl, dynamixel or modbus', 'cli.emulate:main'),
         Verb('twin', 'simulate a rig: the arm in MuJoCo with emulated boards', 'cli.twin:main'),
         Verb('twin_camera', 'simulate a camera of that rig', 'cli.twin_camera:main'),
@@ -92,7 +92,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('policy', 'write a policy for SROS 2: access permissions over DDS',
              'cli.policy:main'),
         Verb('install-service', 'start the nodes at boot with systemd',
-             'cli.install_service:main'),
+             'commissioning.install_service:main'),
     ),
     'analyse measurements': (
         Verb('characterize', 'fit the bending stiffness to force-displacement curves',

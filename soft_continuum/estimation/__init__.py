@@ -1,3 +1,3 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The shape and what is not known of the arm, from the statics and measurements.  No ROS."""
+"""Estimation of shape and parameters of the arm from statics and measurements.  No ROS."""

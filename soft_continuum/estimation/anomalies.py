@@ -1,13 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is wrong with the arm, from what its measurements differ by from what was expected.
+Detection of anomalies from differences between measurements and expectations.
 
-The estimate adapts to whatever happens.  So a copy of it, as it was when the arm last rested as
-expected, is kept as the reference: it follows motors and valves, but no measurements.  Whenever
-the arm rests, what is measured is compared with it.  What it cannot be by the covariance of the
-reference has a cause: each possible one displaces the discs in a pattern of its own, and the most
-likely one is named when it is much more likely than every other that explains what is seen, twice.
+The estimate adapts to all changes.  So a copy of it, from when the arm last rested as expected, is
+kept as the reference: it follows motors and valves, but no measurements.  Whenever the arm rests,
+measurements are compared with it.  A difference beyond the covariance of the reference has a
+cause.  Each cause displaces the discs in its own pattern.  A cause is reported when, twice, it
+explains the measurements and is much more likely than all others that do.
 """
 
 from collections import deque
@@ -53,10 +53,10 @@ REPORTED = 10.0  # s for which an anomaly is
 @dataclass(frozen=True)
 class Anomaly:
     """
-    Something that is wrong, as in Anomaly.msg.
+    An anomaly, as in Anomaly.msg.
 
-    time: s, when it was noticed.  segment, disc: as in topic names, 0 for none.  tendon: empty for
-    none.  size: m, rad or N, as the message says.
+    time: s, of its detection.  segment, disc: as in topic names, 0 for none.  tendon: empty for
+    none.  size: m, rad or N, as in the message.
     """
 
     time: float
@@ -69,7 +69,7 @@ class Anomaly:
 
 
 class AnomalyDetector:
-    """Watches one arm; ``active``: what was found wrong in the last REPORTED s."""
+    """Monitors one arm; ``active``: anomalies found in the last REPORTED s."""
 
     def __init__(self) -> None:
         """Begin without a reference."""
@@ -128,10 +128,10 @@ class AnomalyDetector:
 
     def _follow_others(self) -> None:
         """
-        Let the others follow, those that are furthest behind first, as far as WORK goes.
+        Update the alternative estimates, those furthest behind first, up to WORK iterations.
 
-        There are up to three for each segment, and what softens may take one of them 0.3 s in
-        space: who waits for the shape does not wait for all of them.
+        There are up to three per segment, and softening may take one of them 0.3 s for spatial
+        arms: the shape does not wait for all of them.
         """
         work = 0
         while work < WORK:
@@ -144,7 +144,7 @@ class AnomalyDetector:
             work += behind.estimator.state.iterations
 
     def _step(self, commands: Commands) -> None:
-        """Let the reference follow, and the others when it is their turn."""
+        """Update the reference, and the alternatives when it is their turn."""
         self._followed = commands.time
         if self._reference is None:
             return
@@ -155,14 +155,14 @@ class AnomalyDetector:
         except (StaticsError, np.linalg.LinAlgError):
             self.clear()
 
-    # What is measured.
+    # Measurements.
 
     def note(self, time: float, discs: Sequence[DiscMeasurement], estimator: Estimator
              ) -> Estimator:
         """
-        Take account of a measurement after the estimator did; return the one to go on with.
+        Process a measurement after the estimator did; return the estimator to continue with.
 
-        Where a sensor has moved that is the reference, which knows that and has not followed it.
+        If a sensor has moved, that is the reference, which did not follow the moved sensor.
         """
         self._instead = estimator
         self._note(time, discs, estimator)
@@ -197,7 +197,7 @@ class AnomalyDetector:
                 self.clear()
 
     def refer_to(self, estimator: Estimator, time: float) -> None:
-        """Take an estimate as the reference; measurements up to ``time`` (s) are as expected."""
+        """Set an estimate as the reference; measurements up to ``time`` (s) are as expected."""
         self._reference, self._taken = estimator.copy(), time
         self._others = [one for one in self._others
                         if one.cause is Cause.NOT_SOFT and not self._moved]
@@ -274,7 +274,7 @@ class _Other:
     """
     The estimate of an arm with a segment that is not as stiff, or as soft, as reported.
 
-    segment: 0-based.  vacuum: that is left in it, a part of full vacuum.  steps: of motors and
+    segment: 0-based.  vacuum: remaining in it, as a fraction of full vacuum.  steps: of motors and
     valves that it has not followed yet.
     """
 
@@ -285,13 +285,13 @@ class _Other:
     steps: deque[Commands] = field(default_factory=deque)
 
     def note(self, commands: Commands) -> None:
-        """Note a step that is to be followed; of those of one stiffness the last is enough."""
+        """Queue a step to follow; for each stiffness the last step is enough."""
         if self.steps and self.steps[-1].stiff == commands.stiff:
             self.steps.pop()
         self.steps.append(commands)
 
     def follow(self) -> bool:
-        """Follow the next step; return whether there is such an arm."""
+        """Follow the next step; return whether such an arm exists."""
         commands = self.steps.popleft()
         stiff = list(commands.stiff)
         vacuum = list(commands.vacuum or (1.0,) * len(stiff))
@@ -323,7 +323,7 @@ def _mean(windows: Sequence[Sequence[DiscMeasurement]]) -> list[DiscMeasurement]
 
 
 def _still(before: Sequence[DiscMeasurement], now: Sequence[DiscMeasurement]) -> bool:
-    """Whether the same discs are where they were, by what is new in each picture."""
+    """Whether the same discs are unmoved, by the independent noise of each image."""
     return bool(before) and [one.disc for one in before] == [one.disc for one in now] and all(
         bool((one.differs(other) < STILL * np.sqrt(OWN_SHARE)).all())
         for one, other in zip(before, now, strict=True))
@@ -331,9 +331,9 @@ def _still(before: Sequence[DiscMeasurement], now: Sequence[DiscMeasurement]) ->
 
 def _clearest(verdicts: Sequence[Verdict], nothing: float) -> Verdict | None:
     """
-    Return what explains the measurements, if it does so much better than all else that does.
+    Return the verdict that explains the measurements, if much more likely than all others.
 
-    nothing: log likelihood of nothing being wrong.
+    nothing: log likelihood without any fault.
     """
     explain = sorted((one for one in verdicts if one.left < LEFT),
                      key=lambda one: one.likelihood, reverse=True)
@@ -346,21 +346,21 @@ def _clearest(verdicts: Sequence[Verdict], nothing: float) -> Verdict | None:
 
 
 def _same(one: Verdict, other: Verdict) -> bool:
-    """Whether two verdicts name the same; where a load acts is never clear."""
+    """Whether two verdicts name the same cause; the disc of a load is ignored."""
     return one.hypothesis.cause is other.hypothesis.cause and (
         one.hypothesis.number == other.hypothesis.number
         or one.hypothesis.cause is Cause.LOAD)
 
 
 def _cause(found: Verdict, moved: bool) -> Cause:
-    """Return what to call it; moved: whether a motor has."""
+    """Return the cause to report; moved: whether a motor has."""
     cause = found.hypothesis.cause
     return Cause.STEPS_LOST if cause is Cause.TENDON_SLIPPED and (
         moved or found.size < 0.0) else cause
 
 
 def _unknown(time: float, verdicts: Sequence[Verdict], moved: bool) -> Anomaly:
-    """Say that something is wrong, and which causes are about as likely as the likeliest."""
+    """Return an anomaly that names the causes about as likely as the most likely one."""
     explain = [one for one in verdicts if one.left < LEFT]
     best = max((one.likelihood for one in explain), default=0.0)
     causes = dict.fromkeys(_cause(one, moved).name for one in explain
@@ -372,29 +372,28 @@ def _unknown(time: float, verdicts: Sequence[Verdict], moved: bool) -> Anomaly:
 
 def _anomaly(time: float, cause: Cause, number: int, size: float, tendon: str,
              alone: bool = False) -> Anomaly:
-    """Say it; size of a tendon: m longer.  alone: whether one disc alone is measured."""
+    """Return the anomaly; size of a tendon: m longer.  alone: only one disc is measured."""
     segment = number if cause in (Cause.NOT_STIFF, Cause.NOT_SOFT) else 0
     disc = number if cause in (Cause.LOAD, Cause.SENSOR_MOVED) else 0
     length, way = f'{abs(size) * 1e3:.1f} mm', 'longer' if size > 0.0 else 'shorter'
     message = {
         Cause.UNKNOWN: 'the measurements do not fit the arm, and no known cause explains them; '
-                       'look at the arm, and at what measures it',
-        Cause.TENDON_SLIPPED: f'{tendon} is {length} longer than its motor says: it slipped in '
-                              'its clamp or left a guide; look at both, and set its zero again',
-        Cause.STEPS_LOST: f'{tendon} is {length} {way} than its motor says, since a motion: the '
+                       'inspect the arm and its sensors',
+        Cause.TENDON_SLIPPED: f'{tendon} is {length} longer than its motor reports: it slipped '
+                              'in its clamp or left a guide; check both, and set its zero again',
+        Cause.STEPS_LOST: f'{tendon} is {length} {way} than its motor reports since a motion: the '
                           'motor lost steps, or the tendon slipped; set its zero again',
         Cause.NOT_STIFF: f'segment {segment} is reported stiff but gives way; check its vacuum '
                          'for leaks',
         Cause.NOT_SOFT: f'segment {segment} is reported soft but does not bend; check that its '
-                        'valve lets air in',
-        Cause.LOAD: f'a force of about {size:.1f} N, near disc {disc}, acts on the arm that is '
-                    'not in its description; look for contact, or describe the payload',
+                        'valve vents',
+        Cause.LOAD: f'a force of about {size:.1f} N near disc {disc} acts on the arm and is not '
+                    'in its description; check for contact, or describe the payload',
         Cause.SENSOR_MOVED: f'the sensor of disc {disc} has moved on it by {length}; fix it, and '
-                            'calibrate where it is' + (
-                                '. No other disc is measured: it may be what measures this one '
-                                'that has moved' if alone else ''),
-        Cause.CAMERA_MOVED: f'all discs are seen displaced alike, at the base by {length}: the '
-                            'camera or what it is referred to has moved; fix it, and calibrate '
-                            'it again',
+                            'calibrate its position' + (
+                                '. No other disc is measured: the camera or tracker may have '
+                                'moved instead' if alone else ''),
+        Cause.CAMERA_MOVED: f'all discs appear displaced together, at the base by {length}: the '
+                            'camera or its reference has moved; fix it, and calibrate it again',
     }[cause]
     return Anomaly(time, cause, segment, disc, tendon, size, message)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What motors and valves are known to do."""
+"""State of motors and valves."""
 
 from dataclasses import dataclass
 
@@ -10,10 +10,10 @@ from soft_continuum.mechanics.arm import Array
 @dataclass(frozen=True, eq=False)
 class Commands:
     """
-    What tendons and valves do at one time.
+    State of tendons and valves at one time.
 
     time: s on the clock of the measurements.  pulls: (tendons,) m of the motors.  stiff: per
-    segment.  vacuum: parts of the full one per segment, None for full.  sliding: as in
+    segment.  vacuum: fraction of full vacuum per segment, None for full.  sliding: as in
     Statics.solve.  yielding: whether a stiff segment has so little vacuum that the tendons may
     bend it.
     """

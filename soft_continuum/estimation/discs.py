@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How the discs of an arm move, and how well a model can say that.
+Motion of the discs of an arm, and the accuracy of the model.
 
-How poses differ, and their covariances, are shifts along x, y, z (m) and rotation vectors (rad) in
-base_link; of what a planar arm cannot do they are 0.
+Differences of poses, and their covariances, are shifts along x, y, z (m) and rotation vectors
+(rad) in base_link; for motions that a planar arm cannot make they are 0.
 """
 
 from typing import Any
@@ -21,16 +21,16 @@ MODEL_ERROR = np.diag(np.repeat([SHIFT_ERROR, TURN_ERROR], 3))**2
 
 
 def pose_error(state: Any, other: Any) -> Array:
-    """Return by how much the discs' bottoms are elsewhere than in another state, (discs, 6)."""
+    """Return the displacement of the discs' bottoms from another state, (discs, 6)."""
     return np.array([displacement(now, then) for now, then in zip(
         state.poses[::2], other.poses[::2], strict=True)])
 
 
 def bent_evenly(state: Any) -> Array:
     """
-    Return how the discs move when segments alone bend evenly, per rad, (discs, 6, 2 * segments).
+    Return the motion of the discs per rad of even bending, (discs, 6, 2 * segments).
 
-    About the axes x and y of the body below each joint, as far as segments bend about them.
+    Bending is about x and y of the body below each joint, where segments bend about them.
     """
     chain = state.chain
     axes = np.concatenate([np.eye(3)[None], state.rotations[:-1]])[:, :, :2]
@@ -48,7 +48,7 @@ def bent_evenly(state: Any) -> Array:
 
 
 def camera_moved(state: Any) -> Array:
-    """Return how the discs seem to move when the camera does, about the origin, (discs, 6, 6)."""
+    """Return the apparent motion of the discs for motions of the camera, (discs, 6, 6)."""
     places = state.poses[::2, :3]
     found = np.tile(np.eye(6), (len(places), 1, 1))
     found[:, :3, 3:] = np.cross(np.eye(3)[None], places[:, None]).transpose(0, 2, 1)
@@ -56,7 +56,7 @@ def camera_moved(state: Any) -> Array:
 
 
 def lever(pose: Array, height: float) -> Array:
-    """Return how a difference of poses is seen ``height`` m above a pose, along its z, (6, 6)."""
+    """Return the matrix that moves a pose difference ``height`` m along z, (6, 6)."""
     x, y, z = height * matrices(pose[None, 3:])[0, :, 2]
     found = np.eye(6)
     found[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
@@ -65,9 +65,9 @@ def lever(pose: Array, height: float) -> Array:
 
 def angle_stddevs(state: Any, covariances: Array) -> Array:
     """
-    Return the standard deviations (segments,), rad, of the turns of the discs but the base.
+    Return the standard deviations (segments,), rad, of the turns of all discs but the base.
 
-    Those are about x and y of the disc below, together.  covariances: (discs, 6, 6).
+    They combine x and y of the disc below.  covariances: (discs, 6, 6).
     """
     below = matrices(state.poses[:-2:2, 3:])
     inside = below.transpose(0, 2, 1) @ covariances[1:, 3:, 3:] @ below

@@ -3,9 +3,9 @@
 """
 The shape of the arm, from its statics and from measurements, by an extended Kalman filter.
 
-The statics are the model: the shape is the equilibrium of the estimated arm.  What is wrong alike
-in all measurements of a disc (how its tag is stuck) is estimated as well: without that a hundred
-pictures would be taken to be ten times better than one.
+The statics are the model: the shape is the equilibrium of the estimated arm.  The bias common to
+all measurements of a disc (how its tag is mounted) is estimated as well: otherwise a hundred
+images would count as ten times better than one.
 """
 
 from collections import deque
@@ -59,10 +59,10 @@ MINUTE, CENTIMETRE = 60.0, 0.01
 
 
 class Estimator:
-    """The estimate of one arm.  Times are in s on the clock of the measurements' stamps."""
+    """The estimate of one arm.  Times are in s on the clock of the measurement stamps."""
 
     def __init__(self, arm: Arm, state: Any, prior: Prior, drift: Drift) -> None:
-        """Begin with a shape of which the prior says how well it is known."""
+        """Begin with a shape, with the uncertainty of the prior."""
         self.layout, self.prior = layout_of(arm), prior
         self._described, self._drift = arm, drift
         self.values = first_values(arm, self.layout, prior)
@@ -83,46 +83,46 @@ class Estimator:
         self.updated: float | None = None
         """When a measurement was last used, s."""
         self.seen = np.full(len(arm.discs), -np.inf)
-        """When one of each disc was, (discs,) s."""
+        """When each disc was last measured, (discs,) s."""
 
     @property
     def arm(self) -> Any:
-        """The arm as it is estimated to be."""
+        """The arm with the estimated parameters."""
         return self.statics.chain.arm
 
     @property
     def offsets(self) -> Array:
-        """By how much each tendon is pulled in beyond what its motor says, (tendons,), m."""
+        """Pull of each tendon beyond the reported motor position, (tendons,), m."""
         return np.asarray(self.values[self.layout.offset])
 
     @property
     def measured(self) -> float | None:
         """
-        When the disc was measured that has not been for longest, s; None if none ever was.
+        Oldest of the last measurement times of the discs, s; None without measurements.
 
-        One that has not been for FORGOTTEN s longer than another does not count any more.
+        Discs last measured FORGOTTEN s before another are ignored.
         """
         moving, newest = self.seen[1:], float(self.seen[1:].max())
         return None if newest == -np.inf else float(moving[moving >= newest - FORGOTTEN].min())
 
     def hidden(self, since: float) -> list[int]:
-        """Return the discs that others are measured without, since a time (s)."""
+        """Return the discs that are missing from measurements since a time (s)."""
         moving, newest = self.seen[1:], float(self.seen[1:].max())
         hidden = (moving <= since) & (moving >= newest - FORGOTTEN) & (newest > since)
         return [int(disc) for disc in np.flatnonzero(hidden) + 1]
 
     def copy(self) -> 'Estimator':
-        """Return another one that knows the same."""
+        """Return an independent copy."""
         other = copy(self)
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray | deque):
                 setattr(other, name, copy(value))
         return other
 
-    # What the arm does.
+    # Motion of the arm.
 
     def follow(self, commands: Commands) -> None:
-        """Follow the tendons and valves; raises StaticsError, and then keeps what it was."""
+        """Follow the tendons and valves; on StaticsError the estimate is unchanged."""
         before = self._past[-1] if self._past else commands
         switched, start = commands.stiff != self.state.stiff, self.state
         state = self.statics.solve(
@@ -147,7 +147,7 @@ class Estimator:
             self._past.popleft()
 
     def _switch(self, stiff: tuple[bool, ...], time: float) -> None:
-        """Hand on what is not known of the shape to the jams that hold it from now on."""
+        """Transfer the uncertainty of the shape to the jams that now hold it."""
         layout, rows = self.layout, self._rates().bending
         change = np.eye(layout.size)
         for s, (was, now) in enumerate(zip(self.state.stiff, stiff, strict=True)):
@@ -170,7 +170,7 @@ class Estimator:
         return rates(self.statics, self.layout, self.state)
 
     def _stiff(self) -> NDArray[np.bool_]:
-        """Return for each of ``layout.held`` whether its segment is stiff and bends so at all."""
+        """Return for each of ``layout.held`` whether its segment is stiff and bends about it."""
         stiff = np.array(self.state.stiff)[:, None]
         held: NDArray[np.bool_] = (stiff & self._described.bending_axes).ravel()
         return held
@@ -197,9 +197,9 @@ class Estimator:
 
     def _renew_biases(self, kept: float) -> None:
         """
-        Keep a part of what is known of the biases: in another shape they are others.
+        Increase the uncertainty of the biases: they differ in another shape.
 
-        What no unknown of the model explains is among them, and depends on the shape.
+        They include unmodelled errors, which depend on the shape.
         """
         biases = self.layout.biases
         self.values[biases] *= kept
@@ -208,7 +208,7 @@ class Estimator:
         rows = np.arange(biases.start, biases.stop)
         self.covariance[rows, rows] += (1.0 - kept**2) * self._bias_variances
 
-    # What is measured.
+    # Measurements.
 
     def ready(self, time: float) -> str:
         """Return why a measurement of that time cannot be used; empty when it can."""
@@ -219,17 +219,17 @@ class Estimator:
         return ''
 
     def switching(self, time: float) -> bool:
-        """Whether a segment was becoming soft or stiff then: nothing measured says much."""
+        """Whether a segment was changing stiffness then, so measurements are unreliable."""
         return time < self._switched + SWITCHING
 
     def measure(self, time: float, measurements: Sequence[Measurement], trusted: bool = True
                 ) -> Innovation | None:
         """
-        Use what was measured at ``time``: poses, tensions or both; None where it cannot be used.
+        Use poses, tensions or both, measured at ``time``; return None if they cannot be used.
 
-        trusted: whether it may change anything; else only how far off it is, is returned.
+        trusted: whether they may change the estimate; else only the residual is returned.
 
-        Raises StaticsError, and then keeps what it was.
+        On StaticsError the estimate is unchanged.
         """
         if not self._shows_tensions(time):
             measurements = [one for one in measurements if isinstance(one, DiscMeasurement)]
@@ -253,14 +253,14 @@ class Estimator:
         return innovation
 
     def expected(self, discs: Sequence[DiscMeasurement]) -> Point:
-        """Return what is measured of the arm at rest, less what is predicted."""
+        """Return measured less predicted values for the arm at rest."""
         return self._linearised(np.zeros(self.layout.size), self._past[-1], discs)
 
     def _shows_tensions(self, time: float) -> bool:
         """
-        Whether tensions are those of the statics: at rest, long after a change of stiffness.
+        Whether tensions follow the statics: at rest, long after a change of stiffness.
 
-        Only while a segment is soft: in a stiff arm they are what was locked in.
+        Only while a segment is soft: a stiff arm has locked-in tensions.
         """
         return (float(self._speeds.max()) * LAG < RESTING and not all(self.state.stiff)
                 and time >= self._switched + VENTING)
@@ -268,10 +268,10 @@ class Estimator:
     def _best(self, point: Point, past: Commands, measurements: Sequence[Measurement],
               distance: float, told: Array) -> Point:
         """
-        Return the most likely change: by one Newton step, or where that is not enough by several.
+        Return the most likely change: by one Newton step, or several if one is not enough.
 
-        Where a tendon becomes taut or slack the shape is far from linear, so each step is
-        shortened until what is left becomes less.  told: (size,) 1 for the unknowns that may
+        Where a tendon becomes taut or slack the shape is strongly nonlinear, so each step is
+        shortened until the residual decreases.  told: (size,) 1 for the unknowns that may
         change, 0 for those of which only the uncertainty counts (Schmidt).
         """
         spread = self.covariance
@@ -297,7 +297,7 @@ class Estimator:
         return point
 
     def _take(self, point: Point, past: Commands, told: Array) -> None:
-        """Take over a change of the unknowns, at the present pulls; raises StaticsError."""
+        """Apply a change of the unknowns at the present pulls; raises StaticsError."""
         now, start = self._past[-1], point.start
         self.state = point.state if past is now else point.statics.solve(
             start, now.pulls + point.unknowns[self.layout.offset],
@@ -310,9 +310,9 @@ class Estimator:
 
     def loosen(self, directions: Array) -> None:
         """
-        Know less: add errors of the unknowns that are independent and of deviation 1.
+        Increase the covariance by independent errors of unit standard deviation.
 
-        directions: (size, n), by how much each error changes the unknowns.
+        directions: (size, n), change of the unknowns per error.
         """
         more = directions @ directions.T
         self.covariance = self.covariance + more
@@ -320,9 +320,9 @@ class Estimator:
 
     def _trusted(self, distance: float, size: int, seen: bool) -> bool:
         """
-        Whether a measurement is used: one of discs that lies far off is, if the next ones agree.
+        Whether a measurement is used: outliers of discs are if successive ones agree.
 
-        seen: whether it is of discs.  Tensions say too little of the shape to open it up.
+        seen: whether it is of discs.  Tensions alone cannot reset the shape.
         """
         if distance * size <= scipy.special.chdtri(size, OUTLIER):
             self._beyond *= not seen
@@ -334,7 +334,7 @@ class Estimator:
         return True
 
     def _reopen(self) -> None:
-        """Let offsets and held shapes be anything again: something happened to the arm."""
+        """Reset the uncertainty of offsets and held shapes: the arm has changed."""
         self._beyond = 0
         layout, first = self.layout, np.diag(self._first)
         variances = np.zeros(layout.size)
@@ -346,9 +346,9 @@ class Estimator:
     def _linearised(self, change: Array, past: Commands, measurements: Sequence[Measurement],
                     before: Point | None = None) -> Point:
         """
-        Return what would be measured if the unknowns changed; raises StaticsError.
+        Return predicted measurements for changed unknowns; raises StaticsError.
 
-        With the derivatives of ``before`` where they hold: new ones cost as much as all the rest.
+        Reuses the derivatives of ``before`` where valid: new ones cost as much as all the rest.
         """
         layout, state = self.layout, self.state
         unknowns = limited(self.values + change, layout)
@@ -376,7 +376,7 @@ class Estimator:
         for one in found:
             begin, end = end, end + len(one.rows)
             noise[begin:end, begin:end] = OWN_SHARE * one.covariance
-        # A moving arm is behind its statics as if its tendons were.
+        # A moving arm lags its statics as if its tendons lagged.
         late = jacobian[:, layout.offset] * (self._speeds * LAG)
         discs = np.repeat([one.disc for one in found], [len(one.rows) for one in found])
         return Point(change, unknowns, statics, start, there, discs,
@@ -384,21 +384,21 @@ class Estimator:
                      noise + late @ late.T)
 
     def _expect_biases(self, biases: NDArray[np.intp], variances: Array) -> None:
-        """Take what a sensor says of itself as what is wrong in all its measurements alike."""
+        """Use the stated accuracy of a sensor as the bias of all its measurements."""
         for row, variance in zip(biases, (1.0 - OWN_SHARE) * variances, strict=True):
             if self.covariance[row, row] == 0.0:
                 self.covariance[row, row] = variance
             self._bias_variances[row - self.layout.model] = (
                 variance + self._displaced[row - self.layout.model])
 
-    # What is known.
+    # Results.
 
     def stddevs(self) -> Array:
         """Return the standard deviations of the unknowns, (size,)."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
 
     def determined(self) -> Array:
-        """Whether the data tell more than the prior of each of ``layout.parameters``."""
+        """Whether the data improve on the prior of each of ``layout.parameters``."""
         known = np.diag(self.covariance) < 0.5 * np.diag(self._first)
         return np.asarray(known[self.layout.parameters])
 

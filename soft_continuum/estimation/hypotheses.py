@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What could be wrong with an arm, how each of it would move what is measured, and how likely."""
+"""Fault hypotheses for an arm: predicted displacements and their likelihoods."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -29,7 +29,7 @@ from soft_continuum.mechanics.statics import Statics
 
 LONGER = (-1.5e-3, -2.5e-3, -4e-3, -6.5e-3)
 OFFSETS = (*LONGER, 1.5e-3, 2.5e-3, 4e-3)
-"""m by which a tendon is shorter than its motor says; each stands for those nearest to it."""
+"""m by which a tendon may be shorter than its motor reports; each covers nearby values."""
 PART = 0.25  # deviation of what happened, as a part of such a step
 FORCE = 0.5  # N: deviation of a load
 SHIFT, TURN = 5e-3, 0.1  # m, rad: of a sensor or camera
@@ -44,7 +44,7 @@ UNEVEN = 0.3  # of it, as a part of that
 
 
 class Cause(Enum):
-    """What is wrong, as Anomaly.cause is named."""
+    """Causes of anomalies, named as in Anomaly.cause."""
 
     UNKNOWN = auto()
     TENDON_SLIPPED = auto()
@@ -59,14 +59,13 @@ class Cause(Enum):
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """
-    Something that could be wrong, and by how much it would displace what is measured.
+    A possible fault, and the displacement of measurements that it would cause.
 
-    number: segment or disc as in topic names, or which tendon (0-based).  point: what is measured,
-    less what it is with no fault.  expected: (k,) of these values, m and rad.  directions: (k, n)
-    of them for deviations of size 1 of n sizes that are not known.  unit: of the first sizes, m,
-    rad or N for each of them that is 1.  step: m by which a tendon is shorter as expected.  blur:
-    part of a displacement by which it may differ from this pattern.  covariance: (k, k) of what
-    is measured, were it so.
+    number: segment or disc as in topic names, or tendon (0-based).  point: measurements less their
+    values without a fault.  expected: (k,) of these values, m and rad.  directions: (k, n), their
+    change per standard deviation of n unknown sizes.  unit: m, rad or N per unit of the first
+    sizes.  step: m, assumed shortening of a tendon.  blur: relative error of the displacement
+    pattern.  covariance: (k, k) of the measurements under this hypothesis.
     """
 
     cause: Cause
@@ -83,10 +82,10 @@ class Hypothesis:
 @dataclass(frozen=True, eq=False)
 class Verdict:
     """
-    How well a hypothesis explains what was measured.
+    How well a hypothesis explains the measurements.
 
-    likelihood: its logarithm.  sizes: (n,) of the hypothesis.  displacement: (k,) m and rad, what
-    it explains.  left: what it does not, as squared Mahalanobis distance over its expected value.
+    likelihood: its logarithm.  sizes: (n,) of the hypothesis.  displacement: (k,) m and rad,
+    explained.  left: unexplained, as squared Mahalanobis distance over its expected value.
     """
 
     hypothesis: Hypothesis
@@ -97,7 +96,7 @@ class Verdict:
 
     @property
     def size(self) -> float:
-        """What the message says: m longer for a tendon, or m, N."""
+        """Size for the message: m longer for a tendon, or m, N."""
         one = self.hypothesis
         if one.step:
             return -one.step * (1.0 + PART * float(self.sizes[0]))
@@ -113,7 +112,7 @@ def log_likelihood(values: Array, covariance: Array) -> float:
 
 
 def judge(one: Hypothesis) -> Verdict:
-    """Return how well a hypothesis explains what is measured."""
+    """Return how well a hypothesis explains the measurements."""
     point = one.point
     away, rows, covariance = point.values - one.expected, one.directions, one.covariance
     weighted = scipy.linalg.cho_solve(scipy.linalg.cho_factor(covariance), rows).T
@@ -127,9 +126,9 @@ def judge(one: Hypothesis) -> Verdict:
 
 def _blur(one: Hypothesis, moved: Array) -> Array:
     """
-    Return the covariance (k, k) of what the statics do not know of a displacement (k,).
+    Return the covariance (k, k) of model errors for a displacement (k,).
 
-    They know how it bends each segment to a part of that, and evenly along it to a smaller one.
+    The bending of each segment has a relative error, its distribution along it a smaller one.
     """
     point = one.point
     turning = point.measured(bent_evenly(point.state))
@@ -140,7 +139,7 @@ def _blur(one: Hypothesis, moved: Array) -> Array:
 
 
 def _extent(moved: Array, one: Hypothesis) -> Array:
-    """Return for every value how far its disc is displaced (m), or turned (rad), (k,)."""
+    """Return for every value the displacement (m) or turn (rad) of its disc, (k,)."""
     found, discs = np.abs(moved), one.point.discs
     is_shift = one.point.parts[:, :3].any(axis=1)
     for disc in np.unique(discs):
@@ -153,7 +152,7 @@ def _extent(moved: Array, one: Hypothesis) -> Array:
 def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion: bool
                ) -> list[Hypothesis]:
     """
-    Return all that could be wrong, but for segments that are not as they are reported.
+    Return all hypotheses except wrongly reported segments.
 
     point: of the reference, with these commands.  in_motion: whether the motors moved since.
     """
@@ -186,7 +185,7 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
         free = (point.discs == disc)[:, None] * point.parts
         found.append(Hypothesis(Cause.SENSOR_MOVED, disc, point, nothing, free * SENSOR_SCALES,
                                 covariance, SHIFT, blur=0.0))
-    if len(np.unique(point.discs)) > 1:  # of one alone nobody can tell
+    if len(np.unique(point.discs)) > 1:  # one disc alone cannot show this
         moved = point.measured(camera_moved(state)) * SENSOR_SCALES
         found.append(Hypothesis(Cause.CAMERA_MOVED, 0, point, nothing, moved, covariance, SHIFT,
                                 blur=0.0))
@@ -196,7 +195,7 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
 def loads(point: Point, commands: Commands, reference: Estimator, disc: int
           ) -> list[Hypothesis]:
     """
-    Return forces on a disc: linearised where they explain most, for a tendon may become slack.
+    Return hypotheses of forces on a disc, linearised at their best fit: tendons may become slack.
 
     The arguments are those of ``hypotheses``.
     """
@@ -227,7 +226,7 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
                 verdict = judge(one)
                 change = FORCE * verdict.sizes - force
                 force = force + part * change
-            # With a slack tendon anything is likely: the load itself has to move the arm so.
+            # With a slack tendon all sizes are likely: the load itself must explain the motion.
             rest = relative_distance(point.values - verdict.displacement, covariance)
             size = float(np.linalg.norm(force))
             if (float(np.linalg.norm(change)) < FOUND * max(FORCE, size)
@@ -239,10 +238,10 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
 def otherwise(cause: Cause, segment: int, point: Point, other: Estimator,
               discs: Sequence[DiscMeasurement]) -> Hypothesis:
     """
-    Return that a segment is not as stiff, or as soft, as reported.
+    Return the hypothesis that a segment is not as stiff, or as soft, as reported.
 
-    segment: as in topic names.  point: of the reference.  other: the estimate that took it to be
-    so.  discs: what is measured.
+    segment: as in topic names.  point: of the reference.  other: the estimate that assumes it.
+    discs: the measurements.
     """
     there, layout = other.expected(discs), other.layout
     moved = point.values - there.values
@@ -254,10 +253,9 @@ def otherwise(cause: Cause, segment: int, point: Point, other: Estimator,
 
 def _yielding(state: Any, rows: Array, layout: Layout) -> Array:
     """
-    Return by how much more what bends a stiff segment may bend it, m and rad.
+    Return the uncertainty of the bending of stiff segments under load, m and rad.
 
-    That is (k, 2 * segments).  Tendons that pull against jams bend them by an amount that
-    is hardly known, and they yield.
+    Shape (k, 2 * segments).  How far tendons bend jams is poorly known, and jams yield.
     """
     bent = state.jam_deflection * np.array(state.stiff)[:, None]
     return np.asarray(YIELDING * bent.ravel() * rows[:, layout.held])
@@ -265,7 +263,7 @@ def _yielding(state: Any, rows: Array, layout: Layout) -> Array:
 
 def _rows_at(point: Point, statics: Any, other: Any, layout: Layout, commands: Commands
              ) -> Array:
-    """Return the rows of a point (k, size) as they are in another shape."""
+    """Return the rows (k, size) of a point for another shape."""
     rows = point.rows.copy()
     rows[:, :layout.model] = point.measured(predicted(
         statics, layout, other, commands.sliding).pose_rows)[:, :layout.model]

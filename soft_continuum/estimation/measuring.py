@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is measured of an arm, and how that changes with what is not known of the arm."""
+"""Measurements of an arm, and their derivatives by the unknowns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,13 +21,13 @@ MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measur
 ALONG_AXIS = 1.0 - 1e-9  # cosine of a direction to an axis that it is along
 CARRIES = 3.0  # deviations of a tension, beyond which the tendon is not slack
 LINEARITY_TOLERANCE = 1e-6
-"""Squared distance over its expected value, by which derivatives may be wrong."""
+"""Squared distance over its expected value, permitted as an error of linearisation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rates:
     """
-    How an equilibrium changes with n unknowns.
+    Derivatives of an equilibrium by n unknowns.
 
     poses: (discs, 6, n), of the discs' bottoms.  bending: (2 * segments, n) rad.  tensions:
     (tendons, n) N.  paths: (tendons, n) m.
@@ -42,11 +42,11 @@ class Rates:
 @dataclass(frozen=True, eq=False)
 class Predicted:
     """
-    What the statics have at the time of a measurement, and how it changes with the unknowns.
+    Values of the statics at the time of a measurement, and their derivatives by the unknowns.
 
     statics, state: of the arm.  layout: of the unknowns.  poses: (discs, 7) of the discs' bottoms.
-    tensions: (tendons,) N; a slack tendon has the tension below 0 by which it would have to push
-    to become so short.  The derivatives cost more, and are found when they are asked for.
+    tensions: (tendons,) N; negative for a slack tendon: the push that would close its slack.
+    The derivatives cost more, and are computed on demand.
     """
 
     statics: Any
@@ -74,12 +74,12 @@ class Predicted:
 @dataclass(frozen=True, eq=False)
 class Observation:
     """
-    How k measured values depend on the unknowns.
+    Dependence of k measured values on the unknowns.
 
-    disc: of which it is; beyond the discs for tensions.  parts: (k, 6), of a difference of its
-    poses that each value is.  biases: (m,) where in the unknowns stands what is wrong alike in all
-    such measurements.  variances: (m,) of those, by what the sensor says of itself.  rows: (k,
-    size) derivatives of what is predicted.  covariance: (k, k) of sensor and model.
+    disc: its number; beyond the discs for tensions.  parts: (k, 6), the component of a pose
+    difference for each value.  biases: (m,), indices in the unknowns of the biases of such
+    measurements.  variances: (m,) of the biases, as reported by the sensor.  rows: (k, size)
+    derivatives of the predicted values.  covariance: (k, k) of sensor and model.
     """
 
     disc: int
@@ -96,9 +96,9 @@ class DiscMeasurement:
     A measured pose of a disc's bottom.
 
     disc: 0 at the base.  pose: (7,), position (m) and quaternion x, y, z, w.  covariance: (6, 6)
-    of shift (m) and rotation vector; a variance of MAX_VARIANCE or more: not measured, as what a
-    planar arm cannot do.  Also about one direction that is along no axis, such as the vertical of
-    a base that is tilted.
+    of shift (m) and rotation vector; a variance of MAX_VARIANCE or more means not measured, as for
+    motions out of the plane of a planar arm.  One unmeasured turn may be about any direction, such
+    as the vertical of a tilted base.
     """
 
     disc: int
@@ -113,7 +113,7 @@ class DiscMeasurement:
 
     @cached_property
     def about(self) -> Array | None:
-        """Direction (3,) about which alone it is not known how the disc is turned."""
+        """Direction (3,) about which alone the turn of the disc is not measured."""
         variances, directions = np.linalg.eigh(self.covariance[3:, 3:])
         if np.count_nonzero(variances >= MAX_VARIANCE) != 1:
             return None
@@ -122,7 +122,7 @@ class DiscMeasurement:
 
     @cached_property
     def parts(self) -> Array:
-        """What is measured of a difference of poses, (k, 6)."""
+        """The measured components of a pose difference, (k, 6)."""
         if self.about is None or np.abs(self.about).max() > ALONG_AXIS:
             return np.eye(6)[self.known]
         across = np.zeros((2, 6))
@@ -130,13 +130,13 @@ class DiscMeasurement:
         return np.concatenate([np.eye(6)[:3][self.known[:3]], across])
 
     def away(self, predicted: Predicted, unknowns: Array) -> Array:
-        """Return by how much it differs from what is predicted with ``unknowns``, (k,)."""
+        """Return measured less predicted values for ``unknowns``, (k,)."""
         bias = unknowns[predicted.layout.bias(self.disc)]
         return np.asarray(self.parts @ (displacement(
             self.pose, predicted.poses[self.disc], self.about) - bias))
 
     def differs(self, other: 'DiscMeasurement') -> Array:
-        """Return by how many standard deviations another one of the disc is elsewhere, (k,)."""
+        """Return the difference from another pose of the disc in standard deviations, (k,)."""
         away = self.parts @ displacement(self.pose, other.pose, self.about)
         return np.asarray(np.abs(away) / np.sqrt(np.diag(self._covariance_of(self.covariance))))
 
@@ -145,7 +145,7 @@ class DiscMeasurement:
         layout, parts = predicted.layout, self.parts
         bias, rows = layout.bias(self.disc), predicted.pose_rows[self.disc].copy()
         rows[:, bias] = np.eye(6)
-        # However good the sensor is, the model is not better than its own error.
+        # Even for an exact sensor, the model keeps its own error.
         covariance = self._covariance_of(self.covariance + MODEL_ERROR)
         touched = np.flatnonzero(parts.any(axis=0))
         variances = np.where(parts[:, touched] != 0.0, np.diag(covariance)[:, None], 0.0)
@@ -153,7 +153,7 @@ class DiscMeasurement:
                            variances.max(axis=0, initial=0.0), parts @ rows, covariance)
 
     def _covariance_of(self, poses: Array) -> Array:
-        """Return that of what is measured, of one of poses."""
+        """Return the covariance of the measured components, from that of a pose."""
         found: Array = self.parts @ poses @ self.parts.T
         return found
 
@@ -163,8 +163,8 @@ class TensionMeasurement:
     """
     A measured tension of a tendon at its motor.
 
-    tendon: 0 is the right one.  tension, deviation: N.  relative: deviation in parts of the
-    tension, measured or predicted: a cell that is dead is not the most accurate one.
+    tendon: 0 is the right one.  tension, deviation: N.  relative: deviation relative to the
+    tension, measured or predicted, so that a dead load cell is not the most accurate one.
     """
 
     tendon: int
@@ -173,7 +173,7 @@ class TensionMeasurement:
     relative: float = 0.0
 
     def away(self, predicted: Predicted, unknowns: Array) -> Array:
-        """Return by how much it differs from what is predicted with ``unknowns``, (1,)."""
+        """Return measured less predicted tension for ``unknowns``, (1,)."""
         expected = 0.0 if self._slack(predicted) else predicted.tensions[self.tendon]
         bias = unknowns[predicted.layout.tension_bias(self.tendon)]
         return np.array([self.tension - expected - bias])
@@ -191,7 +191,7 @@ class TensionMeasurement:
             np.array([variance]), row[None], np.array([[variance]]))
 
     def _slack(self, predicted: Predicted) -> bool:
-        """Whether it is slack as predicted: that says nothing of how much."""
+        """Whether it is slack as predicted: then the measurement does not give the slack."""
         return bool(predicted.tensions[self.tendon] < 0.0
                     and self.tension < CARRIES * self._stddev(predicted))
 
@@ -206,13 +206,12 @@ Measurement = DiscMeasurement | TensionMeasurement
 @dataclass(frozen=True, eq=False)
 class Point:
     """
-    What would be measured after a change of the unknowns.
+    Predicted measurements after a change of the unknowns.
 
-    change, unknowns: (size,).  statics, start: of the arm that has them, and the state from which
-    to follow it.  state: at the time of the measurement.  discs: (k,) of which disc each value is;
-    tensions are beyond the discs.  parts: (k, 6), which part of a difference of its poses.
-    values: (k,) measured less predicted.  rows: (k, size) derivatives of what is predicted.
-    noise: (k, k).
+    change, unknowns: (size,).  statics, start: of the arm with these unknowns, and its initial
+    state.  state: at the time of the measurement.  discs: (k,) disc of each value; tensions are
+    beyond the discs.  parts: (k, 6), component of a pose difference.  values: (k,) measured less
+    predicted.  rows: (k, size) derivatives of predicted values.  noise: (k, k).
     """
 
     change: Array
@@ -227,21 +226,21 @@ class Point:
     noise: Array
 
     def covariance(self, unknowns: Array) -> Array:
-        """Return that of ``values``, given that of the unknowns."""
+        """Return the covariance of ``values``, given that of the unknowns."""
         return np.asarray(self.rows @ unknowns @ self.rows.T + self.noise)
 
     def measured(self, of_discs: Array) -> Array:
-        """Return what is measured of differences of poses (discs, 6, ...), (k, ...)."""
+        """Return the measured components of pose differences (discs, 6, ...), (k, ...)."""
         found: Array = np.einsum('kp,kp...->k...', self.parts, of_discs[self.discs])
         return found
 
     @property
     def misfit(self) -> float:
-        """What is left, by its noise."""
+        """The residual relative to its noise."""
         return float(self.values @ np.linalg.solve(self.noise, self.values))
 
     def jacobian_valid(self, change: Array, state: Any, values: Array) -> bool:
-        """Whether its derivatives hold for another change: they predict the values there."""
+        """Whether its derivatives are valid for another change: they predict the values there."""
         wrong = self.values - self.rows @ (change - self.change) - values
         return state.taut == self.state.taut and (
             relative_distance(wrong, self.noise) < LINEARITY_TOLERANCE)
@@ -250,7 +249,7 @@ class Point:
 @dataclass(frozen=True, eq=False)
 class Innovation:
     """
-    What measurements differed by from what was predicted.
+    Difference of measurements from predictions.
 
     values: (k,) m and rad.  covariance: (k, k).  distance: squared Mahalanobis distance over its
     expected value k.  used: whether they changed the estimate.
@@ -270,7 +269,7 @@ def relative_distance(values: Array, covariance: Array) -> float:
 def rates(statics: Any, layout: Layout, state: Any,
           sliding: Sequence[int] = ()) -> Rates:
     """
-    Return how a state of an arm whose tendons give changes with the unknowns, (..., size).
+    Return the derivatives of a state by the unknowns, (..., size); its tendons must be elastic.
 
     The tensions of slack tendons are those of Predicted.
     """
@@ -295,6 +294,6 @@ def rates(statics: Any, layout: Layout, state: Any,
 
 def predicted(statics: Any, layout: Layout, state: Any,
               sliding: Sequence[int] = ()) -> Predicted:
-    """Return what would be measured of a state of an arm whose tendons give."""
+    """Return the predicted measurements of a state; its tendons must be elastic."""
     tensions = np.where(state.taut, state.tensions, -state.slack / statics.compliance)
     return Predicted(statics, layout, state, sliding, state.poses[::2], tensions)

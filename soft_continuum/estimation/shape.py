@@ -3,8 +3,8 @@
 """
 The shape of the arm: predicted from motors and valves alone, and estimated once it is measured.
 
-The prediction knows the shape of a stiff segment only by having followed it from a straight arm
-on.  It goes on beside the estimate, for comparison.
+The prediction needs the path from a straight arm to know the shape of a stiff segment.  It
+continues beside the estimate, for comparison.
 """
 
 from collections.abc import Sequence
@@ -27,14 +27,14 @@ from soft_continuum.sensing.rigid import IDENTITY
 STRAIGHT_PULLS = 1e-5
 """m: pulls of an arm that is still where it was referenced: those of opposite bends cancel."""
 PULL_RESOLUTION = 1e-9  # m: a smaller change of pull changes nothing
-MAX_FAILURES = 50  # steps in turn that the estimate cannot follow, after which it begins anew
+MAX_FAILURES = 50  # successive steps that the estimate cannot follow, after which it is reset
 FAR_OFF = 30.0  # squared distance over its expected value, of measurements of another shape
-BASE_MOVED = 5.6  # deviations by which the base is elsewhere: what sees it has moved
-MAX_FAR_OFF = 15  # of them in turn, after which the estimate begins anew
+BASE_MOVED = 5.6  # standard deviations of a displaced base: the sensor that sees it has moved
+MAX_FAR_OFF = 15  # successive ones, after which the estimate is reset
 
 
 class ShapeError(Exception):
-    """The shape is not known; values: what is reported with it, by name, one for each tendon."""
+    """The shape is unknown; values: reported values by name, one per tendon."""
 
     def __init__(self, message: str, **values: Array) -> None:
         """Say why."""
@@ -43,24 +43,24 @@ class ShapeError(Exception):
 
 
 class UnknownShapeError(ShapeError):
-    """It has never been known."""
+    """The shape has never been known."""
 
 
 class ArmShape:
-    """Follows one arm."""
+    """Tracks the shape of one arm."""
 
     def __init__(self, arm: Arm, straight_tolerance: float,
                  settings: EstimationSettings = DEFAULT_ESTIMATION) -> None:
         """
         Begin without knowing the shape.
 
-        straight_tolerance: m by which the tendons may be too short for a stiff arm.
+        straight_tolerance: m, permitted shortness of the tendons of a stiff arm.
         """
         self.settings = settings
         self.statics: Any = Statics(arm)
         self.estimator: Estimator | None = None
         self.unpredicted: Exception | None = None
-        """Why the model alone has no shape now."""
+        """Why the model alone has no shape."""
         self._path: Any = None  # what it had last
         self._watch = AnomalyDetector()
         self._tolerance = straight_tolerance
@@ -69,12 +69,12 @@ class ArmShape:
         self._commands: Commands | None = None
         self._solved: tuple[object, ...] = ()
         self._stood: Array | None = None
-        """(tendons,) m: as far as the motors have pulled since all segments are stiff."""
+        """(tendons,) m: largest pulls since all segments are stiff."""
         self._failures = self._far_off = 0
         self._base: dict[bytes, DiscMeasurement] = {}  # as seen first, by which coordinates are
         self._measured: Array | None = None  # when each disc last was, (discs,) s
         self.lost_bent = ''
-        """How the arm was bent when its shape was lost, for people; empty if it was not."""
+        """Bending of the arm when its shape was lost, as text; empty if it was not."""
 
     @property
     def measurable(self) -> bool:
@@ -86,13 +86,13 @@ class ArmShape:
         """
         The shape: the estimate, or without any measurement the last prediction.
 
-        A State; None when not known.
+        A State; None if unknown.
         """
         return self._path if self.estimate is None else self.estimate.state
 
     @property
     def predicted(self) -> Any:
-        """The shape by motors and valves alone; None while the model finds none."""
+        """The shape predicted from motors and valves alone; None if the model finds none."""
         return self._path if self.unpredicted is None else None
 
     @property
@@ -103,16 +103,16 @@ class ArmShape:
 
     @property
     def anomalies(self) -> tuple[Anomaly, ...]:
-        """What is wrong with the arm at present, by the measurements."""
+        """Present anomalies of the arm, from measurements."""
         return self._watch.active
 
     # Motors and valves.
 
     def follow(self, commands: Commands) -> None:
         """
-        Bring the shape up to date; raises ShapeError when it is not known.
+        Update the shape; raises ShapeError when it is unknown.
 
-        Raises StaticsError when the model has no equilibrium there; the shape stays what it was.
+        Raises StaticsError when the model has no equilibrium; the shape is then unchanged.
         """
         if self._commands is not None and commands.time < self._commands.time - HISTORY:
             self._clear_estimate()  # the clock was set back: nothing of it can be compared
@@ -120,7 +120,7 @@ class ArmShape:
         self._watch.follow(commands)
         self._predict(commands, before or commands)
         if self.estimator is not None and self.estimate is None:
-            try:  # it has not told anything yet, and need not be there
+            try:  # it has no measurements yet and is not required
                 self.estimator.follow(commands)
             except StaticsError:
                 self.estimator = None
@@ -160,7 +160,7 @@ class ArmShape:
         self._failures = self._far_off = 0
 
     def _predict(self, commands: Commands, before: Commands) -> None:
-        """Let the prediction follow, from where it was last found; or say why it cannot."""
+        """Update the prediction from its last state, or record why it fails."""
         if self.unpredicted is not None and any(
                 now and not was for was, now in zip(before.stiff, commands.stiff, strict=True)):
             self._begin_prediction(None)  # what is held now was not predicted
@@ -184,7 +184,7 @@ class ArmShape:
             self.unpredicted = error
 
     def _followed(self, start: Any, commands: Commands) -> Any:
-        """Return the state that ``start`` becomes; raises ShapeError and StaticsError."""
+        """Return the state followed from ``start``; raises ShapeError and StaticsError."""
         pulls = commands.pulls
         if commands.yielding or not all(commands.stiff):
             self._stood = None
@@ -205,9 +205,9 @@ class ArmShape:
         """
         Return the state for pulls (tendons,) m; raises StaticsError.
 
-        Where tendons do not stretch, and all of them are a micrometre too short, as steppers
-        round, the arm would buckle.  Up to SLACK_ALLOWANCE one is slackened, if possible the one
-        that carries least.
+        With inextensible tendons that are all a micrometre too short, by rounding of steppers,
+        the arm would buckle.  Up to SLACK_ALLOWANCE one is slackened, if possible the one that
+        carries least.
         """
         def solve(wanted: Array) -> Any:
             return self.statics.solve(start, wanted, commands.soft, vacuum=commands.vacuum,
@@ -224,16 +224,16 @@ class ArmShape:
         return state
 
     def set_straight(self) -> None:
-        """Take the arm to be straight."""
+        """Set the shape to straight."""
         self._begin_at(self.statics.chain.straight())
 
     def set_soft(self, pulls: Array) -> None:
-        """Take the shape that the pulls alone make, every segment soft; raises StaticsError."""
+        """Set the shape that the pulls give with every segment soft; raises StaticsError."""
         self._begin_at(self.statics.solve(
             self.statics.chain.straight(), pulls, [True] * self.statics.chain.segments))
 
     def _begin_at(self, state: Any) -> None:
-        """Take the arm to have a shape, and what sees it to be where it shall be."""
+        """Set the shape, and assume sensors at their described positions."""
         self.lost_bent = ''
         self._base.clear()
         self._clear_estimate()
@@ -243,9 +243,9 @@ class ArmShape:
 
     def measure(self, time: float, measurements: Sequence[Measurement]) -> Innovation | None:
         """
-        Use what was measured at ``time``; None where it was not used, ``refusal`` says why.
+        Use measurements from ``time``; None if not used, with the reason from ``refusal``.
 
-        Raises StaticsError, and then keeps what it was.
+        On StaticsError the shape is unchanged.
         """
         commands = self._commands
         if commands is None or not self.measurable:
@@ -273,7 +273,7 @@ class ArmShape:
         return innovation
 
     def _stands(self, disc: DiscMeasurement) -> bool:
-        """Whether a disc is not the base, or is where it was seen first."""
+        """Whether a disc is not the base, or is at its first measured pose."""
         if disc.disc > 0:
             return True
         first = self._base.setdefault(disc.known.tobytes(), disc)
@@ -309,7 +309,7 @@ class ArmShape:
         return estimator
 
     def _seen(self, discs: Sequence[DiscMeasurement], commands: Commands) -> Any:
-        """Return the shape that bends evenly as the discs are seen; None unless all are."""
+        """Return the evenly bent shape that fits all measured discs; None unless all are."""
         chain, axes = self.statics.chain, self._arm.pose_axes[3:]
         poses = {one.disc: one.pose for one in discs if one.known[3:][axes].all()}
         numbers = range(1, chain.segments + 1)

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the statics do not know of an arm, as one vector, and the arm that has it.
+The unknowns of an arm as one vector, and the arm with their values.
 
-Not from the paper, which takes the stiffness as known and finds shapes 22 % off when it is not.
+Not from the paper, which assumes known stiffness and finds shape errors of 22 % otherwise.
 """
 
 from dataclasses import dataclass, replace
@@ -24,19 +24,18 @@ MAX_FACTOR = 5.0  # of a stiffness
 MAX_OFFSET = 0.01  # m of a tendon
 STRETCH = 3e-5
 """m/N of tendons that are described as inextensible: half a metre of the paper's steel rope, of
-0.75 mm.  Without any, two that are a hundredth of a millimetre too short would crush the arm."""
+0.75 mm.  Without it, two tendons that are 0.01 mm too short would crush the arm."""
 
 
 @dataclass(frozen=True)
 class Layout:
     """
-    Where each unknown is in the vector.
+    Position of each unknown in the vector.
 
-    In turn: by how much the shape that a stiff segment holds is off (rad about x and y), the
-    logarithms of stiffness factors and of K, of each segment; the offset
-    of each tendon (m pulled in beyond what its motor says); the payload (kg); what is wrong alike
-    in all measurements of a disc (as poses differ), discs from the base; what is wrong alike in
-    all measured tensions of each tendon (N).
+    In order: error of the held shape (rad about x and y), logarithms of stiffness factors and of
+    K, per segment; the offset of each tendon (m pulled in beyond the motor position); the payload
+    (kg); the bias of all poses of each disc, from the base; the bias of all measured tensions of
+    each tendon (N).
     """
 
     segments: int
@@ -44,11 +43,11 @@ class Layout:
 
     @property
     def held(self) -> slice:
-        """Shapes that stiff segments hold."""
+        """Shapes held by stiff segments."""
         return slice(0, 2 * self.segments)
 
     def held_by(self, segment: int) -> slice:
-        """Shape that one segment holds."""
+        """Shape held by one segment."""
         return slice(2 * segment, 2 * (segment + 1))
 
     @property
@@ -73,41 +72,41 @@ class Layout:
 
     @property
     def model(self) -> int:
-        """Number of unknowns of the model; what is wrong with the measurements follows."""
+        """Number of unknowns of the model; biases of measurements follow."""
         return self.payload + 1
 
     @property
     def parameters(self) -> slice:
-        """What is estimated beside the shape."""
+        """Parameters estimated in addition to the shape."""
         return slice(self.held.stop, self.model)
 
     def bias(self, disc: int) -> slice:
-        """What is wrong in all measurements of a disc."""
+        """Bias of all measurements of a disc."""
         return slice(self.model + 6 * disc, self.model + 6 * (disc + 1))
 
     def tension_bias(self, tendon: int) -> int:
-        """What is wrong in all measured tensions of a tendon."""
+        """Bias of all measured tensions of a tendon."""
         return self.model + 6 * (self.segments + 1) + tendon
 
     @property
     def biases(self) -> slice:
-        """What is wrong in all measurements, of discs and of tensions."""
+        """Biases of all measurements, of discs and tensions."""
         return slice(self.model, self.size)
 
     @property
     def observable_from_tension(self) -> list[int]:
-        """What tensions correct: all else would be bent to what the statics lack of friction."""
+        """Unknowns corrected by tensions: all others would absorb unmodelled friction."""
         return [*range(self.stiffness.start, self.stiffness.stop),
                 *range(self.tension_bias(0), self.size)]
 
     @property
     def size(self) -> int:
-        """Number of all of them."""
+        """Number of all unknowns."""
         return self.tension_bias(self.tendons)
 
 
 def layout_of(arm: Arm) -> Layout:
-    """Return where each unknown of an arm is."""
+    """Return the positions of the unknowns of an arm."""
     return Layout(len(arm.segments), len(arm.tendon_names))
 
 
@@ -121,7 +120,7 @@ def first_values(arm: Arm, layout: Layout, prior: Prior) -> Array:
 
 
 def first_covariance(arm: Arm, layout: Layout, prior: Prior) -> Array:
-    """Return the covariance (size, size) before anything was measured; biases are added later."""
+    """Return the covariance (size, size) before any measurement; biases are added later."""
     variances = np.zeros(layout.size)
     variances[layout.held] = arm.bending_axes.ravel() * prior.straight**2
     variances[layout.stiffness] = [
@@ -134,7 +133,7 @@ def first_covariance(arm: Arm, layout: Layout, prior: Prior) -> Array:
 
 
 def limited(values: Array, layout: Layout) -> Array:
-    """Return a vector within what a model can be made of."""
+    """Return a vector clipped to values that a model accepts."""
     after = values.copy()
     after[layout.stiffness] = np.clip(after[layout.stiffness], -log(MAX_FACTOR), log(MAX_FACTOR))
     after[layout.ratio] = np.clip(after[layout.ratio], log(MIN_RATIO), log(MAX_RATIO))
@@ -145,9 +144,9 @@ def limited(values: Array, layout: Layout) -> Array:
 
 def arm_with(arm: Arm, layout: Layout, values: Array) -> Any:
     """
-    Return a described arm with the estimated stiffness, K and payload; its jams and tendons give.
+    Return a described arm with estimated stiffness, K and payload, and elastic jams and tendons.
 
-    A jam that is described by a measured law keeps it.
+    A jam with a measured law keeps it.
     """
     compliant: Any = arm.with_compliant_tendons(STRETCH)
     segments = tuple(
@@ -164,8 +163,8 @@ def statics_with(arm: Arm, layout: Layout, values: Array, state: Any) -> Any:
     """
     Return the statics of arm_with.
 
-    Raises StaticsError, with ``state``, where a soft segment would be stiffer than its measured
-    law says of it when it is stiff: there is no such arm.
+    Raises StaticsError, with ``state``, where a soft segment would be stiffer than the measured
+    law of its stiff state.
     """
     try:
         return Statics(arm_with(arm, layout, values))

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Mechanics of a tendon-driven continuum arm with segments that jamming locks.
+Mechanics of a tendon-driven continuum arm with segments that are locked by jamming.
 
-``Statics(arm)`` solves for the equilibrium shape; ``set_shape`` and its neighbours go the other
-way, from shapes and tips to pulls.  docs/explanation/mechanics.md derives the method.
+``Statics(arm)`` solves for the equilibrium shape.  ``set_shape`` and similar functions solve the
+inverse problem: pulls for a shape or a tip.  docs/explanation/mechanics.md derives the method.
 """
 
 from typing import TYPE_CHECKING
@@ -46,7 +46,7 @@ __all__ = [
     'workspace',
 ]
 
-# Cheap ones first: who wants an Arm does not load the solver, who solves does not load SciPy.
+# Cheap imports first: an Arm does not load the solver, and solving does not load SciPy.
 __getattr__ = names_from(__name__, __all__, (
     'arm', 'laws', 'chain', 'errors', 'stiffness', 'statics', 'sensitivity', 'batch',
     'constant_curvature', 'directions', 'inverse', 'grid', 'tip', 'self_contact'))

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of what a caller gives for each segment or each tendon."""
+"""Validation of arguments that have one value per segment or tendon."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def soft_flags(soft: Sequence[bool], segments: int) -> tuple[bool, ...]:
-    """Return one flag per segment; raise ValueError for anything else."""
+    """Return one flag per segment; raise ValueError for other input."""
     given = listed(soft)
     if len(given) != segments or any(np.ndim(s) or s not in (0, 1) for s in given):
         raise ValueError(f'soft must have a true or false for each of the {segments} segments; '
@@ -21,7 +21,7 @@ def soft_flags(soft: Sequence[bool], segments: int) -> tuple[bool, ...]:
 
 
 def vacuum_parts(vacuum: Sequence[float] | None, segments: int) -> tuple[float, ...]:
-    """Return one part of full vacuum per segment, or nothing for full; else raise ValueError."""
+    """Return the vacuum per segment, 0 to 1, or () for full; raise ValueError for other input."""
     if vacuum is None:
         return ()
     given = listed(vacuum)
@@ -32,7 +32,7 @@ def vacuum_parts(vacuum: Sequence[float] | None, segments: int) -> tuple[float, 
 
 
 def sliding_signs(sliding: Sequence[int], tendons: int = 2) -> tuple[int, ...]:
-    """Return the direction in which each tendon slides, () for none; else raise ValueError."""
+    """Return the sliding direction of each tendon; raise ValueError for invalid input."""
     if isinstance(sliding, tuple) and not sliding:
         return (0,) * tendons
     given = listed(sliding)
@@ -46,9 +46,9 @@ def sliding_signs(sliding: Sequence[int], tendons: int = 2) -> tuple[int, ...]:
 def of_tendons(values: ArrayLike, tendons: int, what: str, rows: bool = False
                ) -> NDArray[np.float64]:
     """
-    Return a real number of each tendon, nan and -inf too; else raise ValueError.
+    Return one number per tendon, which may be nan or -inf; else raise ValueError.
 
-    rows: as many lists of them as there are, (m, tendons), of one or of a list of lists.
+    rows: return (m, tendons); values are then one list or a list of lists.
     """
     wanted = f'{what}, one for each of the {tendons} tendons'
     given = real_array(values, wanted)
@@ -61,7 +61,7 @@ def of_tendons(values: ArrayLike, tendons: int, what: str, rows: bool = False
 
 
 def pulls_of(pulls: ArrayLike, tendons: int, rows: bool = False) -> NDArray[np.float64]:
-    """Return a pull of each tendon, m or SLACK, or ``rows`` of them; else raise ValueError."""
+    """Return one pull per tendon, m or SLACK, or ``rows`` of them; else raise ValueError."""
     what = 'pulls must be finite numbers (m), or SLACK'
     given = of_tendons(pulls, tendons, what, rows)
     if np.isnan(given).any():
@@ -72,11 +72,11 @@ def pulls_of(pulls: ArrayLike, tendons: int, rows: bool = False) -> NDArray[np.f
 def tensions_of(tensions: ArrayLike, tendons: int, optional: bool = False, rows: bool = False
                 ) -> NDArray[np.float64]:
     """
-    Return a tension of each tendon, N, or ``rows`` of them; else raise ValueError.
+    Return one tension per tendon, N, or ``rows`` of them; else raise ValueError.
 
     optional: whether some may be nan.
     """
-    what = 'tensions must be finite numbers of 0 N and more' + (', or nan' if optional else '')
+    what = 'tensions must be finite numbers of 0 N or more' + (', or nan' if optional else '')
     given = of_tendons(tensions, tendons, what, rows)
     if np.any(given < 0.0) or not optional and np.isnan(given).any():
         raise ValueError(f'{what}; given: {tensions!r}')
@@ -84,11 +84,11 @@ def tensions_of(tensions: ArrayLike, tendons: int, optional: bool = False, rows:
 
 
 def segment_order(order: Sequence[int] | None, segments: int) -> list[int]:
-    """Return the segments (0-based) in an order, by default all; raise ValueError for others."""
+    """Return the ordered segments (0-based), by default all; raise ValueError if invalid."""
     turns = list(range(segments)) if order is None else listed(order)
     if (len(set(turns)) < len(turns)
             or not all(whole(turn) and 0 <= turn < segments for turn in turns)):
-        raise ValueError(f'order must name segments, 0 to {segments - 1}, each once at most; '
+        raise ValueError(f'order must name segments, 0 to {segments - 1}, each at most once; '
                          f'given: {order!r}')
     return turns
 
@@ -99,7 +99,7 @@ def whole(value: object) -> bool:
 
 
 def real_array(values: ArrayLike, what: str) -> NDArray[np.float64]:
-    """Return real numbers as an array of floats; raise ValueError for anything else."""
+    """Return real numbers as an array of floats; raise ValueError for other input."""
     try:
         given = np.asarray(values)
     except ValueError:  # rows of different lengths
@@ -118,12 +118,12 @@ def finite(value: object) -> bool:
 
 
 def is_number(value: object) -> bool:
-    """Return whether a value is a real number, of Python or numpy, and no truth value."""
+    """Return whether a value is a real number of Python or numpy and not a bool."""
     return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def listed(values: Any) -> list[Any]:
-    """Return values as a list, empty for what has none."""
+    """Return values as a list, empty if they are not iterable."""
     try:
         return list(values)
     except TypeError:

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Marks on the functions that numba compiles; nothing is compiled here, and numba is not imported.
+Decorators for functions that numba compiles; nothing is compiled here, and numba is not imported.
 
-What is marked, in the modules beside this one, is plain Python over arrays.  ``_kernel`` has it
-compiled and offers it to the rest of the mechanics.
+The decorated functions, in the neighbouring modules, are plain Python over arrays.  ``_kernel``
+compiles them and provides them to the rest of the mechanics.
 """
 
 from collections.abc import Callable

@@ -95,7 +95,7 @@ FAILURE = 'failure'  # where it is noted why the extension could not be built
 
 
 class Functions(NamedTuple):
-    """The functions, and what runs them: ``extension``, ``numba`` or ``python``."""
+    """The functions, and their backend: ``extension``, ``numba`` or ``python``."""
 
     newton: Function
     equilibrium: Function
@@ -114,12 +114,12 @@ SOURCE = Functions(
     _newton.newton, _newton.equilibrium, _newton.newton_batch, _assembly.moment_balance,
     _assembly.dense_system, _path.lay_out, _path.follow, _path.follow_batch,
     _spatial_assembly.balance, _spatial_assembly.linearise, 'python')
-"""The functions as they are written."""
+"""The functions as plain Python."""
 
 
 @cache
 def functions() -> Functions:
-    """Return the fastest that can be had; the first call ever takes up to a minute."""
+    """Return the fastest available functions; the first call ever takes up to a minute."""
     cache = user_cache()
     for _ in range(2):  # the first look removes one that is damaged
         if must_build() and cache is not None:
@@ -135,12 +135,12 @@ def functions() -> Functions:
 
 
 def must_build() -> bool:
-    """Tell whether the first call of ``functions`` builds the extension."""
+    """Return whether the first call of ``functions`` builds the extension."""
     return not _built() and find_spec('numba') is not None and not why_not_built()
 
 
 def why_not_built() -> str:
-    """Return what keeps the extension from being built, empty if nothing is known to."""
+    """Return what prevents building the extension; empty if no cause is known."""
     compiler = (sysconfig.get_config_var('CXX') or 'c++').split()[0]
     if shutil.which(compiler) is None:
         return f'there is no C++ compiler ({compiler}); install one, such as g++'
@@ -153,7 +153,7 @@ def why_not_built() -> str:
         lines = (cache / FAILURE).read_text(encoding='utf-8').split('\n')
     except OSError:
         return ''
-    return f'{lines[-1]}; the whole of it is in {cache / FAILURE}: delete it to try again'
+    return f'{lines[-1]}; the full output is in {cache / FAILURE}: delete it to try again'
 
 
 def build(directory: Path) -> str:
@@ -180,7 +180,7 @@ def build(directory: Path) -> str:
 
 
 def build_here(directory: Path) -> None:
-    """Build the extension unless it is there by now; raises what numba and the compiler raise."""
+    """Build the extension unless it exists by now; raises errors of numba and the compiler."""
     import fcntl
     directory.mkdir(parents=True, exist_ok=True)
     with open(directory / 'kernel.lock', 'w') as lock, warnings.catch_warnings(action='ignore'):
@@ -215,10 +215,10 @@ def _compile(directory: Path) -> None:
 
 def _compile_callees_once() -> None:
     """
-    Have numba compile what others call for the extension only, which takes a third of the time.
+    Let numba compile called functions for the extension only, in a third of the time.
 
-    Left alone, it makes each function ready to run, optimised with all that it calls, only to
-    optimise all of it again in what calls it; and makes one more for each constant in a call.
+    By default it optimises each function with all its callees for execution, optimises them again
+    in each caller, and adds a version for each constant argument.
     """
     from numba.core import codegen
     from numba.core.dispatcher import Dispatcher
@@ -241,13 +241,13 @@ def _compile_callees_once() -> None:
 
 
 def _built() -> list[Path]:
-    """Return where the extension is, and may be loaded from."""
+    """Return the path from which the extension may be loaded."""
     return [path for directory in (HERE, user_cache()) if directory is not None
             and (path := directory / _file_name()).exists()]
 
 
 def _load() -> Functions | None:
-    """Return the functions of the extension; remove one of the user that does not load."""
+    """Return the functions of the extension; remove a cached one that does not load."""
     for path in _built():
         try:
             spec = spec_from_file_location('kernel', path)
@@ -265,7 +265,7 @@ def _load() -> Functions | None:
 
 @cache
 def _digest() -> str:
-    """Return what names all that an extension is made of; its suffix names the Python."""
+    """Return a name that identifies all inputs of an extension; its suffix is for the Python."""
     modules = {function.__module__ for function in MARKED} | {__name__, jit.__module__}
     sources = [Path(sys.modules[name].__file__ or '') for name in sorted(modules)]
     try:
@@ -281,7 +281,7 @@ def _file_name() -> str:
 
 
 def user_cache() -> Path | None:
-    """Return the directory in the cache of the user; None where others may write, or none is."""
+    """Return the directory in the user's cache; None without one that only the user may write."""
     given = os.environ.get('XDG_CACHE_HOME', '')
     home = Path(given if os.path.isabs(given) else os.path.expanduser('~/.cache'))
     path = home / 'soft_continuum'
@@ -307,7 +307,7 @@ def _remove_old(directory: Path) -> None:
 
 
 def _writable(directory: Path | None) -> Path | None:
-    """Return the directory, made if it was not there, or None where that cannot be."""
+    """Return the directory, created if necessary, or None if that fails."""
     if directory is None:
         return None
     try:

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The arm: a base disc, then segments and discs in turn, straight up in its reference state.
+The arm: a base disc, then alternating segments and discs, straight up in its reference state.
 
 Frame ``base_link``: origin at the bottom centre of the base disc, z along the straight arm, x and
-y across it.  A positive bending about y carries the tip towards +x.
+y across it.  A positive bending about y moves the tip towards +x.
 """
 
 from collections.abc import Sequence
@@ -30,11 +30,11 @@ HALF_TURN_TOLERANCE = 1e-3  # rad: tendons opposite each other are written with 
 
 
 class ArmError(ValueError):
-    """The description of an arm is not one of a physical arm."""
+    """The description is not that of a physical arm."""
 
 
 def check_range(name: str, value: float, low: float, high: float, unit: str) -> None:
-    """Refuse what is no number from ``low`` to ``high``; raises ArmError."""
+    """Raise ArmError unless the value is a number from ``low`` to ``high``."""
     if not finite(value):
         raise ArmError(
             f'{name} is {value!r}; allowed: a number from {low:g} to {high:g} {unit}'.rstrip())
@@ -56,18 +56,17 @@ class Segment:
     A segment that bends.
 
     length: m.  stiffness_x, stiffness_y: E I of the soft state about the x and y axes of its
-    cross-section, N m^2; inf for a hinge about the other axis, as a leaf spring is.
-    torsional_stiffness: G J, N m^2.  mass: kg, spread evenly along the length.
-    jam: what the stiff state adds; it yields by the moment of bending, about the softer axis
-    at its yield moment, about the other at as many times it as the root of the stiffness.
-    outer_diameter: m, for drawing.  bending_angle_limit: largest bending angle in any direction
-    that goals and inverse problems may use, rad.
-    friction: moment, N m, with which the soft segment resists being bent, whichever way, as do
-    tendons that rub in guides; so its shape depends on those before.  presliding: curvature, 1/m,
-    by which it bends against its friction before this slides.
+    cross-section, N m^2; inf about one axis makes a hinge about the other, such as a leaf spring.
+    torsional_stiffness: G J, N m^2.  mass: kg, evenly distributed along the length.
+    jam: the stiffness added in the stiff state.  It yields about the softer axis at its yield
+    moment, about the other at that times the square root of the stiffness ratio of the axes.
+    outer_diameter: m, for drawing.  bending_angle_limit: rad, largest bending angle in any
+    direction for goals and inverse problems.
+    friction: N m, moment that opposes bending of the soft segment, as rubbing tendons do.
+    The shape then depends on earlier shapes.  presliding: 1/m, curvature before friction slides.
     soft_law: measured moment over curvature of the soft state about the softer axis, in place of
-    its E I; the other axis is as many times stiffer as stiffness_x and stiffness_y say.  In a
-    round spring the moment is along the bending, by its size.
+    its E I; the ratio of stiffness_x and stiffness_y scales the other axis.  In a round spring
+    the moment is along the bending and depends on its size.
     """
 
     length: float
@@ -85,11 +84,11 @@ class Segment:
     @classmethod
     def leaf_spring(cls, length: float, stiffness: float, mass: float = 0.0, **others: Any
                     ) -> 'Segment':
-        """Return a segment that bends about y only: E I in N m^2; the rest as of a Segment."""
+        """Return a segment that bends about y only: E I in N m^2; the rest as for Segment."""
         return cls(length, inf, stiffness, mass=mass, **others)
 
     def __post_init__(self) -> None:
-        """Refuse what is not a physical segment."""
+        """Raise ArmError for a segment that is not physical."""
         check_range('segment length', self.length, *LENGTH_RANGE, 'm')
         for name, value, most in (
                 ('bending stiffness E I about x', self.stiffness_x, 1e3),
@@ -98,7 +97,7 @@ class Segment:
             if value != inf:
                 check_range(name, value, 1e-9, most, 'N m^2')
         if self.stiffness_x == self.stiffness_y == inf:
-            raise ArmError('a segment must bend about one axis at least; both stiffnesses are '
+            raise ArmError('a segment must bend about at least one axis; both stiffnesses are '
                            'infinite')
         check_range('bending angle limit', self.bending_angle_limit, 1e-3,
                     2 * pi if inf in (self.stiffness_x, self.stiffness_y) else pi, 'rad')
@@ -110,18 +109,18 @@ class Segment:
             raise ArmError(f'jam is {self.jam!r}; give a Jam, such as Jam(ratio=5.0)')
         if not isinstance(self.soft_law, MomentCurvature | None):
             raise ArmError(f'soft law is {self.soft_law!r}; give a MomentCurvature or none')
-        if self.jam.law is not None:  # what the jam adds must be a law, too
+        if self.jam.law is not None:  # the moment added by the jam must be a law, too
             self.jam.law.minus(
                 self.soft_law or linear(min(self.stiffness_x, self.stiffness_y)))
 
     @property
     def stiffnesses(self) -> tuple[float, ...]:
-        """What resists to bending and twisting where it does: E I about y, x, and G J, N m^2."""
+        """E I about y and x, and G J, N m^2; of a hinge about y the first alone."""
         all_three = self.stiffness_y, self.stiffness_x, self.torsional_stiffness
         return all_three[:1] if all_three[1:] == (inf, inf) else all_three
 
     def with_stiffness_factor(self, factor: float) -> 'Segment':
-        """Return it with all stiffnesses times a factor, and without friction."""
+        """Return the segment with all stiffnesses times a factor, without friction."""
         return replace(self, stiffness_x=self.stiffness_x * factor,
                        stiffness_y=self.stiffness_y * factor,
                        torsional_stiffness=self.torsional_stiffness * factor, friction=0.0)
@@ -132,14 +131,14 @@ class Disc:
     """
     A rigid disc: height l_k in m, mass in kg, centre of mass at mid-height.
 
-    It may have no height: then it is a mark on a rod.
+    With no height it is a mark on a rod.
     """
 
     height: float = 0.0
     mass: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is not a physical disc."""
+        """Raise ArmError for a disc that is not physical."""
         if self.height != 0.0:
             check_range('disc height', self.height, *LENGTH_RANGE, 'm')
         check_range('disc mass', self.mass, 0.0, 10.0, 'kg')
@@ -151,11 +150,11 @@ class Tendon:
     A tendon, from the bottom of the base disc to the disc where it ends.
 
     name: unique.  angle: of its guide at the base, rad about z from x.  offset: m from the axis;
-    one for all guides, or two for each segment up to the disc where it ends, at its lower and its
-    upper end.  end: number of that disc (base 0).  twist: rad per m of arm, by which a helical
-    tendon winds around it.  axial_stiffness: E A in N, infinite for one that does not stretch.
-    friction: Capstan coefficient at every guide.  free_length: m of it between motor and base,
-    which stretches by the tension at the base.
+    one for all guides, or two for each segment that the tendon passes, at its lower and its upper
+    end.  end: number of the last disc (base 0).  twist: rad per m of arm, for a helical tendon.
+    axial_stiffness: E A in N, inf for an inextensible tendon.
+    friction: Capstan coefficient at every guide.  free_length: m between motor and base, which
+    stretches under the tension at the base.
     """
 
     name: str
@@ -168,7 +167,7 @@ class Tendon:
     free_length: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is not a tendon."""
+        """Raise ArmError for an invalid tendon."""
         if not (isinstance(self.name, str) and self.name):
             raise ArmError(f'the name of a tendon is {self.name!r}; give a text')
         check_range(f'angle of {self.name}', self.angle, -4 * pi, 4 * pi, 'rad')
@@ -203,7 +202,7 @@ PAIR = ('right_tendon', 'left_tendon')
 
 def tendon_pair(offset: float | tuple[float, ...], end: int, **others: Any
                 ) -> tuple[Tendon, Tendon]:
-    """Return the right and the left tendon of a planar arm; the rest as of a Tendon."""
+    """Return the right and the left tendon of a planar arm; the rest as for Tendon."""
     right, left = (Tendon(name, angle, offset, end, **others)
                    for name, angle in zip(PAIR, (0.0, pi), strict=True))
     return right, left
@@ -223,11 +222,11 @@ PAPER, SECOND_ORDER = 'paper', 'second_order'
 
 PLANAR_AXES = np.array([True, False, True, False, True, False])
 SPATIAL_AXES = np.ones(6, dtype=bool)
-"""Which of a disc's shifts along x, y, z and turns about them there are."""
+"""Which shifts of a disc along x, y, z and turns about them are possible."""
 
 
 def mounted(angle: float, gravity: float = STANDARD_GRAVITY) -> tuple[float, float, float]:
-    """Return the gravity in base_link turned about +y from upright by an angle, rad; pi: hangs."""
+    """Return gravity in a base_link rotated about +y from upright, rad; pi: hanging."""
     check_range('mounting angle', angle, -2 * pi, 2 * pi, 'rad')
     check_range('gravity', gravity, 0.0, 100.0, 'm/s^2')
     return gravity * sin(angle), 0.0, -gravity * cos(angle)
@@ -243,7 +242,7 @@ class Arm:
     springs, which converges to the rod like 1/n; or SECOND_ORDER, end springs twice as stiff as
     those between the bodies, which converges like 1/n^2.  payload: kg at the top of the tip disc.
     gravity: acceleration of free fall in base_link, m/s^2, such as mounted(pi).  weightless_angle:
-    mounting_angle, rad, where no gravity tells it.
+    mounting_angle of an arm without gravity, rad.
     """
 
     segments: tuple[Segment, ...]
@@ -258,7 +257,7 @@ class Arm:
     weightless_angle: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is not a physical arm."""
+        """Raise ArmError for an arm that is not physical."""
         for name, kind in (('segments', Segment), ('discs', Disc), ('tendons', Tendon),
                            ('wrenches', Wrench)):
             parts = getattr(self, name)
@@ -299,12 +298,12 @@ class Arm:
         _check_vector('gravity', self.gravity, 'm/s^2', 100.0)
         check_range('mounting angle', self.weightless_angle, -2 * pi, 2 * pi, 'rad')
         if not self.planar:
-            for segment in self.segments:  # a bending beyond half a turn is one the other way
+            for segment in self.segments:  # bending beyond half a turn is bending the other way
                 check_range('bending angle limit', segment.bending_angle_limit, 1e-3, pi, 'rad')
 
     @cached_property
     def planar(self) -> bool:
-        """Whether it is hinges about y that a pair of like tendons bends: PlaneChain's arm."""
+        """Whether all segments hinge about y and two opposite, equal tendons bend them."""
         if len(self.tendons) != len(PAIR) or self.spacers:
             return False
         right, left = self.tendons
@@ -321,17 +320,17 @@ class Arm:
 
     @property
     def bend_time(self) -> float:
-        """How long the statics take for one bending, roughly, s."""
+        """Approximate time to solve the statics for one bending, s."""
         return BEND_TIME[self.planar]
 
     @property
     def axes(self) -> str:
-        """Names of the axes of base_link along which its points move."""
+        """Axes of base_link along which points of the arm move."""
         return 'xz' if self.planar else 'xyz'
 
     @property
     def pose_axes(self) -> NDArray[np.bool_]:
-        """Which of its discs' shifts along x, y, z and turns about them there are, (6,)."""
+        """Which shifts of discs along x, y, z and turns about them are possible, (6,)."""
         return PLANAR_AXES if self.planar else SPATIAL_AXES
 
     @property
@@ -341,13 +340,13 @@ class Arm:
 
     @property
     def tendon_labels(self) -> tuple[str, ...]:
-        """How tables name the tendons: right and left those of a planar arm."""
+        """Names of the tendons in tables: right and left in a planar arm."""
         names = self.tendon_names
         return tuple(name.removesuffix('_tendon') for name in names) if self.planar else names
 
     @property
     def bending_angle_limits(self) -> Array:
-        """How far each segment may bend, (segments,), rad."""
+        """Bending angle limit of each segment, (segments,), rad."""
         return np.array([segment.bending_angle_limit for segment in self.segments])
 
     @property
@@ -363,9 +362,9 @@ class Arm:
     @property
     def opposing_tendons(self) -> list[list[int]]:
         """
-        Numbers of the tendons that oppose each other, twos and threes of a disc.
+        Pairs and triples of opposing tendons that end at one disc, by number.
 
-        The backbone is between them: what all of them carry bends nothing.
+        The backbone is between them: they can carry tension without bending it.
         """
         found = []
         for end in set(self.tendon_ends):
@@ -378,9 +377,9 @@ class Arm:
 
     def places(self, tendon: int, parts: Sequence[float]) -> Array:
         """
-        Return x and y of a tendon (0-based) at parts 0 to 1 along each segment.
+        Return x and y of a tendon (0-based) at fractions 0 to 1 along each segment.
 
-        (segments, parts, 2) m; nan in segments that it does not pass.
+        (segments, fractions, 2) m; nan in segments that the tendon does not pass.
         """
         one, along = self.tendons[tendon], np.array(parts)
         found = np.full((len(self.segments), len(along), 2), np.nan)
@@ -395,7 +394,7 @@ class Arm:
 
     @cached_property
     def guide_places(self) -> Array:
-        """Places of all guides, those of spacers included, (tendons, segments, spacers + 2, 2)."""
+        """Positions of all guides, with spacers, (tendons, segments, spacers + 2, 2), m."""
         parts = np.linspace(0.0, 1.0, self.spacers + 2)
         found = np.array([
             self.places(t, parts.tolist()) for t in range(len(self.tendons))]).reshape(
@@ -412,7 +411,7 @@ class Arm:
 
     @property
     def ropes(self) -> Array:
-        """Length of each tendon of the straight arm from its motor to its end, (tendons,), m."""
+        """Length of each tendon from motor to end in the straight arm, (tendons,), m."""
         lengths = np.array([segment.length for segment in self.segments])
         spans = np.hypot(np.linalg.norm(np.diff(self.guide_places, axis=2), axis=-1),
                          lengths[:, None] / (self.spacers + 1))
@@ -423,12 +422,12 @@ class Arm:
 
     @property
     def compliance(self) -> Array:
-        """By how much each tendon stretches where nothing rubs, (tendons,), m/N."""
+        """Compliance of each tendon without friction, (tendons,), m/N."""
         return self.ropes / [tendon.axial_stiffness for tendon in self.tendons]
 
     @property
     def mounting_angle(self) -> float:
-        """Rotation of base_link about +y from upright, rad, as gravity has it if there is any."""
+        """Rotation of base_link about +y from upright, rad; from gravity unless that is 0."""
         if not any(self.gravity):
             return self.weightless_angle
         return atan2(self.gravity[0], -self.gravity[2])
@@ -439,16 +438,16 @@ class Arm:
         return sum(s.length for s in self.segments) + sum(d.height for d in self.discs)
 
     def without_gravity(self) -> 'Arm':
-        """Return the same arm with gravity left out."""
+        """Return the same arm without gravity."""
         return replace(self, gravity=(0.0, 0.0, 0.0), weightless_angle=self.mounting_angle)
 
     def without_friction(self) -> 'Arm':
-        """Return the same arm with the friction of its tendons and segments left out."""
+        """Return the same arm without friction of tendons and segments."""
         return replace(self.with_tendons(friction=0.0), segments=tuple(
             replace(segment, friction=0.0) for segment in self.segments))
 
     def with_tendons(self, **changes: Any) -> 'Arm':
-        """Return the same arm with values of all its tendons replaced."""
+        """Return the same arm with these fields of all tendons replaced."""
         return replace(self, tendons=tuple(replace(t, **changes) for t in self.tendons))
 
     def with_force(self, disc: int, force: Sequence[float]) -> 'Arm':
@@ -457,7 +456,7 @@ class Arm:
         return replace(self, wrenches=(*self.wrenches, Wrench(disc, (x, y, z))))
 
     def with_compliant_tendons(self, stretch: float) -> 'Arm':
-        """Return the same arm, inextensible tendons now stretching by ``stretch`` m/N."""
+        """Return the same arm with a compliance, m/N, for its inextensible tendons."""
         return replace(self, tendons=tuple(
             replace(tendon, axial_stiffness=float(rope) / stretch)
             if tendon.axial_stiffness == inf else tendon

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many equilibria in one call: independent ones on all cores, or one after the other on a path."""
+"""Many equilibria in one call: independent ones on all cores, or successive ones on a path."""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -32,10 +32,10 @@ Slides = Sequence[int] | Sequence[Sequence[int]]
 @dataclass(frozen=True, eq=False)
 class Batch(Sequence[Any]):
     """
-    Equilibria of m problems, as arrays and, by index, one by one.
+    Equilibria of m problems, as arrays; an index gives one Equilibrium.
 
     configurations: (m, ...), tensions, pulls, slack: (m, tendons) N and m, as in Equilibrium.
-    found: (m,) whether there is one; the other rows are nan, and their index raises LookupError.
+    found: (m,), whether one was found; other rows are nan, and their index raises LookupError.
     jumped: (m,).  residual: (m,) N m.
     """
 
@@ -54,7 +54,7 @@ class Batch(Sequence[Any]):
         return len(self.found)
 
     def __getitem__(self, index: Any) -> Any:
-        """Return one state, or a list of them for a slice; raises LookupError where none is."""
+        """Return one state, or a list for a slice; raises LookupError where none was found."""
         rows = range(len(self))[index]
         if isinstance(rows, range):
             return [self[i] for i in rows]
@@ -64,7 +64,7 @@ class Batch(Sequence[Any]):
 
     @property
     def bending(self) -> Array:
-        """How far each segment bends about x and y of the disc below it, (m, segments, 2), rad."""
+        """Bending of each segment about x and y of the disc below it, (m, segments, 2), rad."""
         return self._models[0].chain.bending(self.configurations)
 
     @property
@@ -82,7 +82,7 @@ class Batch(Sequence[Any]):
 @dataclass(frozen=True)
 class Problems:
     """
-    What is to be solved; each is one for all problems, or one for each of ``count``.
+    The problems to solve; each field is shared by all or has ``count`` rows.
 
     pulls, tensions: m and N, as in Statics.solve, the latter with nan.  ways: sliding.
     """
@@ -119,16 +119,16 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
     """
     Solve many independent problems on all cores.
 
-    Each of these is one for all problems or one for each: arms, with the same number of segments,
-    bodies and tendons; start, the state that a problem is followed from; pulls, (tendons,) or
-    (m, tendons), m; soft, a mask or m of them; tensions, as pulls; vacuum; sliding, for tendons
+    Each argument is shared by all problems or has one value per problem: arms, with the same
+    number of segments, bodies and tendons; start, the initial state; pulls, (tendons,) or
+    (m, tendons), m; soft, one mask or m masks; tensions, as pulls; vacuum; sliding, for tendons
     with friction.  All are as in Statics.solve.
 
-    Solved one by one is what needs it: problems with friction, without a soft segment, in the
-    plane what a full step does not reach, in space those whose joints yield.
+    These problems are solved one by one: with friction, without a soft segment, planar ones that
+    a full step does not reach, and spatial ones whose joints yield.
 
-    Raises ValueError when sizes do not fit together, or tendons have friction and ``sliding``
-    is not given.
+    Raises ValueError when sizes do not match, or tendons have friction and ``sliding`` is not
+    given.
     """
     models = [arms] if isinstance(arms, Statics) else listed(arms)
     starts = [start] if isinstance(start, Equilibrium) else listed(start)
@@ -142,7 +142,7 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
                          'tendons')
     friction = max(t.friction for model in models for t in model.chain.arm.tendons)
     if sliding is None and friction > 0.0:
-        raise ValueError('a batch without sliding knows no friction, and the tendons have a '
+        raise ValueError('a batch without sliding is frictionless, but the tendons have a '
                          f'coefficient of {friction:g}; leave it out with '
                          'arm.without_friction()')
     masks, parts = rows_of(soft), [None] if vacuum is None else rows_of(vacuum)
@@ -173,11 +173,11 @@ def solve_path(statics: Statics, start: Equilibrium, pulls: ArrayLike, soft: Mas
                tensions: ArrayLike | None = None, vacuum: Parts | None = None,
                sliding: Slides = ()) -> Batch:
     """
-    Return the equilibria along a path of pulls, each followed from the one before it.
+    Return the equilibria along a path of pulls, each solved from the previous one.
 
-    pulls: (m, tendons) m.  soft: one mask, or m of them; tensions, vacuum and sliding likewise.
-    Otherwise as Statics.solve.  Raises StaticsError, which names the row, where the path ends
-    before its end; ValueError when sizes do not fit together.
+    pulls: (m, tendons) m.  soft: one mask or m masks; tensions, vacuum and sliding likewise.
+    Otherwise as Statics.solve.  Raises StaticsError, which names the row, where no equilibrium
+    is found; ValueError when sizes do not match.
     """
     rows: dict[str, list[Any]] = {
         'rows of pulls': rows_of(pulls), 'soft masks': rows_of(soft),
@@ -186,7 +186,7 @@ def solve_path(statics: Statics, start: Equilibrium, pulls: ArrayLike, soft: Mas
             'rows of sliding': rows_of(sliding)}
     wanted, masks, given, parts, ways = rows.values()
     if any(len(each) not in (1, len(wanted)) for each in rows.values()):
-        raise ValueError('a path needs one of each for all rows of pulls, or as many; given: '
+        raise ValueError('a path needs one value for all rows of pulls, or one per row; given: '
                          + ', '.join(f'{len(each)} {name}' for name, each in rows.items()))
     states: list[Equilibrium] = []
     for i, row in enumerate(wanted):
@@ -218,7 +218,7 @@ def rows_of(given: Any) -> list[Any]:
 
 
 def common_count(sizes: Mapping[str, int]) -> int:
-    """Return how many problems there are; sizes: by what they are of, 1 counts for all."""
+    """Return the number of problems; sizes: rows of each argument, 1 if shared."""
     count = max(sizes.values())
     if any(size not in (1, count) for size in sizes.values()):
         raise ValueError(' and '.join(f'{n} {name}' for name, n in sizes.items() if n != 1)

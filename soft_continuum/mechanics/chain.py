@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The arm as a chain of rigid bodies and springs, and the states of it.
+The arm as a chain of rigid bodies and springs, and its states.
 
 A soft segment is n bodies of length l/n between n + 1 equal springs (paper, III-B); discs are
-rigid.  A planar arm is one whose joints are hinges: its chain knows angles in place of rotations,
-and so does the solver.
+rigid.  The joints of a planar arm are hinges: its chain and solver use angles instead of
+rotations.
 """
 
 from collections.abc import Sequence
@@ -35,14 +35,14 @@ class Equilibrium:
     """
     A state of the arm in which all forces and moments balance.
 
-    configuration: the shape as the chain has it, joint angles (joints,), rad, in the plane and
-    orientations of all bodies in base_link, (bodies, 3, 3), in space.  tensions: (tendons,) N at
-    the base; nan where no soft segment is there to determine it.  pulls: (tendons,) m, by how much
-    the path of each is shorter than in the straight arm.  slack: (tendons,) m by which each tendon
-    is longer than its path.  residual: largest unbalanced moment, N m.  stiff: which segments
-    were.  held: joint angles that jams, and friction of the joints, hold, as joint_angles.
-    jumped: the equilibrium followed from the start ceased to exist on the way and the arm went
-    over to the next stable one.  vacuum: of each segment, 0 to 1; empty for full.  chain: the arm.
+    configuration: joint angles (joints,), rad, of a planar arm; orientations of all bodies in
+    base_link, (bodies, 3, 3), of a spatial arm.  tensions: (tendons,) N at the base; nan where no
+    soft segment determines it.  pulls: (tendons,) m, length of each path in the straight arm less
+    its present length.  slack: (tendons,) m, length of each tendon beyond its path.  residual:
+    largest unbalanced moment, N m.  stiff: flag per segment.  held: joint angles held by jams and
+    by friction of the joints, as joint_angles.  jumped: the equilibrium ceased to exist on the
+    path and the arm snapped to another stable one.  vacuum: of each segment, 0 to 1; empty for
+    full.  chain: the arm.
     """
 
     configuration: Array
@@ -60,7 +60,7 @@ class Equilibrium:
     def __init__(self, configuration: Array, tensions: Array, pulls: Array, slack: Array,
                  residual: float, iterations: int, stiff: tuple[bool, ...], held: Array,
                  jumped: bool = False, vacuum: tuple[float, ...] = (), *, chain: 'Chain') -> None:
-        """Take all values at once: one by one, as dataclass does, takes as long as a solve."""
+        """Set all fields at once: one by one, as dataclass does, takes as long as a solve."""
         vars(self).update(
             configuration=configuration, tensions=tensions, pulls=pulls, slack=slack,
             residual=residual, iterations=iterations, stiff=stiff, held=held, jumped=jumped,
@@ -68,7 +68,7 @@ class Equilibrium:
 
     @property
     def joint_angles(self) -> Array:
-        """Angles of all joints, (joints,) in the plane, rotation vectors (bodies, 3), rad."""
+        """Joint angles (joints,) of planar arms, rotation vectors (bodies, 3) of others, rad."""
         return self.chain.joint_angles(self.configuration)
 
     @property
@@ -84,30 +84,30 @@ class Equilibrium:
     @property
     def bending(self) -> Array:
         """
-        How far each segment bends about x and y of the disc below it, (segments, 2), rad.
+        Bending of each segment about x and y of the disc below it, (segments, 2), rad.
 
-        Its length is the bending angle: that between the axes of the discs.
+        Its length is the bending angle, the angle between the axes of the discs.
         """
         return self.chain.bending(self.configuration)
 
     @property
     def bending_angles(self) -> Array:
-        """Bending angle of each segment, (segments,), rad; in space never negative."""
+        """Bending angle of each segment, (segments,), rad; never negative for spatial arms."""
         return self.chain.sizes(self.bending)
 
     @property
     def bending_directions(self) -> Array:
-        """In space the direction of each segment, (segments,), rad; in the plane empty."""
+        """Bending direction of each segment, (segments,), rad; empty for planar arms."""
         return self.chain.directions(self.bending)
 
     @property
     def jam_deflection(self) -> Array:
-        """By how much each segment is bent from what its jam holds, (segments, 2), rad."""
+        """Bending of each segment less the bending that its jam holds, (segments, 2), rad."""
         return self.chain.summed(self.joint_angles - self.held)
 
     @property
     def points(self) -> Array:
-        """Bottom and top centre of every disc, (2 * discs, 3): x, y, z, or x, z, angle (rad)."""
+        """Bottom and top centre of each disc, (2 * discs, 3): x, y, z, or x, z, angle (rad)."""
         return self.chain.points(self.configuration)
 
     @property
@@ -138,24 +138,24 @@ class Equilibrium:
 
     @property
     def coordinates(self) -> Array:
-        """Numbers that tell the shape, as KinematicsState has them: of joint_angles, rad."""
+        """The joint angles as a flat list, as in KinematicsState, rad."""
         return self.joint_angles.ravel()
 
     @property
     def held_coordinates(self) -> Array:
-        """The same of what the jams of stiff segments hold, rad."""
+        """The same for the joint angles held by jams of stiff segments, rad."""
         return self.held.ravel()
 
     @property
     def joint_positions(self) -> Array:
-        """Angles of the joints of the URDF, in the order of its joint_names, rad."""
+        """Joint positions of the URDF, in the order of its joint_names, rad."""
         return self.chain.joint_positions(self.configuration)
 
     def with_held(self, chain: 'Chain', change: Array) -> 'Equilibrium':
         """
-        Return the state on another chain of the arm, its jams holding another bending.
+        Return the state on another chain of the arm, with a change of the held bending.
 
-        change: as ``bending``, by which they hold more, spread evenly over the joints.
+        change: as ``bending``, added to what jams hold, distributed evenly over the joints.
         """
         return replace(self, held=self.held + chain.spread(change), chain=chain)
 
@@ -163,8 +163,7 @@ class Equilibrium:
         """
         Draw the arm in mm, soft segments in colour, and return the axes.
 
-        axes: of Matplotlib, which pip install 'soft_continuum[plots]' brings; default: the
-        present ones.
+        axes: of Matplotlib (pip install 'soft_continuum[plots]'); default: the current axes.
         """
         from matplotlib import pyplot
 
@@ -177,18 +176,18 @@ class Equilibrium:
 
 class Chain:
     """
-    The rigid multibody model of an arm; ``Chain(arm)`` is one of hinges for a planar arm.
+    The rigid multibody model of an arm; for a planar arm ``Chain(arm)`` returns a PlaneChain.
 
-    joint_axes: about which the URDF turns each joint, one after another.  forces: (bodies, 3) N,
-    that act at the upper end of each body, with the weight of all above.  straight_paths:
-    (tendons,) m, lengths of the tendons' paths through the segments of the straight arm.
+    joint_axes: axes of each joint in the URDF, in order.  forces: (bodies, 3) N at the upper end
+    of each body, including the weight of all above.  straight_paths: (tendons,) m, lengths of the
+    tendons' paths through the segments of the straight arm.
     """
 
     joint_axes: tuple[str, ...]
     straight_paths: Array
 
     def __new__(cls, arm: Arm | None = None) -> Self:
-        """Make one of the kind of the arm; what is unpickled has its kind."""
+        """Create the subclass for the arm; unpickled objects keep theirs."""
         kind: type[Any] = cls
         if cls is Chain and arm is not None:
             if arm.planar:
@@ -204,7 +203,7 @@ class Chain:
         self.segments, self.joints_per_segment = len(arm.segments), n + 1
         self.bodies = self.segments * (n + 1)
         self.last_body = np.arange(1, self.segments + 1) * (n + 1) - 1
-        """Of each segment: the disc above it."""
+        """The disc above each segment."""
         lengths, masses, joint_lengths = [], [], []
         for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
             lengths += [segment.length / n] * n + [disc.height]
@@ -223,27 +222,27 @@ class Chain:
     # What depends on the kind; configuration: as that of an Equilibrium.
 
     def configuration(self, joint_angles: Array, /) -> Array:
-        """Return the configuration of joint angles, which are checked already."""
+        """Return the configuration for joint angles, which were validated."""
         raise NotImplementedError
 
     def joint_angles(self, configuration: Array, /) -> Array:
-        """Return what Equilibrium.joint_angles says."""
+        """Return Equilibrium.joint_angles."""
         raise NotImplementedError
 
     def angles_at(self, joint_positions: Array, /) -> Array:
-        """Return the joint angles of those of the joints of the URDF, rad."""
+        """Return the joint angles for joint positions of the URDF, rad."""
         raise NotImplementedError
 
     def joint_positions(self, configuration: Array, /) -> Array:
-        """Return what Equilibrium.joint_positions says."""
+        """Return Equilibrium.joint_positions."""
         raise NotImplementedError
 
     def rotations(self, configuration: Array) -> Array:
-        """Return what Equilibrium.rotations says."""
+        """Return Equilibrium.rotations."""
         raise NotImplementedError
 
     def spread(self, bending: Array) -> Array:
-        """Return joint angles that bend segments, (segments, 2) rad, evenly over their joints."""
+        """Return joint angles for bending (segments, 2), rad, even over each segment's joints."""
         raise NotImplementedError
 
     def summed(self, joint_angles: Array, /) -> Array:
@@ -251,7 +250,7 @@ class Chain:
         raise NotImplementedError
 
     def points(self, configuration: Array) -> Array:
-        """Return what Equilibrium.points says."""
+        """Return Equilibrium.points."""
         raise NotImplementedError
 
     def axes(self, configuration: Array) -> Array:
@@ -259,7 +258,7 @@ class Chain:
         raise NotImplementedError
 
     def tendon_points(self, configuration: Array) -> list[Array]:
-        """Return where the guides of each tendon are, base first, (guides, 3), m."""
+        """Return the guides of each tendon, base first, (guides, 3), m."""
         raise NotImplementedError
 
     def paths(self, configuration: Array) -> Array:
@@ -268,13 +267,13 @@ class Chain:
 
     @property
     def disc_radii(self) -> Array:
-        """Radius of every disc as views draw it, (discs,), m."""
+        """Radius of every disc in drawings, (discs,), m."""
         raise NotImplementedError
 
     # States.
 
     def straight(self) -> Equilibrium:
-        """Return the straight arm with all tendons just taut, nothing pulled."""
+        """Return the straight arm with all tendons just taut and no pull."""
         return self._straight
 
     @cached_property
@@ -287,7 +286,7 @@ class Chain:
         return (self.bodies,) if len(self.joint_axes) == 1 else (self.bodies, 3)
 
     def state(self, joint_angles: ArrayLike) -> Equilibrium:
-        """Return joint angles (rad) as a held state: tendons along it, no tension."""
+        """Return joint angles (rad) as a held state with tendons just taut, without tension."""
         count, *three = self.joint_shape
         wanted = (f'joint angles must be {count} {"rotation vectors" if three else "numbers"} '
                   f'(finite, rad), {self.joints_per_segment} for each segment')
@@ -301,7 +300,7 @@ class Chain:
     def state_of(self, coordinates: Array, held: Array, stiff: Sequence[bool],
                  vacuum: Sequence[float] = ()) -> Equilibrium:
         """
-        Return a state without tension: coordinates, what stiff segments hold, which are stiff.
+        Return a state without tension from coordinates, held coordinates and stiff flags.
 
         vacuum: as in Equilibrium.
         """
@@ -311,29 +310,29 @@ class Chain:
 
     @property
     def coordinate_count(self) -> int:
-        """How many coordinates a state has."""
+        """Number of coordinates of a state."""
         return int(np.prod(self.joint_shape))
 
     def at(self, joint_positions: ArrayLike) -> Equilibrium:
-        """Return the held state of angles of the joints of the URDF, rad, as joint_states."""
+        """Return the held state for joint positions of the URDF, rad, as in joint_states."""
         return self.state(self.angles_at(np.asarray(joint_positions)))
 
     def uniform(self, bending: ArrayLike) -> Equilibrium:
         """
-        Return the held state whose segments bend evenly over their joints.
+        Return the held state with bending distributed evenly over the joints of each segment.
 
-        bending: as Equilibrium.bending; in the plane also angles (segments,), rad.
+        bending: as Equilibrium.bending; for planar arms also angles (segments,), rad.
         """
         return self.state(self.spread(real_array(bending, 'bending must be numbers (rad)')))
 
-    # Their geometry, of any kind.
+    # Geometry of both kinds of chain.
 
     def bending(self, configuration: Array, /) -> Array:
         """Return the bending of configurations, (..., segments, 2), rad."""
         return bending_between(self.disc_rotations(configuration))
 
     def bending_rates(self, configuration: Array, turned: Array) -> Array:
-        """Return how bending changes, (segments, 2, k), as discs turn, (discs, 3, k)."""
+        """Return the change of bending (segments, 2, k) for turns of the discs (discs, 3, k)."""
         return bending_rates(self.disc_rotations(configuration), turned)
 
     def disc_rotations(self, configuration: Array) -> Array:
@@ -353,7 +352,7 @@ class Chain:
         return bending_directions(bending)
 
     def poses(self, configuration: Array) -> Array:
-        """Return what Equilibrium.poses says."""
+        """Return Equilibrium.poses."""
         turned = quaternions(self.disc_rotations(configuration))
         return np.column_stack([self.points(configuration), np.repeat(turned, 2, 0)])
 
@@ -378,14 +377,14 @@ class Chain:
 
 
 def joint_lengths_of(length: float, bodies: int, discretisation: str) -> list[float]:
-    """Return the length of spring (m) that each of the n + 1 joints of a segment stands for."""
+    """Return the length of spring (m) that each of the n + 1 joints of a segment models."""
     if discretisation == PAPER:
         return [length / (bodies + 1)] * (bodies + 1)
     return [length / (2 * bodies), *[length / bodies] * (bodies - 1), length / (2 * bodies)]
 
 
 def check_start(start: object) -> None:
-    """Raise ValueError for a start that is no state of an arm."""
+    """Raise ValueError if the start is not an Equilibrium."""
     if not isinstance(start, Equilibrium):
-        raise ValueError('the start must be one of Equilibrium, such as '
+        raise ValueError('the start must be an Equilibrium, such as '
                          f'statics.chain.straight(); given: {start!r}')

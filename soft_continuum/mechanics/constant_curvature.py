@@ -4,9 +4,9 @@
 Constant-curvature kinematics: every segment is an arc, loads are neglected (paper, III, [17]).
 
 Webster and Jones, Design and Kinematic Modeling of Constant Curvature Continuum Robots: A Review,
-Int. J. Robotics Research 29 (2010).  As there, an arc is described by its rotation vector, here
-called bending, (x, y) in rad about the axes of the disc below it: it has no direction that becomes
-singular in the straight segment, as arc parameters have.
+Int. J. Robotics Research 29 (2010).  An arc is described by its rotation vector, here called
+bending, (x, y) in rad about the axes of the disc below it.  Unlike arc parameters it is not
+singular for a straight segment.
 """
 
 from collections.abc import Sequence
@@ -24,11 +24,11 @@ DETERMINED = 1e-3  # least over largest singular value of pulls by bendings
 
 def poses(arm: Arm, bending: ArrayLike) -> tuple[Array, Array]:
     """
-    Return where the discs are for bending (segments, 2), rad.
+    Return the poses of the discs for bending (segments, 2), rad.
 
-    Those are bottom and top centre of every disc, base first, (2 * discs, 3), m, and the
-    orientation of every disc, (discs, 3, 3).  For many shapes (..., segments, 2) at once both
-    have as many.  Raises ArmError for bending that is not that of the arm.
+    Returns the bottom and top centre of every disc, base first, (2 * discs, 3), m, and the
+    orientation of every disc, (discs, 3, 3).  Bending (..., segments, 2) adds leading dimensions
+    to both.  Raises ArmError for bending that does not match the arm.
     """
     bent = _checked(arm, bending)
     if not bent[..., 0].any():
@@ -50,7 +50,7 @@ def poses(arm: Arm, bending: ArrayLike) -> tuple[Array, Array]:
 
 
 def tips(arm: Arm, bending: ArrayLike) -> tuple[Array, Array]:
-    """Return the last of ``poses``: where the tip is, (..., 3) m, and how, (..., 3, 3)."""
+    """Return position (..., 3), m, and orientation (..., 3, 3) of the tip."""
     bent = _checked(arm, bending)
     if not bent[..., 0].any():
         places, headings = _about_y(arm, bent[..., 1])
@@ -63,8 +63,8 @@ def pulls(arm: Arm, bending: ArrayLike) -> Array:
     """
     Return the pull (tendons,) m of every tendon for bending (segments, 2), rad.
 
-    Tendons run straight from guide to guide: those at the ends of a segment, and its spacers.
-    Raises ArmError for bending that is not that of the arm.
+    Tendons run straight from guide to guide, at the ends of a segment and at its spacers.
+    Raises ArmError for bending that does not match the arm.
     """
     bent = _checked(arm, bending)
     if bent.ndim != 2:
@@ -74,7 +74,7 @@ def pulls(arm: Arm, bending: ArrayLike) -> Array:
     lengths = np.array([segment.length for segment in arm.segments])
     along = parts[:, None] * bent[:, None, :]  # (segments, guides, 2)
     angle = np.hypot(along[..., 0], along[..., 1])
-    # By Rodrigues' formula, of guides that have no z: the turn about an axis across.
+    # Rodrigues' formula for guides with z = 0 and an axis in the plane of x and y.
     across = along[..., 0] * places[..., 1] - along[..., 1] * places[..., 0]
     once, twice = np.sinc(angle / np.pi), 0.5 * np.sinc(0.5 * angle / np.pi)**2
     guides = np.stack([
@@ -92,13 +92,13 @@ def pulls(arm: Arm, bending: ArrayLike) -> Array:
 def bending(arm: Arm, pulls_of: ArrayLike, start: ArrayLike | None = None,
             soft: Sequence[bool] | None = None) -> Array:
     """
-    Return the bending (segments, 2), rad, that tendons give with their pulls.
+    Return the bending (segments, 2), rad, for given pulls.
 
-    pulls_of: (tendons,) m, nan or -inf for a tendon that is slack.  start: bending (segments, 2)
-    rad to begin at, which segments that are not soft keep (default: straight).  soft: one flag per
-    segment (default: all).  A segment bends only about axes of finite stiffness.  Where pulls do
-    not fit together, the sum of the squares of what is left is least; of a planar arm, the bending
-    is the least that its tendons allow, and in the middle where both are too short.
+    pulls_of: (tendons,) m, nan or -inf for a slack tendon.  start: bending (segments, 2), rad, to
+    begin at, which stiff segments keep (default: straight).  soft: one flag per segment (default:
+    all).  A segment bends only about axes of finite stiffness.  Inconsistent pulls are fitted by
+    least squares; for a planar arm the result is the least bending that its tendons allow, and
+    the middle where both are too short.
 
     Raises ArmError when the tendons do not determine the bending, ValueError for other sizes.
     """
@@ -127,7 +127,7 @@ def bending(arm: Arm, pulls_of: ArrayLike, start: ArrayLike | None = None,
     if len(values) < unknown or values[-1] < DETERMINED * values[0]:
         raise ArmError(
             f'{int(carries.sum())} tendons do not determine {unknown} bendings; give the pulls of '
-            'others, or let fewer segments be soft')
+            'others, or make fewer segments soft')
     bent[free] = found.x
     return bent
 
@@ -155,13 +155,13 @@ def bending_angle(arm: Arm, segment: int, pull: float) -> float:
     """
     Return the angle (rad) at which the right tendon is ``pull`` m shorter in a segment (0-based).
 
-    arm: a planar one.  Negative pulls (tendon paid out) give negative angles.  Raises ArmError
-    when the segment cannot take up that pull within its bending angle limit.
+    arm: planar.  Negative pulls (tendon paid out) give negative angles.  Raises ArmError when
+    the pull exceeds the bending angle limit of the segment.
     """
     from scipy.optimize import brentq  # 0.3 s that nodes that find none need not wait for
 
     limit = arm.segments[segment].bending_angle_limit
-    # Far from straight the pull turns back: the angles between the turns around zero count.
+    # At large angles the pull decreases again: use the monotonic range around zero.
     grid = np.linspace(-limit, limit, 721)
     rising = np.diff([_right_pull(arm, segment, a) for a in grid]) > 0.0
     turns = np.flatnonzero(~rising)
@@ -177,13 +177,13 @@ def bending_angle(arm: Arm, segment: int, pull: float) -> float:
 
 
 def chord(length: float, angle: float) -> float:
-    """Return the chord in m of an arc of ``length`` m that turns by ``angle`` rad."""
+    """Return the chord in m of an arc of ``length`` m and ``angle`` rad."""
     half = angle / 2.0
     return length * (1.0 - half * half / 6.0 if abs(half) < 1e-4 else sin(half) / half)
 
 
 def _right_pull(arm: Arm, segment: int, angle: float) -> float:
-    """Return by how much the right tendon of a planar arm shortens (m) in one bent segment."""
+    """Return the shortening (m) of a planar arm's right tendon in one bent segment."""
     length = arm.segments[segment].length
     lower, upper = (arm.tendons[0].offset_at(segment, part) for part in (0.0, 1.0))
     # Seen along the chord both end planes are turned by half the angle, to opposite sides.
@@ -250,10 +250,10 @@ def _checked(arm: Arm, bending_of: ArrayLike) -> Array:
 
 def fully_actuated(arm: Arm) -> bool:
     """
-    Return whether tendons alone bend each segment by itself to where it can bend, all being soft.
+    Return whether the tendons alone set the bending of each segment while all are soft.
 
-    That is, their lengths tell all bendings from each other.  Two tendons along three segments do
-    not; without jamming such an arm bends as a whole.
+    That is, their lengths determine all bendings.  Two tendons along three segments do not;
+    without jamming such an arm bends as a whole.
     """
     axes = np.argwhere(arm.bending_axes)
     rates = np.zeros((len(axes), len(arm.tendon_names)))

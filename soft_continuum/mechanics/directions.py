@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Bendings as angle and direction, and the directions to which a segment can bend.
+Bending as angle and direction, and the directions in which a segment can bend.
 
 A segment that bends by the angle a in the direction d leans towards d, about z from x of the disc
 below; its rotation vector is a (-sin d, cos d).
@@ -24,8 +24,7 @@ def bending_vectors(arm: Arm, angles: Sequence[float], directions: Sequence[floa
     """
     Return the bending (segments, 2), rad, of angles and directions (segments,), rad.
 
-    directions: empty for 0 of every segment.  About an axis about which a segment does not bend
-    it is 0 exactly.
+    directions: empty means 0 for every segment.  About rigid axes the bending is exactly 0.
     """
     towards = np.array(directions if len(directions) else [0.0] * len(angles))
     vectors = np.array(angles)[:, None] * np.column_stack([-np.sin(towards), np.cos(towards)])
@@ -33,12 +32,12 @@ def bending_vectors(arm: Arm, angles: Sequence[float], directions: Sequence[floa
 
 
 def hinged(arm: Arm) -> bool:
-    """Return whether each segment bends about one axis, so that an angle tells its bending."""
+    """Return whether each segment bends about one axis, so that an angle gives its bending."""
     return bool(np.all(arm.bending_axes.sum(axis=1) == 1))
 
 
 def within_limits(bending: Array, limits: Array) -> Array:
-    """Return bendings (..., segments, 2) rad, each no larger than its limit (segments,), rad."""
+    """Return bending (..., segments, 2), rad, clipped to the limits (segments,), rad."""
     sizes = np.linalg.norm(bending, axis=-1)
     return np.asarray(bending * (limits / np.maximum(sizes, limits))[..., None])
 
@@ -51,14 +50,14 @@ def bending_directions(bending: Array) -> Array:
 
 def direction_problem(arm: Arm, segment: int, direction: float) -> str:
     """
-    Say why a segment (0-based) cannot bend in a direction (rad); empty if nothing is known.
+    Return why a segment (0-based) cannot bend in a direction (rad); empty if none is known.
 
-    What tension, gravity and stability allow beyond that is for the statics to say.
+    Tension, gravity and stability are not considered; the statics check them.
     """
     places = np.array([place for t, end in enumerate(arm.tendon_ends) if end > segment
                        for place in arm.places(t, (0.0, 0.5, 1.0))[segment]])
     if not len(places):
-        return f'no tendon passes segment {segment + 1}, so its bending cannot be chosen'
+        return f'no tendon passes segment {segment + 1}, so its bending cannot be set'
     about_x, about_y = arm.bending_axes[segment]
     if about_x and about_y:
         values, axes = np.linalg.svd(places)[1:]

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""An arm, drawn into axes of Matplotlib."""
+"""Drawing of an arm with Matplotlib."""
 
 from collections.abc import Collection
 from typing import Any, TYPE_CHECKING
@@ -21,7 +21,7 @@ IN_SPACE = '3d'
 
 
 def projection_of(arm: Arm) -> str | None:
-    """Return the projection of axes for an arm, as matplotlib names it: with y, or along it."""
+    """Return Matplotlib's projection for an arm: 3d, or a view along y."""
     return IN_SPACE if 'y' in arm.axes else None
 
 
@@ -29,8 +29,8 @@ def draw_arm(axes: Any, state: 'Equilibrium', soft: Collection[int] | None = Non
     """
     Draw discs, segments, tendons and calculation points of a state in mm.
 
-    axes: of IN_SPACE; into others it is drawn as seen along y.  soft: segments (0-based) in
-    colour; by default those that are soft while others are stiff.
+    axes: of projection IN_SPACE; others show the view along y.  soft: segments (0-based) in
+    colour; by default the soft ones if others are stiff.
     """
     if soft is None:
         soft = [s for s, stiff in enumerate(state.stiff) if not stiff and any(state.stiff)]
@@ -64,7 +64,7 @@ def draw_arm(axes: Any, state: 'Equilibrium', soft: Collection[int] | None = Non
         axes.set(aspect='equal', xlabel='x in mm')
         axes.grid(alpha=0.3)
         return
-    # A cube: a shape that is nearly flat would be drawn in axes as thin as itself.
+    # A cube: otherwise the axes of a nearly flat shape would be as thin as the shape.
     low, high = (of(np.vstack([backbone, np.zeros((1, 3))]), axis=0) for of in (np.min, np.max))
     middle, half = (low + high) / 2, (high - low).max() / 2
     for name, centre in zip('xyz', middle, strict=True):

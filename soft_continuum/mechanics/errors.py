@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the statics raise when there is no equilibrium to return."""
+"""Errors that the statics raise when they find no equilibrium."""
 
 from typing import Any
 
@@ -9,8 +9,7 @@ class StaticsError(RuntimeError):
     """
     No equilibrium was found.
 
-    ``state`` is the last equilibrium on the path, planar or spatial; nothing beyond it was
-    accepted.
+    ``state`` is the last accepted equilibrium on the path, planar or spatial.
     """
 
     def __init__(self, message: str, state: Any) -> None:
@@ -20,4 +19,4 @@ class StaticsError(RuntimeError):
 
 
 class OverconstrainedError(StaticsError):
-    """The tendons are pulled in further than any shape of the soft segments allows."""
+    """The tendons are pulled in farther than any shape of the soft segments allows."""

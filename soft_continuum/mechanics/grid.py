@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes of an arm on a grid of bendings: what its tip reaches."""
+"""Shapes of an arm on a grid of bendings, for the reach of its tip."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
@@ -14,15 +14,15 @@ from soft_continuum.mechanics.inverse import set_shape
 from soft_continuum.mechanics.statics import Statics
 
 Bent: TypeAlias = tuple[Any, Array]
-"""A state, and the bending (segments, 2), rad, that was set."""
+"""A state, and the bending (segments, 2), rad, that was commanded."""
 
 
 def bends(arm: Arm, segment: int, count: int, directions: int) -> Array:
     """
-    Return bendings (k, 2), rad, of one segment (0-based) of any arm, evenly up to its limit.
+    Return evenly spaced bendings (k, 2), rad, of one segment (0-based) up to its limit.
 
-    One that bends about one axis has ``count`` of them from limit to limit; others are straight,
-    and half as many in each of so many directions.
+    About a single axis these are ``count`` bendings from limit to limit.  Otherwise they are the
+    straight segment and half as many bendings in each of the directions.
     """
     limit, axes = arm.segments[segment].bending_angle_limit, arm.bending_axes[segment]
     if axes.sum() == 1:
@@ -39,9 +39,9 @@ def set_each(
         progress: Callable[[Sequence[Bent], str], Iterable[Bent]] = lambda states, _: states
         ) -> list[Bent]:
     """
-    Return the arm with every segment at each of its bendings, without what no tendons hold.
+    Return the arm at all combinations of bendings, without those that no tendons hold.
 
-    grid: of each segment, (k, 2), rad.  order, jamming, progress: as of set_on_grid.
+    grid: per segment, (k, 2), rad.  order, jamming, progress: as for set_on_grid.
     """
     count = len(grid)
     states: list[Bent] = [(statics.chain.straight(), np.zeros((count, 2)))]
@@ -66,15 +66,15 @@ def set_on_grid(
         progress: Callable[[Sequence[Bent], str], Iterable[Bent]] = lambda states, _: states
         ) -> list[Bent]:
     """
-    Return the arm with every segment straight or bent, evenly up to its limit, in each direction.
+    Return the arm with every segment straight or evenly bent up to its limit in each direction.
 
-    angles, directions: how many of both, so (1 + angles * directions) ** segments shapes; about
-    one axis there are two directions.  order: in which segments are set (default: base first).
-    jamming: whether all others are stiff then; without it all are soft, those not set yet are held
-    straight, and the order changes little.  progress: from the states to begin at and what is set
-    to an iterable of them that shows how far it is.  Returns each state with the bending
-    (segments, 2) rad that was set, without those that no tendons hold.  Raises ValueError for
-    counts below 1.
+    angles, directions: number of each, so (1 + angles * directions) ** segments shapes; about one
+    axis there are two directions.  order: of setting the segments (default: base first).
+    jamming: whether all others are stiff meanwhile; without it all are soft, those not yet set
+    are held straight, and the order has little effect.  progress: called with the states and
+    the segment's name, returns an iterable of the states.  Returns each state with the commanded
+    bending (segments, 2), rad, without those that no tendons hold.  Raises ValueError for counts
+    below 1.
     """
     for name, count in (('angles', angles), ('directions', directions)):
         if not whole(count) or count < 1:
@@ -88,10 +88,10 @@ def set_on_grid(
 def workspace(statics: Statics, angles: int = 2, directions: int = 6
               ) -> tuple[Array, Array]:
     """
-    Return tips that the arm reaches when it is set base first, and their bending.
+    Return the tips and bendings of the shapes of set_on_grid, set base first.
 
-    Of the shapes of set_on_grid: tips (m, 3), m, and bending (m, segments, 2), rad.  Each takes
-    some 10 ms, of a planar arm 0.2 ms.
+    Returns tips (m, 3), m, and bending (m, segments, 2), rad.  A shape takes about 10 ms, or
+    0.2 ms for a planar arm.
     """
     states = [state for state, _ in set_on_grid(statics, angles, directions)]
     return (np.array([state.poses[-1, :3] for state in states]).reshape(-1, 3),

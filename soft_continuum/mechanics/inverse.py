@@ -1,12 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Pulls for the bending of soft segments, with the least tension, and shapes set one by one.
+Pulls for the bending of soft segments with least tension, and shapes set segment by segment.
 
-A bending has an angle and a direction, so it takes two tendons at least: of three or more, many
-tensions hold the same bending.  Newton's method for the bending chooses, in each step, the least
-sum of squares of the tensions among those that none falls below the pretension (a quadratic
-program, as for cable-driven parallel robots: Pott, Cable-Driven Parallel Robots, 2018, ch. 3).
+A bending has an angle and a direction, so it needs two or more tendons; with three or more, many
+tensions hold the same bending.  Each step of Newton's method for the bending minimises the sum
+of squared tensions with none below the pretension (a quadratic program, as for cable-driven
+parallel robots: Pott, Cable-Driven Parallel Robots, 2018, ch. 3).
 """
 
 from collections.abc import Sequence
@@ -45,10 +45,10 @@ SETTLED = 1e-7  # of the tensions: they change no more
 @dataclass(frozen=True, eq=False)
 class BendingFit:
     """
-    Pulls at which soft segments have their bending.
+    Pulls that give soft segments their bending.
 
     pulls: (tendons,) m at the motors (stretch included), SLACK for a tendon that does not carry.
-    error: (segments, 2) rad, reached minus wanted; nan where nothing was wanted.
+    error: (segments, 2) rad, reached minus commanded; nan where nothing was commanded.
     """
 
     state: Equilibrium
@@ -59,21 +59,21 @@ class BendingFit:
 def pulls_for_bending(statics: Statics, start: Equilibrium, bending: ArrayLike,
                       soft: Sequence[bool], *, pretension: float = 0.0) -> BendingFit:
     """
-    Return the pulls at which soft segments have given bending, with the least tensions.
+    Return the pulls that give soft segments their bending with the least tensions.
 
-    statics: Statics, of any arm; of a planar one Statics.bend does the same for a segment.
-    bending: (segments, 2) rad about x and y, as Equilibrium.bending; nan for what may be
-    anything.  pretension: N that every tendon carries at least; with 0 a tendon may be slack.
-    Where several tensions do, the sum of their squares is least.  Followed from ``start``, with
-    its vacuum.  Tendons do not rub here.
+    statics: of any arm; for one segment of a planar arm Statics.bend does the same.
+    bending: (segments, 2) rad about x and y, as Equilibrium.bending; nan leaves a component free.
+    pretension: N, least tension of every tendon; with 0 a tendon may be slack.
+    Among possible tensions the sum of their squares is least.  Solved from ``start``, with its
+    vacuum and without friction of tendons.
 
-    Raises StaticsError that names what cannot be held: a segment that no tendon passes, a
-    direction to which none bends it, more bendings than tendons; ValueError for other sizes.
+    Raises StaticsError that names the cause: a segment that no tendon passes, a direction in
+    which none bends it, more bendings than tendons; ValueError for other sizes.
     """
     check_start(start)
     wanted, chosen = _wanted(statics, bending, soft)
     if not (finite(pretension) and pretension >= 0.0):
-        raise ValueError(f'the pretension must be a number of 0 N and more; given: {pretension!r}')
+        raise ValueError(f'the pretension must be a number of 0 N or more; given: {pretension!r}')
     _refuse_unreachable(statics, start, chosen)
     search = _Search(statics, wanted, chosen, tuple(soft), pretension)
     state = search.run(start)
@@ -87,15 +87,15 @@ def set_shape(statics: Statics, bending: ArrayLike, start: Equilibrium | None = 
               order: Sequence[int] | None = None, *, pretension: float = 0.0, jamming: bool = True
               ) -> Any:
     """
-    Return the arm with its segments set one after the other, base first unless ``order`` says so.
+    Return the arm with its segments set one after another, base first or in ``order``.
 
-    statics: of any arm.  bending: (segments, 2) rad, of which only those of the
-    segments in ``order`` count; of hinges about y also angles (segments,).  A segment that already
-    has its bending is left alone.  Where stiff segments give way, each is bent so far that it has
-    its bending in the end.  pretension: as of pulls_for_bending.  Without jamming all segments are
-    soft and set at once.  Tendons do not rub here.  Raises StaticsError where a segment is not
-    held at its bending or where they cannot all have theirs, ValueError for bending or an order
-    that are not those of the arm.
+    statics: of any arm.  bending: (segments, 2) rad, used for segments in ``order`` only; for
+    hinges about y also angles (segments,).  A segment that already has its bending is skipped.
+    Where stiff segments give way, each is overbent so that it ends at its bending.
+    pretension: as for pulls_for_bending.  Without jamming all segments are soft and set at once.
+    Friction of tendons is neglected.  Raises StaticsError where a segment cannot be held at its
+    bending or not all can have theirs, ValueError for a bending or an order that does not match
+    the arm.
     """
     segments, free = statics.chain.segments, statics.chain.arm.bending_axes
     wanted = real_array(bending, 'bending must be numbers (rad)')
@@ -136,7 +136,7 @@ def set_shape(statics: Statics, bending: ArrayLike, start: Equilibrium | None = 
 
 def _wanted(statics: Statics, bending: ArrayLike, soft: Sequence[bool]
             ) -> tuple[Array, Booleans]:
-    """Return the bending wanted, and what of it counts: (segments, 2) each."""
+    """Return the goal bending and which components are used: (segments, 2) each."""
     arm, segments = statics.chain.arm, statics.chain.segments
     wanted = real_array(bending, 'bending must be numbers (rad), or nan')
     flags = np.array(soft_flags(soft, segments))
@@ -147,13 +147,13 @@ def _wanted(statics: Statics, bending: ArrayLike, soft: Sequence[bool]
     _refuse_across(arm.bending_axes, np.where(chosen, wanted, 0.0))
     chosen &= arm.bending_axes
     if not chosen.any():
-        raise ValueError('bending must have a number for a soft segment at least; given: '
+        raise ValueError('bending must have a number for at least one soft segment; given: '
                          f'{bending!r}')
     return wanted, chosen
 
 
 def _refuse_across(free: Booleans, wanted: Array) -> None:
-    """Refuse bending about an axis about which a segment does not bend."""
+    """Raise ValueError for bending about a rigid axis of a segment."""
     for s, axis in np.argwhere(~free & (wanted != 0.0)):
         raise ValueError(f'segment {s + 1} does not bend about {"xy"[axis]}: its stiffness is '
                          'infinite')
@@ -161,20 +161,20 @@ def _refuse_across(free: Booleans, wanted: Array) -> None:
 
 def _refuse_unreachable(statics: Statics, start: Equilibrium, chosen: Booleans
                         ) -> None:
-    """Refuse what no tension whatsoever can choose."""
+    """Raise StaticsError for bending that no tensions can set."""
     tendons = statics.chain.arm.tendons
     for s in np.flatnonzero(chosen.any(axis=1)):
         if not any(tendon.end > s for tendon in tendons):
             raise StaticsError(f'no tendon passes segment {s + 1}, so its bending cannot be '
-                               'chosen', start)
+                               'set', start)
     if chosen.sum() > len(tendons):
         raise StaticsError(
-            f'{chosen.sum()} bendings cannot be chosen with {len(tendons)} tendons; let fewer '
-            'segments be soft, or give nan for what may be anything', start)
+            f'{len(tendons)} tendons cannot set {chosen.sum()} bendings; make fewer '
+            'segments soft, or give nan for free components', start)
 
 
 class _Search:
-    """Newton's method for bendings (segments, 2) rad, of which some are chosen."""
+    """Newton's method for the chosen components of bending (segments, 2), rad."""
 
     def __init__(self, statics: Statics, wanted: Array, chosen: Booleans,
                  soft: tuple[bool, ...], pretension: float) -> None:
@@ -182,8 +182,8 @@ class _Search:
         self.pretension, self.jumps = pretension, MAX_JUMPS
 
     def run(self, start: Equilibrium) -> Equilibrium:
-        """Return where the bendings are those wanted, or as near as the tendons bring them."""
-        # Tendons that all are just taut hold each other: a little slack shows which carry.
+        """Return the state with the goal bending, or the nearest that the tendons reach."""
+        # Tendons that are all just taut block each other: a little slack shows which carry.
         state = self.statics.solve(
             start, self.statics.commanded_pulls(start) - start.slack - SLACK_ALLOWANCE, self.soft,
             vacuum=start.vacuum or None)
@@ -209,11 +209,11 @@ class _Search:
         return state
 
     def pulls(self, state: Equilibrium) -> Array:
-        """Return the pulls at the motors, (tendons,), m, SLACK where nothing is carried."""
+        """Return the pulls at the motors, (tendons,), m, SLACK without tension."""
         return np.where(state.tensions > NO_TENSION, self.statics.commanded_pulls(state), SLACK)
 
     def by_tensions(self, state: Equilibrium) -> tuple[Array, Array]:
-        """Return how bendings chosen (k, tendons) and paths (tendons, tendons) change by them."""
+        """Return derivatives of bendings (k, tendons) and paths (tendons, tendons) by tensions."""
         found = Linearisation(self.statics, state, tensions=state.tensions).tensions()
         return found.bending[self.chosen], found.paths
 
@@ -221,7 +221,7 @@ class _Search:
         """
         Return least tensions (tendons,) N for a change (k,) rad, and pulls at the motors, m.
 
-        Last, whether they bring about that change, as far as this derivative tells.
+        The last value is whether they give that change to first order.
         """
         slopes, paths = self.by_tensions(state)
         needed = change + slopes @ state.tensions
@@ -229,7 +229,7 @@ class _Search:
             np.vstack([WEIGHT * slopes, np.eye(len(self.statics.compliance))]),
             np.concatenate([WEIGHT * needed, np.zeros(len(self.statics.compliance))]),
             (self.pretension, np.inf), method='bvls').x
-        # Exactly, with the tendons that carry: those at the pretension stay there.
+        # Exact for the tendons that carry; those at the pretension stay there.
         carries = tensions > self.pretension + NO_TENSION
         tensions[~carries] = self.pretension
         tensions[carries] = np.linalg.lstsq(
@@ -241,20 +241,20 @@ class _Search:
 
     def solve(self, state: Equilibrium, tensions: Array, pulls: Array
               ) -> Equilibrium:
-        """Solve by the lengths of the tendons that carry: by tensions less is stable."""
+        """Solve for lengths of the tendons that carry: fewer states are stable by tension."""
         carries = tensions > self.pretension + NO_TENSION
         there = self.statics.solve(state, pulls, self.soft, vacuum=state.vacuum or None,
                                    tensions=np.where(carries, np.nan, self.pretension))
         if there.jumped:
-            # Where one tendon takes over from another, the arm may lean from one to the other.
+            # Where one tendon takes over from another, the arm may tilt between them.
             if np.abs(there.bending - state.bending).max() > CAUGHT or not self.jumps:
-                raise StaticsError('the tendons can bend the arm so, but not hold it: the '
-                                   'equilibrium is not stable', state)
+                raise StaticsError('the tendons can bend the arm to this shape but not hold '
+                                   'it: the equilibrium is not stable', state)
             self.jumps -= 1
         return there
 
     def why_not(self, state: Equilibrium) -> str:
-        """Return what cannot be held, at the state where the search ended."""
+        """Return a message that names what cannot be held, from the last state of the search."""
         arm = self.statics.chain.arm
         missed = np.where(self.chosen, state.bending - self.wanted, 0.0)
         worst = int(np.argmax(np.abs(missed).max(axis=1)))
@@ -263,17 +263,17 @@ class _Search:
         names = ', '.join(f'{arm.tendon_names[t]} at {_degrees(place):.0f}'
                           for t, place in zip(passing, places, strict=True))
         off = (f'segment {worst + 1} cannot be held at its bending: '
-               f'{np.degrees(np.linalg.norm(missed[worst])):.2f} degrees are left')
+               f'the error is {np.degrees(np.linalg.norm(missed[worst])):.2f} degrees')
         values = np.linalg.svd(places, compute_uv=False)
         if len(passing) < 2 or values[1] < ONE_PLANE * values[0]:
             return (f'{off}, and the tendons that pass it lie in one plane ({names} degrees about '
                     'z from x); another plane needs a tendon beside it')
         if self.chosen.any(axis=1).sum() > 1:
-            return (f'{off}; the tendons do not hold those of all soft segments at once, so let '
-                    'fewer be soft')
+            return (f'{off}; the tendons do not hold all soft segments at once, so make fewer '
+                    'segments soft')
         towards = _degrees(np.array([-missed[worst, 1], missed[worst, 0]]))
-        return (f'{off}, and no tendon pulls it on towards {towards:.0f} degrees about z from '
-                f'x; those that pass it are {names}')
+        return (f'{off}, and no tendon pulls it towards {towards:.0f} degrees about z from x; '
+                f'those that pass it are {names}')
 
 
 def _degrees(across: Array) -> float:

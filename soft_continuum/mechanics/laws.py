@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Stiffness laws of a segment: measured moment-curvature tables, and what jamming adds.
+Stiffness laws of a segment: measured moment-curvature tables, and the effect of jamming.
 
-The paper takes soft segments as linear and stiff ones as rigid, and asks for piecewise,
+The paper models soft segments as linear and stiff ones as rigid, and names piecewise,
 deformation-dependent stiffness in both states as future work (VI); these are not from the paper.
 """
 
@@ -20,7 +20,7 @@ MAX_RATIO = 1e12  # beyond it rounding hides the soft springs
 
 
 class LawError(ValueError):
-    """A stiffness law is not usable; the message names the row or value."""
+    """A stiffness law is invalid; the message names the row or value."""
 
 
 @dataclass(frozen=True)
@@ -29,14 +29,14 @@ class MomentCurvature:
     A piecewise-linear, odd moment-curvature law.
 
     curvatures: 1/m, from 0, increasing.  moments: N m, from 0, increasing.  Beyond the last row
-    the last slope goes on.
+    the last slope continues.
     """
 
     curvatures: tuple[float, ...]
     moments: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        """Refuse a table that is not a monotone law through zero, naming the row."""
+        """Raise an error naming the row unless the table is a monotone law through zero."""
         for name, column in (('curvatures', self.curvatures), ('moments', self.moments)):
             if not (isinstance(column, Sequence) and all(is_number(value) for value in column)):
                 raise LawError(f'{name} are {column!r}; give a tuple of numbers')
@@ -68,9 +68,9 @@ class MomentCurvature:
         return float(np.trapezoid(m, k))
 
     def minus(self, other: 'MomentCurvature') -> 'MomentCurvature':
-        """Return the law that, beside ``other``, makes up this one."""
+        """Return the law that, added to ``other``, gives this one."""
         k = np.union1d(self.curvatures, other.curvatures)
-        k = k[np.diff(k, prepend=-1.0) > 1e-9 * k[-1]]  # rows that are the same but for rounding
+        k = k[np.diff(k, prepend=-1.0) > 1e-9 * k[-1]]  # rows that are equal except for rounding
         moments = [self.moment(x) - other.moment(x) for x in k]
         for low, high, less, more in zip(k, k[1:], moments, moments[1:], strict=False):
             if more <= less:
@@ -82,7 +82,7 @@ class MomentCurvature:
 
 
 def extended(x: float, given: ArrayLike, values: ArrayLike) -> float:
-    """Interpolate linearly between rows; beyond the last row the last slope goes on."""
+    """Interpolate linearly between rows; beyond the last row the last slope continues."""
     a, b = np.asarray(given), np.asarray(values)
     beyond = max(0.0, x - float(a[-1])) * (b[-1] - b[-2]) / (a[-1] - a[-2])
     return float(np.interp(x, a, b) + beyond)
@@ -96,14 +96,13 @@ def linear(bending_stiffness: float) -> MomentCurvature:
 @dataclass(frozen=True)
 class Jam:
     """
-    What a jammed filling adds to the leaf spring of a stiff segment.
+    The stiffness that a jammed filling adds to the leaf spring of a stiff segment.
 
-    ratio: K, bending stiffness of the stiff over that of the soft segment; infinite (the default)
-    is the paper's rigid segment.  law: the whole stiff segment's moment over its curvature away
-    from the held shape, measured, in place of a ratio.  yield_moment: N m that the jam bears at
-    full vacuum before its held shape creeps.  stiffness_exponent: the jam's stiffness grows with
-    vacuum to this power; its yield moment grows with vacuum itself (usually 0.5 to 1, and about
-    proportional).
+    ratio: K, bending stiffness of the stiff segment over that of the soft one; inf (the default)
+    is the paper's rigid segment.  law: measured moment of the whole stiff segment over curvature
+    relative to the held shape, instead of a ratio.  yield_moment: N m that the jam bears at full
+    vacuum before its held shape creeps.  stiffness_exponent: the jam's stiffness grows with
+    vacuum to this power, usually 0.5 to 1; its yield moment is proportional to vacuum.
     """
 
     ratio: float = inf
@@ -112,7 +111,7 @@ class Jam:
     stiffness_exponent: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse what is not a jam."""
+        """Raise an error for an invalid jam."""
         for name, value in (('ratio', self.ratio), ('yield moment', self.yield_moment),
                             ('stiffness exponent', self.stiffness_exponent)):
             if not is_number(value):
@@ -140,23 +139,23 @@ class Jam:
 
 def refuse_parts(jams: Sequence[Jam], stiff: Sequence[bool], vacuum: Sequence[float]) -> None:
     """
-    Raise ValueError where a rigid jam of a stiff segment has some vacuum, but not all.
+    Raise ValueError where a rigid jam of a stiff segment has partial vacuum.
 
     vacuum: 0 to 1 per segment, empty for full.
     """
     for s, part in enumerate(vacuum):
         if stiff[s] and jams[s].rigid and part < 1.0:
             raise ValueError(
-                f'vacuum of segment {s + 1} is {part:g}; its jam is rigid and knows 0 (soft) '
-                'and 1 (stiff) only; give the jam a ratio K or a law')
+                f'vacuum of segment {s + 1} is {part:g}; its jam is rigid and accepts only 0 '
+                '(soft) and 1 (stiff); give the jam a ratio K or a law')
 
 
 def outweigh(springs: NDArray[np.float64], loads: NDArray[np.float64]) -> bool:
     """
     Return whether springs outweigh loads in every shape, so that the energy is convex.
 
-    springs: (links,) N m/rad, below each link.  loads: (links,) N m, the most that what turns with
-    a link does.  So it is when all pivots of the Hessian are positive.
+    springs: (links,) N m/rad, below each link.  loads: (links,) N m, largest moment of the loads
+    that turn with a link.  The criterion is that all pivots of the Hessian are positive.
     """
     pivot = np.inf
     for below, above, load in zip(springs, np.append(springs, 0.0)[1:], loads, strict=True):

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Rotations as others write them: by quaternions and angles."""
+"""Conversion of rotations to and from quaternions and angles."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from soft_continuum.mechanics.arm import Array
 
 
 def bending_between(orientations: Array) -> Array:
-    """Return how far each of (…, k, 3, 3) bends about x and y of the one before, (…, k - 1, 2)."""
+    """Return bending about x and y between successive (…, k, 3, 3), (…, k - 1, 2), rad."""
     axes = np.einsum('...ji,...j->...i', orientations[..., :-1, :, :],
                      orientations[..., 1:, :, 2])  # in the one before
     across = np.linalg.norm(axes[..., :2], axis=-1)
@@ -58,7 +58,7 @@ def rotation_vectors(rotations: Array) -> Array:
 
 
 def turned_about_axes(angles: Array) -> Array:
-    """Return the rotations (k, 3, 3) of which angles_about_axes gives ``angles`` (k, 3), rad."""
+    """Return the rotations (k, 3, 3) for angles (k, 3), rad: the inverse of angles_about_axes."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles).T, np.sin(angles).T
     rows = [[cy * cz, -cy * sz, sy],
             [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
@@ -68,7 +68,7 @@ def turned_about_axes(angles: Array) -> Array:
 
 def angles_about_axes(rotations: Array) -> Array:
     """
-    Return the angles (k, 3), rad, by which to turn about x, then y, then z, each as turned so far.
+    Return intrinsic angles (k, 3), rad, about x, then y, then z.
 
     rotations: (k, 3, 3), each of less than a right angle.
     """
@@ -106,7 +106,7 @@ def cross_matrices(vectors: Array) -> Array:
 
 
 def bending_rates(orientations: Array, turned: Array) -> Array:
-    """Return how bending (segments, 2, k) changes as the discs (discs, 3, k) turn."""
+    """Return the change of bending (segments, 2, k) for turns of the discs (discs, 3, k)."""
     below, above = orientations[:-1], orientations[1:, :, 2]
     axes = np.einsum('sji,sj->si', below, above)  # of each upper disc, in the frame below
     moved = np.einsum('sji,sjk->sik', below,

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Where an arm runs into itself, or is wound up: the statics know no contact, so they are asked.
+Self-contact and winding of an arm, which the statics do not model.
 
-A backbone of some radius is a tube of capsules, one for each body.  Bodies nearer along the
-backbone than half the circumference of the tube are neighbours and not looked at: the sharpest
-turn that a tube can take keeps those further along at least a diameter apart (Gonzalez and
+A backbone with a radius is a tube of capsules, one for each body.  Bodies nearer along the
+backbone than half the circumference of the tube are neighbours and not checked: the sharpest
+turn of a tube keeps those farther along at least a diameter apart (Gonzalez and
 Maddocks, Global curvature, thickness, and the ideal shapes of knots, PNAS 96, 1999).
 """
 
@@ -21,9 +21,9 @@ from soft_continuum.mechanics.statics import Booleans
 
 def self_intersections(state: Equilibrium, radius: float) -> list[tuple[int, int]]:
     """
-    Return which parts of an arm of a radius (m) run into each other, pairs, the lower one first.
+    Return the pairs of parts of an arm with a radius (m) that collide, the lower part first.
 
-    Parts are counted from the base: 0 the base disc, 1 the first segment, 2 the disc above it, and
+    Parts count from the base: 0 is the base disc, 1 the first segment, 2 the disc above it, and
     so on.  Raises ValueError for a radius that is not a positive number.
     """
     if not (finite(radius) and radius > 0.0):
@@ -48,8 +48,8 @@ def exceeds_pi(state: Equilibrium) -> Booleans:
     """
     Return which segments are bent by more than pi, (segments,).
 
-    ``Equilibrium.bending`` cannot say so: it is that of the shorter way from disc to disc.
-    This sums what the joints of a segment bend by.
+    ``Equilibrium.bending`` cannot show this: it is the shorter rotation from disc to disc.
+    Here the bending of all joints of a segment is summed.
     """
     each = state.chain.summed(state.joint_angles)
     found: Booleans = np.linalg.norm(each, axis=1) > pi

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How an equilibrium changes with pulls, loads and stiffness, by differentiating it implicitly.
+Derivatives of an equilibrium by pulls, loads and stiffness, by implicit differentiation.
 
 At an equilibrium F(shape, tensions; p) = 0, so d(shape, tensions)/dp = -K^-1 dF/dp with K the
 matrix of the last Newton step.
@@ -27,7 +27,7 @@ class Sensitivity:
 
     turned: (bodies, 3, k), of every body, as rotation vectors in base_link, rad per unit.
     tensions: (tendons, k) N per unit.  paths: (tendons, k) m per unit, of the lengths of the
-    tendons' paths.  state: of which they are.
+    tendons' paths.  state: the equilibrium.
     """
 
     turned: Array
@@ -37,7 +37,7 @@ class Sensitivity:
 
     @property
     def points(self) -> Array:
-        """Of bottom and top centre of every disc, (2 * discs, 3, k), m per unit."""
+        """Derivatives of bottom and top centre of every disc, (2 * discs, 3, k), m per unit."""
         chain = self.state.chain
         along = chain.body_lengths[:, None] * chain.axes(self.state.configuration)
         ends = np.zeros((chain.bodies + 1, *self.turned.shape[1:]))
@@ -46,38 +46,38 @@ class Sensitivity:
 
     @property
     def orientations(self) -> Array:
-        """Of every disc, as rotation vectors in base_link, (discs, 3, k), rad per unit."""
+        """Turns of every disc, rotation vectors in base_link, (discs, 3, k), rad per unit."""
         found: Array = np.concatenate([np.zeros((1, *self.turned.shape[1:])),
                                        self.turned[self.state.chain.last_body]])
         return found
 
     @property
     def bending(self) -> Array:
-        """Of each segment about x and y, (segments, 2, k), rad per unit."""
+        """Derivatives of bending about x and y, (segments, 2, k), rad per unit."""
         return self.state.chain.bending_rates(self.state.configuration, self.orientations)
 
     @property
     def poses(self) -> Array:
-        """Of the discs' bottoms, (discs, 6, k): shifts along x, y, z, m; turns about them, rad."""
+        """Motion of disc bottoms, (discs, 6, k): shifts along x, y, z, m; turns, rad."""
         return np.concatenate([self.points[::2], self.orientations], axis=1)
 
     @property
     def tip(self) -> Array:
-        """Of the top of the last disc: x, y, z (m), then its rotation vector (rad), (6, k)."""
+        """Motion of the top of the last disc: x, y, z (m), rotation vector (rad), (6, k)."""
         found: Array = np.concatenate([self.points[-1], self.orientations[-1]])
         return found
 
 
 class Linearisation:
     """
-    The linearised statics at one equilibrium, for the stiff segments that it was found with.
+    The linearised statics at one equilibrium, with its stiff segments.
 
-    A slack tendon stays slack and a taut one taut: where that changes, the derivatives are
-    one-sided.  So they are where a jam yields.
+    Slack tendons stay slack and taut ones taut: where that changes, the derivatives are
+    one-sided, as they are where a jam yields.
     """
 
     def __new__(cls, statics: Statics, *_: object, **__: object) -> Self:
-        """Make one of the kind of the statics."""
+        """Create the subclass for the statics."""
         kind: type[Any] = cls
         if cls is Linearisation:
             from soft_continuum.mechanics.plane.sensitivity import PlaneLinearisation
@@ -91,9 +91,9 @@ class Linearisation:
         """
         Assemble the matrix, and factor it.
 
-        sliding: as in Statics.solve.  tensions: as there: a number for each tendon whose tension
-        is given and not its length, else nan (default: all lengths).  loading: whether joints
-        whose jam bears just its yield moment go on to yield, or all turn back and are elastic.
+        sliding: as in Statics.solve.  tensions: as there: a number for each tendon with a given
+        tension instead of a length, else nan (default: all lengths).  loading: whether joints at
+        the yield moment of their jam continue to yield, or unload elastically.
         Raises ValueError for a state of another arm, tensions of the wrong size, and segments with
         friction.
         """
@@ -101,9 +101,9 @@ class Linearisation:
 
     def all(self) -> Sensitivity:
         """
-        Return all of them that an estimate needs, which costs little more than one.
+        Return all derivatives for an estimate, which costs little more than one.
 
-        In turn: by the held shape, a factor of the stiffness and K of each segment, the pulls, the
+        In order: by the held shape, a stiffness factor and K of each segment, the pulls, the
         payload.
         """
         raise NotImplementedError
@@ -124,8 +124,8 @@ class Linearisation:
         """
         Return the derivatives by the shape that the jam of every segment holds.
 
-        Per rad of its bending about x, then y, of each segment in turn, spread evenly over its
-        joints; 0 for one that is soft, or rigid.
+        Per rad of bending about x, then y, for each segment, distributed evenly over its joints;
+        0 if soft or rigid.
         """
         raise NotImplementedError
 
@@ -137,6 +137,6 @@ class Linearisation:
         """
         Return the derivatives by forces on the discs, per N.
 
-        In turn x, y and z (base_link) at the centre of every disc but the base, as a Wrench.
+        In order x, y and z (base_link) at the centre of every disc but the base, as a Wrench.
         """
         raise NotImplementedError

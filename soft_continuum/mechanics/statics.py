@@ -4,10 +4,10 @@
 Statics of the arm: the shape in which springs, weights, wrenches and tendons balance.
 
 The paper integrates its multibody model for 10 s with a backward Euler solver and uses the end
-state only.  Here that end state is solved for: a minimum of the potential energy under the lengths
-of the tendons, whose Lagrange multipliers are the tensions (a tendon pulls or is slack).
+state only.  Here that end state is solved directly: a minimum of the potential energy subject to
+the tendon lengths, whose Lagrange multipliers are the tensions (a tendon pulls or is slack).
 
-Equilibria depend on the path, so every solve starts from the state before it.
+Equilibria depend on the path, so every solve starts from the previous state.
 """
 
 from collections.abc import Sequence
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 Booleans = NDArray[np.bool_]
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
 SLACK_ALLOWANCE = 1e-4
-"""m of pull that rope and guides absorb; the model's inextensible tendons would buckle the arm."""
+"""m of pull absorbed by rope and guides; inextensible tendons would buckle the modelled arm."""
 
 PRETENSIONS = (0.0, 0.3)
-"""N that tendons carry at least, tried in turn to hold a bending in space."""
+"""Pretensions, N, tried in order to hold a bending of a spatial arm."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldBending:
     """
-    A state in which soft segments bend as is wanted, and what the motors do for it.
+    A state with the commanded bending of soft segments, and the pulls of the motors.
 
     pulls: (tendons,) m at the motors, stretch included, SLACK for a tendon that does not carry.
     """
@@ -49,13 +49,13 @@ class HeldBending:
 
 class Statics:
     """
-    Equilibria of one arm; those of a planar arm are solved for in its plane.
+    Equilibria of one arm; planar arms are solved in their plane.
 
     ``soft`` masks have one flag per segment.  Softening returns the springs of a segment to their
     natural shape.  Stiffening locks it (paper, III-A) or, with a Jam of finite stiffness, adds
-    the jam's springs about the shape at which it was stiffened; either way it moves nothing.
-    compliance: of the tendons where nothing rubs, (tendons,) m/N.  precision: rad by which a
-    segment that has its bending may miss it, and by which one may that comes no nearer.
+    the jam's springs about the shape at that time; neither moves the arm.
+    compliance: of the tendons without friction, (tendons,) m/N.  precision: rad, error at which a
+    bending counts as reached, and error accepted when no step reduces it.
     late_imports: modules that are loaded when a solve first needs them.
     """
 
@@ -65,7 +65,7 @@ class Statics:
     late_imports: tuple[str, ...] = ()
 
     def __new__(cls, arm: Arm) -> Self:
-        """Make one of the kind of the arm."""
+        """Create the subclass for the arm."""
         kind: type[Any] = cls
         if cls is Statics:
             if arm.planar:
@@ -85,13 +85,12 @@ class Statics:
         """
         Return the equilibrium for given pulls, followed from ``start``.
 
-        pulls: (tendons,) m, how much shorter each tendon is than in the straight arm; negative is
-        paid out, SLACK never carries.  soft: one flag per segment.  tensions: (tendons,) N of
-        tendons that are pulled by a force instead, nan for those that are not (default: none).
-        vacuum: of each stiff segment, 0 to 1 of full vacuum (default: full); without any it is
-        soft, and a rigid one knows no other parts.  sliding: of each tendon through its guides,
-        for friction: 1 towards the base, -1 towards the tip, 0 frictionless, as all are by
-        default.
+        pulls: (tendons,) m, shortening of each tendon relative to the straight arm; negative is
+        paid out, SLACK never carries.  soft: one flag per segment.  tensions: (tendons,) N for
+        tendons with a given force instead, nan for others (default: none).
+        vacuum: of each stiff segment, 0 to 1 of full vacuum (default: full); with 0 it is soft,
+        and rigid jams accept only 0 or 1.  sliding: direction of each tendon through its guides,
+        for friction: 1 towards the base, -1 towards the tip, 0 frictionless (default: all 0).
 
         Raises OverconstrainedError when no shape has tendons that short, StaticsError when no
         equilibrium was found, ValueError for input of the wrong size or nan.
@@ -116,12 +115,12 @@ class Statics:
         """
         Return the equilibrium in which ``segment`` (0-based) is bent by ``angle`` (rad) about y.
 
-        In the plane one tendon carries it, whichever the loads ask for (if either can, that of the
-        side to which the segment turns), and the other follows without tension; in space those do
-        that pulls_for_bending finds.  The pulls of all paths are in the result.  Only ``segment``
-        is soft unless ``soft`` says otherwise.  vacuum: as in ``solve``, but by default that of
-        ``start``.  sliding: as in ``solve``; in space of no use.  Raises StaticsError when no
-        tendon holds the arm there in a stable way.
+        In a planar arm one tendon carries, as the loads require (if either can, the one on the
+        side to which the segment turns), and the other follows without tension; in a spatial arm
+        pulls_for_bending chooses.  The result has the pulls of all paths.  By default only
+        ``segment`` is soft.  vacuum: as in ``solve``, but by default that of ``start``.
+        sliding: as in ``solve``; ignored for spatial arms.  Raises StaticsError when no tendon
+        holds the arm there in a stable way.
         """
         raise NotImplementedError
 
@@ -147,28 +146,28 @@ class Statics:
         """
         Return the state in which soft segments have their bending, and the pulls that hold it.
 
-        bending: (segments, 2) rad about x and y, of which that of soft segments counts, about the
-        axes about which they bend; the vacuum is that of ``start``.  sliding: as in ``solve``; in
-        space of no use, since tendons do not rub here.  pretensions: of which the first counts
-        that holds the arm: what would fall over by its load needs tendons to all sides; in the
-        plane of no use, since one tendon carries.  Raises StaticsError.
+        bending: (segments, 2) rad about x and y; used for soft segments, about axes of finite
+        stiffness.  The vacuum is that of ``start``.  sliding: as in ``solve``; ignored for
+        spatial arms, whose tendons are frictionless here.  pretensions: N, tried in order; an arm
+        that would fall over under its load needs tension on all sides.  Ignored for planar arms,
+        in which one tendon carries.  Raises StaticsError.
         """
         raise NotImplementedError
 
     def sliding_towards(self, change: Array, /) -> tuple[int, ...]:
         """
-        Return how tendons slide, as of a solve, while bending (segments, 2) changes, rad.
+        Return sliding, as for solve, while bending (segments, 2) changes, rad.
 
-        In space it is not known, so none does.
+        For spatial arms it is unknown and all are 0.
         """
         raise NotImplementedError
 
     def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
-        """Return by how much each tendon stretches per N at the base, (tendons,), m/N."""
+        """Return the compliance of each tendon for the tension at the base, (tendons,), m/N."""
         raise NotImplementedError
 
     def solve_together(self, problems: 'Problems') -> 'Batch':
-        """Return a batch with what compiled code finds of problems on all cores."""
+        """Return a batch with the equilibria that compiled code finds, on all cores."""
         raise NotImplementedError
 
     def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = ()) -> Array:
@@ -179,22 +178,21 @@ class Statics:
 
     def _locked(self, start: Equilibrium, by_force: Booleans, target: Array) -> Equilibrium:
         """
-        Return a wholly rigid arm: its tendons stretch, become slack, or cannot be pulled.
+        Return the state of a rigid arm: its tendons stretch, become slack, or cannot be pulled.
 
-        start: with the segments that are stiff from now on.  target: (tendons,) m, pulls, or N of
-        those by force.
+        start: with the new stiff segments.  target: (tendons,) m, pulls, or N of those by force.
         """
         short = np.where(by_force, 0.0, target - start.pulls)
         self._refuse_short(short, start)
         stretches = self.compliance > 0.0
         stretched = np.maximum(0.0, short) / np.where(stretches, self.compliance, 1.0)
-        # Nothing determines what one carries that neither stretches nor is slack.
+        # The tension of a taut, inextensible tendon is undetermined.
         found = np.where(stretches, stretched, np.where(short < -LOCKED_TOLERANCE, 0.0, np.nan))
         return replace(start, slack=np.maximum(0.0, -short), residual=0.0, iterations=0,
                        tensions=np.where(by_force, target, found), jumped=False)
 
     def _refuse_short(self, short: Array, start: Equilibrium) -> None:
-        """Refuse tendons (tendons,) that are too short (m) where nothing can bend or stretch."""
+        """Raise OverconstrainedError for tendons that are too short (m) in a rigid arm."""
         beyond = np.where(self.compliance > 0.0, 0.0, short)
         if beyond.max(initial=0.0) > LOCKED_TOLERANCE:
             worst = int(np.argmax(beyond))
@@ -206,9 +204,9 @@ class Statics:
 
 def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array]:
     """
-    Return which tendons a force pulls, and tensions (N) of these and pulls (m) of the others.
+    Return which tendons have a given force, and tensions (N) of these, pulls (m) of the others.
 
-    pulls, tensions: (…, tendons), as of Statics.solve; so are both that are returned.
+    pulls, tensions: (…, tendons), as for Statics.solve; both results have this shape.
     """
     never = pulls == SLACK
     target = np.where(never, 0.0, pulls)
@@ -220,8 +218,8 @@ def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array]:
 
 def warm_up() -> None:
     """
-    Build the compiled solver, or load it, now rather than in the first solve.
+    Build or load the compiled solver now rather than in the first solve.
 
-    It takes up to a minute once, and some milliseconds later.
+    The first build takes up to a minute, loading some milliseconds.
     """
     _kernel.functions()

@@ -3,9 +3,9 @@
 """
 Bending for a tip position or pose of an arm set segment by segment.
 
-Constant curvature is fitted to the tip; by how much the statics end beside it is then taken off
-the tip that is fitted, until that changes no more.  Where that does not lead there, near the edge
-of what the arm reaches and beyond it, the statics are fitted at last, which takes longer.
+Constant curvature is fitted to the tip.  The error of the statics is then subtracted from the
+fitted tip until it converges.  Where this fails, near or beyond the edge of the workspace, the
+statics are fitted, which takes longer.
 """
 
 from collections.abc import Iterator, Sequence
@@ -51,11 +51,11 @@ SLOW = 0.9  # of the error before: it hardly falls any more
 @dataclass(frozen=True, eq=False)
 class TipFit:
     """
-    Bending that brings the tip where it is wanted, or near.
+    Bending that brings the tip to its goal, or near.
 
-    bending: (segments, 2) rad.  state: the arm with it.  distance: m from the tip to where it was
-    wanted.  turn: rad from its orientation to the one wanted, 0 if none was.  softened: the
-    segments (0-based) that must be softened, base first.
+    bending: (segments, 2) rad.  state: the arm with it.  distance: m from the tip to the goal.
+    turn: rad from its orientation to the goal orientation, 0 without one.  softened: the segments
+    (0-based) that must be softened, base first.
     """
 
     bending: Array
@@ -66,7 +66,7 @@ class TipFit:
 
     @property
     def reached(self) -> bool:
-        """Whether the tip is where it was wanted."""
+        """Whether the tip is at its goal."""
         return self.distance <= REACHED
 
 
@@ -74,13 +74,13 @@ def bending_for_tip(statics: Statics, position: ArrayLike,
                     orientation: ArrayLike | None = None,
                     start: Any = None) -> TipFit:
     """
-    Return bending within the limits whose tip is at a position, with the fewest softenings.
+    Return bending within the limits that brings the tip to a position, with fewest softenings.
 
     position: (3,) m, of the top of the last disc in base_link.  orientation: (3, 3) of that disc,
-    wanted as well; it counts as 0.1 m per rad where both cannot be had.  start: the present shape
-    (default: straight); segments that keep their bending need not be softened.  Out of reach, a
-    tip is returned that no small change brings nearer, with its distance; that takes seconds, and
-    at most MAX_SHAPES settings of the arm.
+    optional; weighted by 0.1 m per rad where both cannot be reached.  start: the present shape
+    (default: straight); segments that keep their bending need not be softened.  Out of reach,
+    the result is a local minimum of the distance; that takes seconds, and at most MAX_SHAPES
+    settings of the arm.
 
     Raises StaticsError where no tendon holds the segments on the way, ValueError for other shapes
     or numbers.
@@ -114,7 +114,7 @@ def bending_for_tip(statics: Statics, position: ArrayLike,
         if best is not None and best.reached and best.turn < TURNED:
             return best
     if best is None:
-        far.sort(key=lambda one: round(one[0] / REACHED))  # of equal ones the fewest
+        far.sort(key=lambda one: round(one[0] / REACHED))  # the fewest if equal
         best = next((fit for _, search in far if (fit := search.run()) is not None), None)
     if best is None:
         raise StaticsError('no tendon holds the segments on the way to that tip', begin)
@@ -122,7 +122,7 @@ def bending_for_tip(statics: Statics, position: ArrayLike,
 
 
 def _better(one: TipFit | None, other: TipFit | None) -> TipFit | None:
-    """Return the fit with the smaller error, of equal ones the first."""
+    """Return the fit with the smaller error, or the first if equal."""
     if one is None or (other is not None and _error(other) < _error(one) - REACHED):
         return other
     return one
@@ -147,7 +147,7 @@ class _Fit:
         self.free[list(segments)] = arm.bending_axes[list(segments)]
 
     def within_limits(self) -> bool:
-        """Tell whether the segments that keep their bending are within their limits."""
+        """Return whether the segments that keep their bending are within their limits."""
         kept = [s not in self.segments for s in range(len(self.limits))]
         beyond = np.linalg.norm(self.present, axis=1) > self.limits + SAME_BENDING
         return not np.any(beyond & kept)
@@ -168,7 +168,7 @@ class _Fit:
         return least
 
     def run(self) -> TipFit | None:
-        """Return the fit of the statics near that by arcs; None where no tendon holds it."""
+        """Return the fit of the statics near the arc fit; None where no tendon holds it."""
         try:
             fit = self.correct(self.bending) if self.segments else self.fit(self.begin)
         except StaticsError:
@@ -182,9 +182,9 @@ class _Fit:
 
     def guesses(self) -> Array:
         """
-        Return bendings to begin at, (m, segments, 2), rad: drawn evenly from the limits.
+        Return initial bendings (m, segments, 2), rad, drawn uniformly within the limits.
 
-        Of hinges about y they are bent to either side, first to that of the goal.
+        Hinges about y are bent to either side, first to that of the goal.
         """
         if not self.free.any():
             return np.array(self.present[None])
@@ -202,11 +202,11 @@ class _Fit:
         return np.where(self.free, drawn, self.present)
 
     def _leant(self) -> float:
-        """Return towards x how the goal leans, as the sine of the angle; 0 where it may lean."""
+        """Return the tilt of the goal towards x as a sine; 0 without an orientation."""
         return 0.0 if self.turn is None else float(self.turn[0, 2])
 
     def missed(self, bending: Array, goal: Array, turn: Array | None) -> Array:
-        """Return by how much tips by constant curvature miss, (..., 3 or 6), m."""
+        """Return the errors of tips by constant curvature, (..., 3 or 6), m."""
         tips, turns = constant_curvature.tips(self.statics.chain.arm, bending)
         away: Array = tips - goal
         if turn is None:
@@ -247,7 +247,7 @@ class _Fit:
         return bending, float(np.linalg.norm(self.missed(bending, goal, turn)))
 
     def correct(self, bending: Array) -> TipFit:
-        """Return the fit of the statics near one by constant curvature."""
+        """Return the fit of the statics near a constant-curvature fit."""
         arm, goal, turn, best = self.statics.chain.arm, self.goal, self.turn, None
         for _ in range(MAX_ROUNDS):
             try:
@@ -271,7 +271,7 @@ class _Fit:
         return best
 
     def by_statics(self, near: TipFit) -> TipFit:
-        """Return the fit of the statics from one nearby on, by differences of solves."""
+        """Return the fit of the statics from a nearby fit, by finite differences of solves."""
         best = near
 
         def left(values: Array) -> Array:

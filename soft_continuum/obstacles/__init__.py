@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the arm must not touch: obstacles in base_link, and how far the arm is from them; without ROS.
+Obstacles in base_link and the distance of the arm from them; without ROS.
 
-``CollisionScene`` needs coal, from the extra ``obstacles``, as soon as there is an obstacle.
+With obstacles, ``CollisionScene`` needs coal, from the extra ``obstacles``.
 """
 
 from soft_continuum.obstacles.collision_scene import Clearance, CollisionScene

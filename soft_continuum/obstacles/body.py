@@ -1,17 +1,17 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The room that an arm takes: cylinders, which are its discs, its segments, and its tendons.
+The collision body of an arm: cylinders for its discs, segments and tendons.
 
 - A disc is a cylinder of its height. Its radius is the largest of half the outer diameters of the
   segments at it, and the offsets of their guides.
 - A segment is swept by a circle of half its outer diameter along its backbone (with spacers: at
-  least the offset of their guides): a cylinder for each rigid body, longer by as much as covers
-  the wedge that opens to its neighbour when the joint between them bends.
-- A tendon runs straight from guide to guide, so it leaves a segment that bends much between them.
-  It is a cylinder of TENDON_RADIUS, in the segments where it can come out.
+  least the offset of their guides): a cylinder for each rigid body, extended to cover the wedge
+  that opens to its neighbour when the joint between them bends.
+- A tendon runs straight from guide to guide, so it leaves a strongly bent segment between them.
+  It is a cylinder of TENDON_RADIUS, in the segments that it can leave.
 
-The base disc is left out: it does not move, so no plan changes how far away it is.
+The base disc is omitted: it does not move, so no plan changes its distance.
 """
 
 from collections.abc import Sequence
@@ -23,9 +23,9 @@ from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 
 TENDON_RADIUS = 0.0005
-"""Of every tendon, m: no description has it; the ropes of such arms are thinner."""
+"""m, of every tendon: descriptions lack it, and the ropes of such arms are thinner."""
 UNEVEN = 2.0
-"""By how much a span between two guides may bend more than the limit of its segment says."""
+"""Bending of a span between two guides, over that by the limit of its segment."""
 MIN_HALF_LENGTH = 1e-5
 """m: of a disc without height."""
 MAX_MITRE = 1.0
@@ -35,7 +35,7 @@ MAX_MITRE = 1.0
 @dataclass(frozen=True)
 class Cylinders:
     """
-    Parts of a body.
+    Cylinders of a body.
 
     centres: (n, 3), m.  axes: (n, 3), unit vectors.  half_lengths, radii: (n,), m.
     """
@@ -47,7 +47,7 @@ class Cylinders:
 
 
 class Body:
-    """The cylinders of one arm, state by state."""
+    """The cylinders of one arm in any state."""
 
     def __init__(self, arm: Arm) -> None:
         """Take radii and lengths from a description."""
@@ -74,7 +74,7 @@ class Body:
                          np.array([half]), np.array([radius]))
 
     def parts(self, state: Equilibrium) -> Cylinders:
-        """Return the room that a state of the arm takes."""
+        """Return the collision body of a state of the arm."""
         ends, axes = state.backbone, state.rotations[:, :, 2]
         below, above = self._mitres(axes)
         centres = 0.5 * (ends[:-1] + ends[1:]) + 0.5 * (above - below)[:, None] * axes
@@ -92,7 +92,7 @@ class Body:
             np.concatenate([self._radii, np.full(len(lengths), TENDON_RADIUS)]))
 
     def _mitres(self, axes: Array) -> tuple[Array, Array]:
-        """Return by how much each cylinder is longer at its lower and its upper end, (n,), m."""
+        """Return the extension of each cylinder at its lower and upper end, (n,), m."""
         cosines = np.einsum('ij,ij->i', axes[:-1], axes[1:])
         cosines = np.clip(np.concatenate([axes[:1, 2], cosines]), 1e-9, 1.0)
         shared = np.minimum(np.sqrt((1.0 - cosines) / (1.0 + cosines)), MAX_MITRE)  # half angle
@@ -109,7 +109,7 @@ def _spans_that_come_out(arm: Arm, radii: Array, guides: Sequence[Array]
     """
     Return tendon and lower guide of the spans that can leave segments of radii (m).
 
-    guides: as Equilibrium.tendon_points; those beyond the ones of segments are at both ends.
+    guides: as Equilibrium.tendon_points, which adds guides at both ends.
     """
     offsets, each = arm.guide_radii, arm.spacers + 1  # spans of a tendon in a segment
     found = []

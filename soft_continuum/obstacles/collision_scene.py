@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far an arm is from the obstacles around it."""
+"""Distance of an arm from the obstacles around it."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from soft_continuum.obstacles.obstacle import Obstacle, Shape
 from soft_continuum.obstacles.shapes import Capsule, IN_MM, ObstacleError, Sphere
 
 SEATED = 0.001
-"""m that an obstacle may reach into the base disc: what the arm stands on may touch it."""
+"""m that an obstacle may reach into the base disc, so that the arm can stand on it."""
 MAX_TO_ARM = 20.0
 """Largest extent of an obstacle over the length of the arm: beyond it the unit is wrong."""
 
@@ -25,10 +25,10 @@ MAX_TO_ARM = 20.0
 @dataclass(frozen=True)
 class Clearance:
     """
-    How far an arm is from the nearest obstacle.
+    Distance of an arm from the nearest obstacle.
 
-    distance: m; inf without obstacles.  Where they overlap it is negative, and its size only tells
-    how deep about.  obstacle: the name of the nearest one, empty without any.
+    distance: m; inf without obstacles.  Negative for overlaps, then only approximately the depth.
+    obstacle: the name of the nearest one, empty without any.
     """
 
     distance: float
@@ -39,17 +39,16 @@ class CollisionScene:
     """
     The obstacles around an arm.
 
-    Distances are those of the body that the module ``body`` describes, and never larger. Its base
-    disc is not counted: an obstacle may be as near to it as it likes, so that the arm can stand on
-    a table that is an obstacle, but not in it by more than 1 mm (SEATED). What is above the base
-    disc counts, from its first millimetre on. A scene never changes: make a new one.
+    Distances are those of the cylinders in the module ``body``, and never larger. The base disc is
+    excluded, so that the arm can stand on a table that is an obstacle. Obstacles may reach into it
+    by at most 1 mm (SEATED). Everything above the base disc counts. A scene is immutable.
     """
 
     def __init__(self, arm: Arm, obstacles: Iterable[Obstacle] = ()) -> None:
         """
         Take the obstacles (base_link, m) of an arm.
 
-        Raises ObstacleError where two have one name, where one is in the base disc or many times
+        Raises ObstacleError for duplicate names, for an obstacle in the base disc or many times
         as large as the arm, and without coal.
         """
         self.arm, self.obstacles = arm, tuple(obstacles)
@@ -71,10 +70,10 @@ class CollisionScene:
 
     def clearance(self, state: Equilibrium) -> Clearance:
         """
-        Return how far a state of the arm is from the nearest obstacle.
+        Return the distance of a state of the arm from the nearest obstacle.
 
-        Pairs of a part and an obstacle are looked at from the least of their bounds on, until no
-        other can be nearer.
+        Pairs of a part and an obstacle are checked in the order of their lower bounds, until no
+        other pair can be nearer.
         """
         if not self.obstacles:
             return Clearance(inf, '')
@@ -94,11 +93,11 @@ class CollisionScene:
         return Clearance(least, self.obstacles[nearest].name)
 
     def clearances(self, states: Sequence[Equilibrium]) -> list[Clearance]:
-        """Return the same of many states."""
+        """Return the distances for many states."""
         return [self.clearance(state) for state in states]
 
     def at(self, position: Sequence[float] | Array) -> Clearance:
-        """Return how far a point (3,), m, is from the nearest obstacle."""
+        """Return the distance of a point (3,), m, from the nearest obstacle."""
         if not self.obstacles:
             return Clearance(inf, '')
         small = np.array([MIN_HALF_LENGTH])
@@ -107,10 +106,10 @@ class CollisionScene:
 
     def _bounds(self, parts: Cylinders) -> Array:
         """
-        Return for each obstacle and part what their distance is not below, (obstacles, n), m.
+        Return a lower bound of the distance for each obstacle and part, (obstacles, n), m.
 
-        It is that of the ball around the part and the rounded box around the obstacle; where these
-        overlap, less than how deep.
+        It is the distance of the ball around the part from the rounded box around the obstacle;
+        negative where these overlap.
         """
         local = (parts.centres[None] - self._middles[:, None]) @ self._turns
         beyond = np.abs(local) - self._half[:, None]
@@ -142,9 +141,9 @@ class CollisionScene:
                     f'obstacle {obstacle.name} is in the base disc, which has a radius of '
                     f'{1e3 * base.radii[0]:g} mm and is from z = 0 to '
                     f'{2e3 * base.half_lengths[0]:g} mm, so no shape of the arm is clear of it; '
-                    'move it, or leave out what the arm is fixed to')
+                    'move it, or omit the mount of the arm')
 
 
 def _rounding(shape: Shape) -> float:
-    """Return the radius with which the box around a shape is round, m."""
+    """Return the edge radius of the box around a shape, m."""
     return shape.radius if isinstance(shape, Sphere | Capsule) else 0.0

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Obstacles, drawn into axes of Matplotlib."""
+"""Drawing of obstacles with Matplotlib."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -22,9 +22,9 @@ FLAT_OPACITY, OPACITY = 0.5, 0.2
 
 def draw_obstacles(axes: Any, obstacles: Iterable[Obstacle], reach: float | None = None) -> None:
     """
-    Draw obstacles into axes in mm, of 3d or behind an arm that is seen along y.
+    Draw obstacles into axes in mm, in 3d or behind an arm seen along y.
 
-    reach: such axes then show those within m of the arm; without it their limits stay.
+    reach: m; flat axes then show obstacles within it of the arm; without it their limits stay.
     """
     if axes.name == IN_SPACE:
         if triangles := faces(obstacles):
@@ -42,7 +42,7 @@ def draw_obstacles(axes: Any, obstacles: Iterable[Obstacle], reach: float | None
 
 
 def outlines(obstacles: Iterable[Obstacle]) -> list[Array]:
-    """Return obstacles as seen along y: polygons (n, 2), x and z, mm."""
+    """Return obstacles projected along y: polygons (n, 2), x and z, mm."""
     return [_outline(part[:, ::2]) for one in obstacles for part in _convex_parts(one)]
 
 
@@ -54,7 +54,7 @@ def faces(obstacles: Iterable[Obstacle]) -> list[Array]:
 
 
 def _convex_parts(obstacle: Obstacle) -> list[Array]:
-    """Return convex parts of an obstacle as points of them, (n, 3), mm."""
+    """Return the points of convex parts of an obstacle, (n, 3), mm."""
     shape, place = obstacle.shape, np.array(obstacle.position)
     if isinstance(shape, Mesh):
         parts = list(np.asarray(shape.vertices)[shape.triangles])

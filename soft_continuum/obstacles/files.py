@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Obstacles as a YAML file describes them, and meshes of STL, OBJ and PLY files."""
+"""Obstacles from YAML files, and meshes from STL, OBJ and PLY files."""
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -35,7 +35,7 @@ def load_obstacles(path: str | Path) -> tuple[Obstacle, ...]:
     """
     Return the obstacles of a YAML file, in m.
 
-    Raises ObstacleError that names the file and the obstacle, for what cannot be read or used.
+    Raises ObstacleError that names the file and the obstacle if they cannot be read or used.
     """
     try:
         document = read_yaml(path)
@@ -49,7 +49,7 @@ def load_obstacles(path: str | Path) -> tuple[Obstacle, ...]:
 
 
 def obstacles_of(document: Any, directory: Path) -> tuple[Obstacle, ...]:
-    """Return the obstacles of what a file holds; directory: where the paths of meshes begin."""
+    """Return the obstacles of a file's content; directory: base for paths of meshes."""
     if not isinstance(document, Mapping) or not {'obstacles'} <= set(document) <= {
             'obstacles', 'unit'}:
         raise ObstacleError('a file of obstacles has the keys obstacles, a list such as '
@@ -77,8 +77,8 @@ def load_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mes
     """
     Return the mesh of an STL, OBJ or PLY file.
 
-    scale: m over the file's unit along x, y and z.  Nothing but this file is read, also where it
-    names others.  Raises ObstacleError for what cannot be read or used.
+    scale: m over the file's unit along x, y and z.  Files that it refers to are not read.  Raises
+    ObstacleError if it cannot be read or used.
     """
     kind = Path(path).suffix.lower()
     if kind not in MESH_FILES:

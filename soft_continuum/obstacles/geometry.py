@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Shapes as coal has them (https://github.com/coal-library/coal), and distances between them.
+Shapes in coal (https://github.com/coal-library/coal), and distances between them.
 
-Coal is loaded by the first shape: it takes a moment, and only obstacles need it.
+Coal is loaded with the first shape: loading takes a moment, and only obstacles need it.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from soft_continuum.obstacles.obstacle import Obstacle, Shape
 from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
 
 TOLERANCE = 2e-6
-"""m by which a distance is stated too small: coal searches until it is right to 1e-6."""
+"""m subtracted from distances, since coal is accurate to 1e-6."""
 MAX_KEPT = 16  # meshes
 CONVEX = 1e-5  # of its volume by which the hull of a convex mesh is larger, for its digits
 
@@ -28,9 +28,9 @@ CONVEX = 1e-5  # of its volume by which the hull of a convex mesh is larger, for
 @dataclass(frozen=True)
 class BodyFrames:
     """
-    A geometry of coal at its place.
+    A geometry of coal at its pose.
 
-    hull: what encloses the geometry and is soon asked, first; None where that is convex itself.
+    hull: convex hull for a fast first check; None if the geometry is convex.
     """
 
     geometry: Any
@@ -39,7 +39,7 @@ class BodyFrames:
 
 
 def placed(obstacle: Obstacle) -> BodyFrames:
-    """Return an obstacle as coal has it; raises ObstacleError without coal."""
+    """Return an obstacle as a geometry of coal; raises ObstacleError without coal."""
     with needed(ObstacleError):
         import coal
     geometry, hull = _geometry(coal, obstacle.shape)
@@ -52,7 +52,7 @@ def distance(centre: Array, axis: Array, length: float, radius: float, other: Bo
     """
     Return the distance of a cylinder from an obstacle, m; negative where they overlap.
 
-    centre: (3,), m.  axis: unit vector (3,).  A distance above ``most`` may be stated too small,
+    centre: (3,), m.  axis: unit vector (3,).  A distance above ``most`` may be underestimated,
     but not below ``most``.
     """
     import coal
@@ -84,7 +84,7 @@ def _geometry(coal: Any, shape: Shape) -> tuple[Any, Any]:
 
 @lru_cache(maxsize=MAX_KEPT)
 def _of_mesh(mesh: Mesh) -> tuple[Any, Any]:
-    """Return the same of a mesh, which is kept: to make it may take a second."""
+    """Return the same for a mesh, cached: creating it may take a second."""
     import coal
     hull, is_convex = _hull(coal, mesh)
     if is_convex:
@@ -98,7 +98,7 @@ def _of_mesh(mesh: Mesh) -> tuple[Any, Any]:
 
 
 def _hull(coal: Any, mesh: Mesh) -> tuple[Any, bool]:
-    """Return the convex hull of a mesh, and whether that is all of it."""
+    """Return the convex hull of a mesh, and whether the mesh is convex."""
     from scipy.spatial import ConvexHull
     points = np.asarray(mesh.vertices, dtype=float)[np.unique(mesh.triangles)]
     hull = ConvexHull(points)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A closed surface of triangles as the shape of an obstacle."""
+"""A closed triangle mesh as the shape of an obstacle."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -12,7 +12,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles.shapes import check_size, ObstacleError
 
 MAX_TRIANGLES = 10_000
-"""Of one mesh: more do not tell such an arm where it may go, and each distance takes long."""
+"""Per mesh: more do not help to plan for such an arm, and slow down each distance."""
 FLAT = 1e-6  # of the cube of its largest extent: volume below which a mesh encloses nothing
 REPAIR = 'close it, for instance with MeshLab (Close Holes), or give a box around it'
 
@@ -24,8 +24,8 @@ class Mesh:
     """
     A closed surface of triangles.
 
-    vertices: (n, 3), m.  triangles: (m, 3) numbers of vertices.  Raises ObstacleError for one that
-    is open: nothing then says what is inside.
+    vertices: (n, 3), m.  triangles: (m, 3) numbers of vertices.  Raises ObstacleError for an open
+    mesh, whose inside is undefined.
     """
 
     kind: ClassVar = 'mesh'
@@ -33,7 +33,7 @@ class Mesh:
     triangles: Integers
 
     def __post_init__(self) -> None:
-        """Refuse what encloses nothing."""
+        """Raise ObstacleError for a mesh that encloses no volume."""
         points, corners = np.asarray(self.vertices), np.asarray(self.triangles)
         if (points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in 'iuf'
                 or corners.ndim != 2 or corners.shape[1] != 3 or corners.dtype.kind not in 'iu'):
@@ -45,7 +45,7 @@ class Mesh:
                                 f'{MAX_TRIANGLES}. Simplify a larger one, for instance with '
                                 'MeshLab (Quadric Edge Collapse Decimation)')
         if not np.all(np.isfinite(points)):
-            raise ObstacleError('a mesh has vertices that are no finite numbers (NaN or '
+            raise ObstacleError('a mesh has vertices that are not finite numbers (NaN or '
                                 'infinite); export it again')
         if corners.min() < 0 or corners.max() >= len(points):
             raise ObstacleError(f'a mesh has triangles of vertices {corners.min()} to '
@@ -55,7 +55,7 @@ class Mesh:
         if holes := _open_edges(corners.astype(np.int64), len(points)):
             raise ObstacleError(
                 f'a mesh is open: {holes} of its edges do not join triangles that face the same '
-                f'side, so nothing says what is inside; {REPAIR}')
+                f'side, so its inside is undefined; {REPAIR}')
         if abs(self.volume) < FLAT * extent**3:
             raise ObstacleError(f'a mesh of {extent:.3g} m encloses a volume of only '
                                 f'{abs(self.volume):.2g} m^3; give it a thickness, or give a box')
@@ -77,7 +77,7 @@ class Mesh:
 
     @property
     def volume(self) -> float:
-        """What it encloses, m^3; negative if the triangles face inwards."""
+        """Enclosed volume, m^3; negative if the triangles face inwards."""
         a, b, c = self._corners(self.bounds.mean(axis=0))
         return float(np.einsum('ij,ij->', a, np.cross(b, c)) / 6.0)
 
@@ -85,8 +85,8 @@ class Mesh:
         """
         Return whether a point (3,), m, in the frame of the shape, is inside.
 
-        The solid angle that the triangles fill as seen from it is 4 pi or nothing (van Oosterom
-        and Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30, 1983).
+        The solid angle of the triangles seen from the point is 4 pi or 0 (van Oosterom and
+        Strackee, The solid angle of a plane triangle, IEEE Trans. Biomed. Eng. 30, 1983).
         """
         a, b, c = self._corners(np.asarray(point, dtype=float))
         x, y, z = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
@@ -101,10 +101,10 @@ class Mesh:
 
 def joined(corners: ArrayLike) -> Mesh:
     """
-    Return triangles that know only their own corners, (m, 3, 3), m, as one mesh.
+    Return separate triangles (m, 3, 3), m, of an STL file or TRIANGLE_LIST marker, as a mesh.
 
-    Equal corners are one vertex, and triangles without three of them are dropped, as STL files and
-    TRIANGLE_LIST markers have them.  Raises ObstacleError as Mesh.
+    Equal corners are merged, and triangles without three different ones are dropped.  Raises
+    ObstacleError as Mesh does.
     """
     vertices, numbers = np.unique(np.reshape(corners, (-1, 3)), axis=0, return_inverse=True)
     triangles = numbers.reshape(-1, 3)
@@ -113,7 +113,7 @@ def joined(corners: ArrayLike) -> Mesh:
 
 
 def _open_edges(triangles: Integers, vertices: int) -> int:
-    """Return how many edges are passed more often in one direction than in the other."""
+    """Return the number of edges used more often in one direction than in the other."""
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     low, high = np.minimum(start, end), np.maximum(start, end)
     edges, numbers = np.unique(low * vertices + high, return_inverse=True)

@@ -15,7 +15,7 @@ from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleErro
 from soft_continuum.text import MAX_NAME, printable
 
 POSITION_RANGE = 1000.0  # m from base_link
-UNIT = 1e-3  # by how much the length of a quaternion may differ from 1
+UNIT = 1e-3  # deviation of a quaternion's length from 1
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 Shape = Sphere | Box | Capsule | Cylinder | Mesh
@@ -24,10 +24,10 @@ Shape = Sphere | Box | Capsule | Cylinder | Mesh
 @dataclass(frozen=True)
 class Obstacle:
     """
-    A shape at a place in base_link.
+    A shape at a pose in base_link.
 
-    name: of its own among obstacles.  position: of the origin of the shape's frame, (3,), m.
-    orientation: of that frame, unit quaternion x, y, z, w; turned_by gives one.
+    name: unique.  position: of the origin of the shape's frame, (3,), m.
+    orientation: of that frame, unit quaternion x, y, z, w, such as from turned_by.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Obstacle:
     orientation: tuple[float, float, float, float] = UPRIGHT
 
     def __post_init__(self) -> None:
-        """Refuse what is nowhere, or has no name."""
+        """Raise ObstacleError for an invalid name, shape or pose."""
         if not (isinstance(self.name, str) and self.name.strip() and self.name.isprintable()
                 and len(self.name) <= MAX_NAME):
             raise ObstacleError(
@@ -66,7 +66,7 @@ class Obstacle:
 
 
 def turned_by(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Return the quaternion of turns about the fixed axes x, y, z, one after another, rad."""
+    """Return the quaternion of roll, pitch and yaw about fixed x, y, z, rad."""
     (a, b, c), (p, q, r) = np.cos([roll / 2, pitch / 2, yaw / 2]), np.sin(
         [roll / 2, pitch / 2, yaw / 2])
     return (float(p * b * c - a * q * r), float(a * q * c + p * b * r),
@@ -75,7 +75,7 @@ def turned_by(roll: float, pitch: float, yaw: float) -> tuple[float, float, floa
 
 def check_numbers(name: str, values: Sequence[float], count: int, most: float, unit: str = ''
                   ) -> None:
-    """Raise ObstacleError for what is not ``count`` numbers, none larger than ``most``."""
+    """Raise ObstacleError unless given ``count`` numbers of at most ``most``."""
     try:
         given = real_array(values, '')
     except ValueError:

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shapes of obstacles that a few numbers describe, each about the origin of its own frame."""
+"""Primitive shapes of obstacles, each centred at the origin of its own frame."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -16,11 +16,11 @@ IN_MM = 'If it is in millimetres, give unit: mm, or scale: 0.001 for a mesh alon
 
 
 class ObstacleError(ValueError):
-    """An obstacle is not usable; the message says what was given, what is allowed, what to do."""
+    """An obstacle is invalid; the message has the given and allowed values and a remedy."""
 
 
 def check_size(name: str, value: object) -> None:
-    """Raise ObstacleError for what is no length of a shape, m."""
+    """Raise ObstacleError for an invalid length of a shape, m."""
     low, high = SIZE_RANGE
     if not finite(value) or not low <= value <= high:  # type: ignore[operator]
         in_mm = finite(value) and low <= 1e-3 * value <= high  # type: ignore[operator]
@@ -30,13 +30,13 @@ def check_size(name: str, value: object) -> None:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball; radius: m."""
+    """A sphere; radius: m."""
 
     kind: ClassVar = 'sphere'
     radius: float
 
     def __post_init__(self) -> None:
-        """Refuse what is no size."""
+        """Raise ObstacleError for invalid sizes."""
         check_size('radius', self.radius)
 
     @property
@@ -53,7 +53,7 @@ class Box:
     size: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        """Refuse what is no size."""
+        """Raise ObstacleError for invalid sizes."""
         if not isinstance(self.size, tuple) or len(self.size) != 3:
             raise ObstacleError(f'size is {printable(repr(self.size), MAX_NAME)}; give the three '
                                 'lengths along x, y and z, such as [0.1, 0.2, 0.05]')
@@ -62,39 +62,39 @@ class Box:
 
     @property
     def bounds(self) -> Array:
-        """As of Sphere."""
+        """As for Sphere."""
         x, y, z = self.size
         return _both_ways(x / 2, y / 2, z / 2)
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder about z and its centre; radius and length: m."""
+    """A cylinder about z; radius and length: m."""
 
     kind: ClassVar = 'cylinder'
     radius: float
     length: float
 
     def __post_init__(self) -> None:
-        """Refuse what is no size."""
+        """Raise ObstacleError for invalid sizes."""
         check_size('radius', self.radius)
         check_size('length', self.length)
 
     @property
     def bounds(self) -> Array:
-        """As of Sphere."""
+        """As for Sphere."""
         return _both_ways(self.radius, self.radius, self.length / 2)
 
 
 @dataclass(frozen=True)
 class Capsule(Cylinder):
-    """A cylinder with a half ball at either end; length: of the cylinder alone, m."""
+    """A cylinder with a hemisphere at either end; length: of the cylinder alone, m."""
 
     kind: ClassVar = 'capsule'
 
     @property
     def bounds(self) -> Array:
-        """As of Sphere."""
+        """As for Sphere."""
         return _both_ways(self.radius, self.radius, self.length / 2 + self.radius)
 
 

@@ -1,3 +1,3 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where the arm is seen to be: printed tags, a camera, and the poses of discs with covariance."""
+"""Shape sensing: poses of discs with covariance, from tags and cameras, trackers and IMUs."""

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Tags of the family 36h11 in a picture, and their corners to some hundredths of a pixel.
+Tags of the family 36h11 in an image, and their corners to some hundredths of a pixel.
 
-OpenCV finds the tags.  Its fast refinement looks at the corners only, its precise one takes half
-a second per picture; here a line is fitted along each edge of the black square, and the corners
-are where these cross.
+OpenCV finds the tags.  Its fast refinement uses the corners only, its precise one takes half a
+second per image.  Here a line is fitted along each edge of the black square, and the corners are
+their intersections.
 """
 
 from collections.abc import Collection
@@ -18,32 +18,32 @@ from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, family, MODULES, Picture
 
 QUICK, THOROUGH = (13, 13, 10), (3, 23, 10)
-"""Windows, px, in which a pixel is darker or lighter than others: smallest, largest, step."""
+"""Windows of the adaptive threshold, px: smallest, largest, step."""
 ALONG = np.linspace(0.1, 0.9, 24)  # of an edge, from corner to corner: where it is looked for
 REACH, STEP = 0.8, 0.25  # of a module to either side of the edge, and px between two samples
 MIN_REACH, MAX_REACH = 1.5, 6.0  # px
 
 
 class TagDetector:
-    """Finds tags in pictures of one camera."""
+    """Detects tags in images of one camera."""
 
     def __init__(self, lens: Lens, expected: Collection[int], passes: int = 1) -> None:
         """
-        Take the calibration of the camera, and the numbers that are looked for thoroughly.
+        Store the calibration of the camera, and the numbers whose corners are refined.
 
-        passes: how often edges are fitted, each time about the corners of the time before.  Tags
-        that are seen from their side need two: the first corners may be 1 px off.
+        passes: number of edge fits, each from the corners of the previous one.  Tags seen
+        obliquely need two: the first corners may be 1 px off.
         """
         self._lens, self._expected, self._passes = lens, set(expected), passes
         self._quick, self._thorough = _detector(QUICK), _detector(THOROUGH)
 
     def numbers(self, picture: Picture) -> tuple[int, ...]:
-        """Return the numbers of the tags in a grey picture; what is seen twice stands twice."""
+        """Return the numbers of the tags in a grey image, with duplicates."""
         return self._find(picture)[0]
 
     def detect(self, picture: Picture) -> list[tuple[int, Array]]:
         """
-        Return (number, corners) of every tag in a grey picture (height, width).
+        Return (number, corners) of every tag in a grey image (height, width).
 
         corners: (4, 2) px without the distortion of the lens, in the order of OpenCV.
         """
@@ -57,7 +57,7 @@ class TagDetector:
         return list(zip(numbers, corners, strict=True))
 
     def _refined(self, picture: Picture, quads: Array) -> Array:
-        """Return the corners (tags, 4, 2) without distortion, near those in the picture."""
+        """Return the refined corners (tags, 4, 2) without distortion."""
         edges = _edge_points(picture, quads)
         flat = self._lens.undistorted(edges).reshape(edges.shape)
         return np.array([_corners(sides) for sides in flat])
@@ -86,7 +86,7 @@ def _edge_points(picture: Picture, quads: Array) -> Array:
     ends = np.roll(quads, -1, axis=1)
     along = ends - quads
     lengths = np.linalg.norm(along, axis=2)
-    # Corners go round clockwise in the picture: this normal points outwards, to the white.
+    # Corners are clockwise in the image: this normal points outwards, to the white.
     outwards = np.stack([along[..., 1], -along[..., 0]], axis=-1) / lengths[..., None]
     reach = np.clip(REACH * lengths.min(axis=1) / MODULES, MIN_REACH, MAX_REACH)
     steps = np.linspace(-1.0, 1.0, 1 + 2 * int(MAX_REACH / STEP))
@@ -106,7 +106,7 @@ def _edge_points(picture: Picture, quads: Array) -> Array:
 
 
 def _corners(sides: Array) -> Array:
-    """Return where the lines through the points of neighbouring edges cross, (4, 2)."""
+    """Return the intersections of lines fitted to neighbouring edges, (4, 2)."""
     centres = sides.mean(axis=1)
     # The direction across each line is that of the least scatter.
     across = np.linalg.svd(sides - centres[:, None])[2][:, 1]

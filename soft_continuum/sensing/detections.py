@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What one picture shows: tags, and from them the discs."""
+"""Tags and discs detected in one image."""
 
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -23,12 +23,11 @@ MIN_CHORD, MAX_CHORD = 0.5, 1.05  # of a segment's length, between the discs at 
 @dataclass(frozen=True)
 class DiscPose:
     """
-    Where a disc was seen: pose of its bottom in base_link, m and rad.
+    Measured pose of the bottom of a disc in base_link, m and rad.
 
     pose, covariance: position and quaternion x, y, z, w, (7,), and (6, 6) of the position and of
     a rotation vector along the axes of base_link.  residual: px, RMS of the corners of its tags.
-    by_tags: (7,), its pose if its tags were stuck as they are meant to be, as far as that is
-    kept apart.
+    by_tags: (7,), the pose for tags at their nominal positions, if distinguished.
     """
 
     pose: Array
@@ -38,25 +37,25 @@ class DiscPose:
 
 
 class View(Protocol):
-    """How a camera sees base_link."""
+    """The view of a camera of base_link."""
 
     def pose(self, fit: Any) -> Array:
         """Return the pose (7,) in base_link of a disc, by its tags."""
 
     def project(self, points: Array) -> Array:
-        """Return where points (k, 3) m of the arm are, (k, 2) px without distortion."""
+        """Project points (k, 3) m of the arm, (k, 2) px without distortion."""
 
 
 @dataclass(frozen=True)
 class TagDetections:
     """
-    What one picture shows.
+    Detections in one image.
 
-    discs: by number, base first.  numbers: of all tags that were seen, others too.  deviation: px,
-    of the corners by their residuals, of a spatial arm less what tags that are stuck off do to
-    them; nan where nothing was measured.  problems: for people.
-    corners: by number of the tag, (4, 2) px, without the distortion of the lens.  view: where
-    other points are seen; None while the fixed tags do not tell.
+    discs: by number, base first.  numbers: of all detected tags, including foreign ones.
+    deviation: px, of the corners by their residuals, for a spatial arm less the effect of tag
+    offsets; nan without measurements.  problems: as text.
+    corners: by number of the tag, (4, 2) px, without the distortion of the lens.  view: the
+    projection; None unless the fixed tags determine it.
     """
 
     discs: Mapping[int, DiscPose]
@@ -68,23 +67,23 @@ class TagDetections:
 
 
 class DiscCamera(ABC):
-    """Measures the discs of an arm in the pictures of one camera, by their tags."""
+    """Measures the discs of an arm in images of one camera, by their tags."""
 
     def __init__(self, layout: Layout, lens: Lens, expected: Collection[int], passes: int = 1
                  ) -> None:
-        """Take where the tags are, the calibration of the camera, and the rest as TagDetector."""
+        """Store the tag layout, the camera calibration, and the arguments of TagDetector."""
         self.layout, self.lens = layout, lens
         self._known = frozenset(layout.fixed_numbers).union(
             *map(layout.numbers, range(len(layout.heights))))
         self._detector = TagDetector(lens, expected, passes)
 
     def measure(self, picture: Picture) -> TagDetections:
-        """Return what a grey picture (height, width) shows."""
+        """Return the detections in a grey image (height, width)."""
         if picture.shape[::-1] != self.lens.size:
             return TagDetections({}, (), np.nan, (
-                f'the picture has {picture.shape[1]} x {picture.shape[0]} px, the calibration '
-                f'{self.lens.size[0]} x {self.lens.size[1]}; calibrate the camera at the '
-                'resolution that is used',), {})
+                f'the image has {picture.shape[1]} x {picture.shape[0]} px, the calibration '
+                f'{self.lens.size[0]} x {self.lens.size[1]}; calibrate the camera at this '
+                'resolution',), {})
         numbers, corners, problems = self._find(picture)
         view = self._view(picture, corners)
         if isinstance(view, str):
@@ -106,34 +105,34 @@ class DiscCamera(ABC):
             discs, numbers, stddev, (*problems, *on_wrong_discs), corners, view)
 
     def _find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
-        """Return all numbers, the corners of the tags of this layout, px, and what is wrong."""
+        """Return all numbers, the corners of this layout's tags, px, and problems."""
         found = self._detector.detect(picture)
         count = Counter(n for n, _ in found)
-        problems = [f'{times} tags with the number {n} are seen; take the wrong one away'
+        problems = [f'{times} tags with the number {n} are seen; remove the wrong one'
                     for n, times in sorted(count.items()) if times > 1 and n in self._known]
         corners = {n: c for n, c in found if n in self._known and count[n] == 1}
         return tuple(sorted(count)), corners, problems
 
     def _too_few(self, picture: Picture, corners: Mapping[int, Array], seen: int, needed: int
                  ) -> str:
-        """Return what is wrong with a picture without enough fixed tags, and a remedy."""
-        why = 'is something before them, are they in the picture, sharp and lit?'
+        """Return the problem of an image without enough fixed tags, and a remedy."""
+        why = 'are they covered, are they in the image, sharp and lit?'
         if is_black(picture):
-            why = 'the picture is black: is the lens covered, is there light?'
+            why = 'the image is black: is the lens covered, is there light?'
         elif not corners and self._detector.numbers(cv2.flip(picture, 1)):
-            why = 'the picture is mirrored: turn that off in the driver of the camera'
+            why = 'the image is mirrored: turn that off in the driver of the camera'
         return f'{seen} of {len(self.layout.fixed)} fixed tags are seen; needed: {needed}; {why}'
 
     @abstractmethod
     def _view(self, picture: Picture, corners: Mapping[int, Array]) -> Any:
-        """Return the View that the fixed tags tell, or why they do not."""
+        """Return the View from the fixed tags, or why there is none."""
 
     @abstractmethod
     def _fit(self, n: int, corners: Mapping[int, Array], view: Any) -> Any:
-        """Return how a disc is seen, why that is not known, or None when it is not seen."""
+        """Return the measured disc, why it is unknown, or None when it is not seen."""
 
     def _wrong_scale(self, view: Any, fits: Mapping[int, Any]) -> str:
-        """Return what is wrong with the size of tags of discs, as a view shows it; or nothing."""
+        """Return a problem of the size of disc tags in a view; empty for none."""
         return ''
 
     @abstractmethod
@@ -144,9 +143,9 @@ class DiscCamera(ABC):
 
 def implausible_spacing(poses: Mapping[int, Array], layout: Layout) -> tuple[set[int], list[str]]:
     """
-    Return the discs that are nearer or farther than the segment between them lets, and why.
+    Return the discs at distances that the segment between them does not allow, and why.
 
-    poses: (7,), of the discs that are seen.
+    poses: (7,), of the detected discs.
     """
     wrong: set[int] = set()
     problems = []

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which tag is where: one on every disc, and fixed ones that carry the base frame."""
+"""Tag layout: one tag on every disc, and fixed ones that define the base frame."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
@@ -28,11 +28,11 @@ FIRST_FIXED = 100
 """Number of the first fixed tag; the tag of disc N has the number N, the base disc being 0."""
 MIN_FIXED = 4
 MIN_HEIGHT = 0.1
-"""Of the size of the board: how far each of four fixed tags is off the line of two others."""
+"""Least distance of each of four fixed tags from the line of two others, over the board size."""
 QUIET_ZONE = 1 / MODULES
-"""Of a tag's size: the white margin that it needs on every side, one of its modules."""
+"""White margin on every side over the size of a tag: one of its modules."""
 CORNERS = np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]) / 2.0
-"""Of a tag of size 1, to the right and up: in the order in which they are detected."""
+"""Corners of a tag of size 1, to the right and up, in the order of detection."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +40,10 @@ class Layout(ABC):
     """
     Tags of the family 36h11: on the discs, and fixed ones that are numbered from FIRST_FIXED.
 
-    disc_size, fixed_size: edge of the black square, m.  fixed: where the fixed ones are, one a
-    row.  stddev, fixed_stddev: m, standard, of where tags are stuck on the discs, and where
-    the fixed ones are.  disc_heights: (discs,) m.  straight_heights: (discs,) m, of the bottom of
-    each disc of the straight arm above base_link.  segment_lengths: (segments,) m, between the
+    disc_size, fixed_size: edge of the black square, m.  fixed: positions of the fixed tags, one
+    per row.  stddev, fixed_stddev: m, standard deviation of the positions of tags on the discs,
+    and of the fixed ones.  disc_heights: (discs,) m.  straight_heights: (discs,) m, of the bottom
+    of each disc of the straight arm above base_link.  segment_lengths: (segments,) m, between the
     discs.
     """
 
@@ -69,7 +69,7 @@ class Layout(ABC):
     @property
     @abstractmethod
     def rim(self) -> Array:
-        """Outline of a disc in its frame as views draw it at bottom and top, (k, 3) m."""
+        """Outline of a disc at bottom and top for drawings, in its frame, (k, 3) m."""
 
     @abstractmethod
     def numbers(self, disc: int) -> Collection[int]:
@@ -77,23 +77,23 @@ class Layout(ABC):
 
     @abstractmethod
     def stuck_as(self, values: Mapping[str, Any]) -> Any:
-        """Return how parameters tags.* say that tags are stuck; raises ParameterError."""
+        """Return the tag offsets of parameters tags.*; raises ParameterError."""
 
     @abstractmethod
     def tared(self, stuck: Any, seen: 'Sequence[TagDetections]') -> tuple[list[int], Any, str]:
         """
-        Return the discs of which something was seen, how tags are stuck, and that as a parameter.
+        Return the detected discs, the tag offsets, and these as a parameter.
 
-        stuck: as known before.  seen: of the straight arm, the oldest first.  Raises SensorError
-        for an arm that is not straight, or moves.
+        stuck: previous offsets.  seen: images of the straight arm, the oldest first.  Raises
+        SensorError for an arm that is not straight, or moves.
         """
 
     @abstractmethod
     def camera(self, lens: Lens, stuck: Any) -> 'DiscCamera':
         """
-        Return what measures the discs in the pictures of a camera; it needs OpenCV.
+        Return the detector of discs for images of a camera; needs OpenCV.
 
-        Raises SensorError for tags that cannot be stuck so.
+        Raises SensorError for impossible tag offsets.
         """
 
     @abstractmethod
@@ -102,7 +102,7 @@ class Layout(ABC):
 
 
 def of_arm(arm: Arm, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what all layouts have of an arm and of parameters tags.*, by the names of Layout."""
+    """Return the fields that all layouts share, from an arm and parameters tags.*."""
     return {name: values[f'tags.{name}'] for name in (
         'disc_size', 'fixed_size', 'stddev', 'fixed_stddev')} | {
         'disc_heights': tuple(d.height for d in arm.discs),
@@ -116,8 +116,8 @@ class TagLayout(Layout):
     Tags in the plane of the arm, seen from -y: x to the right, z up; one on every disc.
 
     fixed: (fixed, 2) m, centres (x, z) in base_link.  depth: m by which the tags of the discs are
-    nearer to the camera than the fixed ones, with the standard deviation depth_stddev.  How
-    tags are stuck are poses (7,), by disc, of the disc in the one that its tag tells.
+    nearer to the camera than the fixed ones, with the standard deviation depth_stddev.  Tag
+    offsets are poses (7,), by disc, of the disc in the nominal disc frame of its tag.
     """
 
     depth: float
@@ -134,14 +134,14 @@ class TagLayout(Layout):
         fixed = np.reshape(np.array(positions, dtype=float), (-1, 2))
         if not not_collinear(fixed):
             raise ParameterError(
-                'parameter tags.fixed_positions: the tags stand almost in a line, but for one at '
-                'most; put them around the arm, such as at the corners of a rectangle')
+                'parameter tags.fixed_positions: all tags, or all but one, are almost in a line; '
+                'put them around the arm, such as at the corners of a rectangle')
         return cls(fixed=fixed, depth=values['tags.depth'],
                    depth_stddev=values['tags.depth_stddev'], **of_arm(arm, values))
 
     @property
     def rim(self) -> Array:
-        """Outline of a disc in its frame as views draw it at bottom and top, (2, 3) m."""
+        """Outline of a disc at bottom and top for drawings, in its frame, (2, 3) m."""
         return np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]) * self.disc_size
 
     def numbers(self, disc: int) -> Collection[int]:
@@ -160,7 +160,7 @@ class TagLayout(Layout):
 
     def tared(self, stuck: tuple[Array, ...], seen: 'Sequence[TagDetections]'
               ) -> tuple[list[int], tuple[Array, ...], str]:
-        """Return it of the discs that are seen in more than half of the pictures."""
+        """Return the offsets of the discs seen in more than half of the images."""
         offsets, discs = list(stuck), []
         for n, height in enumerate(self.straight_heights):
             try:
@@ -179,7 +179,7 @@ class TagLayout(Layout):
         return TagCamera(self, lens, stuck)
 
     def pages(self) -> 'list[Page]':
-        """Return the tags, and a drawing of where they go."""
+        """Return the tags, and a drawing of their positions."""
         from soft_continuum.sensing.printing import plane_pages
         return plane_pages(self)
 
@@ -199,7 +199,7 @@ class TagLayout(Layout):
 
 
 def directions(angle: float) -> tuple[Array, Array]:
-    """Return the directions (x, z) to the right of and along something turned by ``angle`` rad."""
+    """Return the axes (x, z), right and up, of a body turned by ``angle`` rad."""
     return np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
 
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a camera does with light: focal length, centre, distortion; as ROS keeps them in YAML."""
+"""Camera calibration: focal length, centre and distortion, in the YAML format of ROS."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,13 +13,13 @@ from soft_continuum.sensing.pictures import Array
 from soft_continuum.text import printable
 
 MODELS = {'plumb_bob': 5, 'rational_polynomial': 8, '': 8, 'none': 0}
-"""Most coefficients of the distortion models of sensor_msgs/CameraInfo that are understood.
+"""Largest number of coefficients of the supported distortion models of sensor_msgs/CameraInfo.
 
-OpenCV counts them in one order, so that any that are left out, or 0 at the end, change nothing."""
+OpenCV orders them so that omitted trailing coefficients are 0."""
 
 
 class LensError(ValueError):
-    """A calibration that is none, or of another camera."""
+    """The calibration is invalid, or of another camera."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,14 @@ class Lens:
         if d.size > MODELS.get(model.lower(), -1) or not np.isfinite(d).all():
             raise LensError(
                 f'distortion model {printable(model, 40)!r} with {d.size} coefficients that are '
-                'not 0 is not known; known: plumb_bob with up to 5, rational_polynomial with up '
-                'to 8, none with none; have the driver publish one of these, or call: '
+                'not 0 is not supported; supported: plumb_bob with up to 5, rational_polynomial '
+                'with up to 8, none with none; have the driver publish one of these, or call: '
                 'soft_continuum calibrate camera, and give its file as camera.calibration')
         return cls(size, k.reshape(3, 3), np.pad(d, (0, (5 if d.size <= 5 else 8) - d.size)))
 
     @property
     def projection(self) -> Array:
-        """The matrix with a fourth column, (3, 4), as calibrations in ROS have it."""
+        """The projection matrix of ROS calibrations, (3, 4)."""
         return np.hstack([self.matrix, np.zeros((3, 1))])
 
     @classmethod
@@ -65,7 +65,7 @@ class Lens:
     @classmethod
     def read(cls, path: str | Path) -> Self:
         """
-        Return the calibration in a YAML file as the camera drivers of ROS keep it.
+        Return the calibration in a YAML file of the camera drivers of ROS.
 
         Raises OSError, ParameterError for a file that is not YAML, LensError.
         """
@@ -78,13 +78,13 @@ class Lens:
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             if isinstance(error, LensError):
                 raise LensError(f'{path}: {error}') from None
-            raise LensError(f'{path} is no calibration of a camera; needed: image_width, '
+            raise LensError(f'{path} is not a camera calibration; needed: image_width, '
                             'image_height, camera_matrix and distortion_coefficients') from None
 
     def undistorted(self, points: Array) -> Array:
-        """Return points (k, 2) px of a picture as a lens without distortion would show them."""
+        """Return points (k, 2) px of an image without the distortion of the lens."""
         import cv2
-        # Five iterations, as usual, are 0.2 px too few for a wide lens.
+        # The usual five iterations leave errors of 0.2 px for a wide lens.
         enough = cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9
         given = np.asarray(points, dtype=float).reshape(-1, 1, 2), self.matrix, self.distortion
         if hasattr(cv2, 'undistortPointsIter'):  # before OpenCV 5
@@ -94,7 +94,7 @@ class Lens:
         return np.asarray(flat).reshape(-1, 2)
 
     def distorted(self, points: Array) -> Array:
-        """Return where points (k, 2) px that are ``undistorted`` are in the picture, (k, 2) px."""
+        """Return ``undistorted`` points (k, 2) px with the distortion of the lens, (k, 2) px."""
         import cv2
         middle, focal = self.matrix[:2, 2], np.diag(self.matrix)[:2]
         rays = np.column_stack([(points - middle) / focal, np.ones(len(points))])

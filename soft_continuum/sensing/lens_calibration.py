@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The calibration of a lens from pictures of a printed board (ChArUco: a chessboard with tags)."""
+"""Camera calibration from images of a printed board (ChArUco: a chessboard with tags)."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ MIN_TILT = 0.15  # rad between the board in two of the pictures: all alike tell 
 
 @dataclass(frozen=True)
 class LensCalibration:
-    """A lens, the pictures it was made from, and by how much their corners are off, px RMS."""
+    """A lens, the number of images used, and the residual of their corners, px RMS."""
 
     lens: Lens
     pictures: int
@@ -39,9 +39,9 @@ def board() -> cv2.aruco.CharucoBoard:
 
 def calibrate(pictures: Iterable[Picture]) -> LensCalibration:
     """
-    Return the calibration of the camera that took grey pictures (height, width) of the board.
+    Return the camera calibration for grey images (height, width) of the board.
 
-    Raises LensError, which says what is missing.
+    Raises LensError, which names what is missing.
     """
     printed = board()
     detector = cv2.aruco.CharucoDetector(printed)
@@ -52,7 +52,7 @@ def calibrate(pictures: Iterable[Picture]) -> LensCalibration:
         seen += 1
         shape = picture.shape[1], picture.shape[0]
         if size not in ((0, 0), shape):
-            raise LensError(f'pictures of {size[0]} x {size[1]} and of {shape[0]} x {shape[1]} px '
+            raise LensError(f'images of {size[0]} x {size[1]} and of {shape[0]} x {shape[1]} px '
                             'are mixed; take all at the resolution that will be used')
         size = shape
         corners, numbers, _, _ = detector.detectBoard(picture)
@@ -62,26 +62,26 @@ def calibrate(pictures: Iterable[Picture]) -> LensCalibration:
             flat.append(places)
     solid, flat = ([kept[i] for i in _evenly(len(kept))] for kept in (solid, flat))
     if len(solid) < MIN_PICTURES:
-        raise LensError(f'the board is seen in {len(solid)} of {seen} pictures; needed: '
+        raise LensError(f'the board is seen in {len(solid)} of {seen} images; needed: '
                         f'{MIN_PICTURES}, each with a quarter of the board or more, sharp and lit')
     reach = np.ptp(np.vstack(flat).reshape(-1, 2), axis=0) / size
     if reach.min() < MIN_COVERAGE:
         raise LensError(f'the board was seen in {reach[0]:.0%} of the width and {reach[1]:.0%} of '
-                        f'the height; needed: {MIN_COVERAGE:.0%}: hold it into the corners, too')
+                        f'the height; needed: {MIN_COVERAGE:.0%}: hold it in the corners, too')
     residual, matrix, distortion, turns, _ = cv2.calibrateCamera(solid, flat, size, None, None)
     normals = np.array([cv2.Rodrigues(turn)[0][:, 2] for turn in turns])
     if np.arccos(np.clip(normals @ normals.T, -1.0, 1.0)).max() < MIN_TILT:
-        raise LensError('the board was held alike in all pictures; tilt it to all sides')
+        raise LensError('the board has the same tilt in all images; tilt it to all sides')
     if residual > MAX_RESIDUAL:
-        raise LensError(f'the corners do not fit by {residual:.2f} px; allowed: '
-                        f'{MAX_RESIDUAL:g}: is the board flat, are the pictures sharp and of one '
+        raise LensError(f'the corners have a residual of {residual:.2f} px; allowed: '
+                        f'{MAX_RESIDUAL:g}: is the board flat, are the images sharp and of one '
                         'camera with a fixed focus?')
     return LensCalibration(Lens.of(size, matrix, distortion.ravel()[:5], 'plumb_bob'),
                            len(solid), float(residual))
 
 
 def _evenly(count: int) -> list[int]:
-    """Return which of so many pictures are used: MAX_PICTURES at most, from first to last."""
+    """Return the indices of up to MAX_PICTURES evenly chosen images."""
     chosen: list[int] = np.unique(
         np.linspace(0, max(0, count - 1), min(count, MAX_PICTURES)).astype(int)).tolist()
     return chosen

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The IMUs on the discs of an arm: what they say of its poses, and how they are mounted."""
+"""IMUs on the discs of an arm: measured orientations, and their mounting."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -28,15 +28,15 @@ SETTINGS = ('acceleration_stddev', 'rate_stddev', 'bias_stddev', 'motion_acceler
             'stddev')
 MOUNTED = {1: ('mounting_angles', 'one for all or for each of {} discs'),
            3: ('mounting_turns', 'a rotation vector for each of {} discs, or 0.0 for none')}
-"""By the number of axes about which a disc turns: parameter imu. of how IMUs are mounted."""
+"""Parameter imu.* of the mounting, by the number of axes about which a disc turns."""
 AXES = {sign + name: float(f'{sign}1') * np.eye(3)[i]
         for i, name in enumerate('xyz') for sign in '+-'}
-"""By name; with a sign always, since ROS reads y in a parameter file as true."""
+"""Axes by name; always with a sign, since ROS reads y in a parameter file as true."""
 
 
 class MountedImus:
     """
-    They say where up is, which says nothing of a turn about it.
+    IMUs on the discs; they measure up (the vertical), not a turn about it.
 
     mounts: (discs, 3), rotation vectors, rad, of each IMU on its disc.
     """
@@ -52,7 +52,7 @@ class MountedImus:
 
     @classmethod
     def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
-        """Return those of parameters imu.*; raises ParameterError."""
+        """Return the IMUs of parameters imu.*; raises ParameterError."""
         axes, discs, mounts = arm.pose_axes[3:], len(arm.discs), np.zeros((len(arm.discs), 3))
         name, needed = MOUNTED[axes.sum()]
         given = values[f'imu.{name}']
@@ -69,10 +69,10 @@ class MountedImus:
     def measure(self, n: int, sample: ImuSample, accelerations: Array, rates: Array, now: float
                 ) -> tuple[Array, Array] | None:
         """
-        Return pose and covariance of disc n, as a DiscMeasurement has them; None if not now.
+        Return pose and covariance of disc n for a DiscMeasurement; None if there is none yet.
 
-        sample: in the frame of the disc.  accelerations, rates: (3,), their variances, 0 where
-        they are not known.  now: s of a clock that nobody sets.  Raises SensorError.
+        sample: in the frame of the disc.  accelerations, rates: (3,), their variances, 0 if
+        unknown.  now: s of a monotonic clock.  Raises SensorError.
         """
         if n not in self._filters:  # raises where there is no gravity
             self._filters[n] = UpFilter(self._settings, self._turns)
@@ -89,7 +89,7 @@ class MountedImus:
 
     def straight(self, n: int, now: float) -> Array | None:
         """
-        Return how an IMU is mounted, from the last second on the straight arm; None without one.
+        Return the mounting of an IMU from the last second on the straight arm; None without one.
 
         Raises SensorError.
         """
@@ -97,21 +97,21 @@ class MountedImus:
         return turn_of(seen, self._up) if seen else None
 
     def kept(self) -> tuple[str, tuple[float, ...]]:
-        """Return the parameter of how they are mounted, without imu., and its value."""
+        """Return the name, without imu., and value of the mounting parameter."""
         return MOUNTED[self._turns.sum()][0], tuple(self.mounts[:, self._turns].ravel().tolist())
 
     def biases(self) -> dict[int, str]:
-        """Return those of the gyroscopes that are there, about each axis, rad/s."""
+        """Return the biases of the active gyroscopes about each axis, rad/s."""
         return {n: ' '.join(f'{value:.4f}' for value in one.bias[self._turns])
                 for n, one in sorted(self._filters.items())}
 
 
 def pose_of_up(up: Array, covariance: Array, to: Array, unseen: float) -> tuple[Array, Array]:
     """
-    Return the pose (7,) and covariance (6, 6) of a disc of which only up is known, (3,).
+    Return pose (7,) and covariance (6, 6) of a disc with only a measured up direction, (3,).
 
-    covariance: (3, 3), of up.  to: where up is in base_link, (3,).  unseen: variance of what is
-    not measured: where it is, and how it is turned about the vertical.
+    covariance: (3, 3), of up.  to: up in base_link, (3,).  unseen: variance of the unmeasured
+    position and turn about the vertical.
     """
     vector = turn_between(up, to)
     matrix, half = rotation(vector), max(hypot(*vector.tolist()) / 2.0, TINY)
@@ -125,8 +125,8 @@ def imu_rotations(axes: Sequence[str], discs: int) -> tuple[Array, ...]:
     """
     Return by disc the rotation (3, 3) from coordinates in its IMU to those in the disc.
 
-    axes: names of those of the IMU along x, y and z of the disc, such as +x, -z, +y; three for all
-    discs, or three for each.  Raises ParameterError for what is no such thing.
+    axes: IMU axes along x, y and z of the disc, such as +x, -z, +y; three for all discs, or three
+    for each.  Raises ParameterError for invalid axes.
     """
     if len(axes) not in (3, 3 * discs):
         raise ParameterError(f'parameter imu.axes has {len(axes)} entries; needed: the axes of '

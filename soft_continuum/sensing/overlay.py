@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the camera sees, with the tags that were found and the arm of the model drawn over it."""
+"""Camera image with overlays of the detected tags and the modelled arm."""
 
 import cv2
 import numpy as np
@@ -21,11 +21,11 @@ SHIFT = 4  # bits after the point of a pixel, as OpenCV draws
 def overlay(picture: Picture, camera: DiscCamera | None = None, seen: TagDetections | None = None,
             model: Array | None = None) -> bytes:
     """
-    Return a JPEG of a grey picture (height, width), 640 px large, with what is known over it.
+    Return a JPEG of a grey image (height, width), 640 px large, with overlays.
 
-    seen: what the camera found in it: its tags are drawn in MEASURED.  model: (2 * discs, 7),
-    poses of bottom and top of each disc in base_link, m and quaternion x, y, z, w, as disc_poses
-    has them, in MODEL; that takes a seen of enough fixed tags.
+    seen: its detections; tags are drawn in MEASURED.  model: (2 * discs, 7), poses of bottom and
+    top of each disc in base_link, m and quaternion x, y, z, w, as in disc_poses, drawn in MODEL
+    if enough fixed tags are seen.
     """
     scale = SIZE / max(picture.shape)
     height, width = (max(1, round(scale * edge)) for edge in picture.shape)
@@ -54,7 +54,7 @@ def _wireframe(model: Array, rim: Array) -> list[tuple[Array, bool]]:
 
 
 def _curve(begin: Array, end: Array) -> Array:
-    """Return points (k, 3) on the cubic that leaves and arrives along the directions of both."""
+    """Return points (k, 3) on the cubic curve between two poses, tangent to both."""
     t = np.linspace(0.0, 1.0, ON_CURVE)[:, None]
     length = np.linalg.norm(end[:3] - begin[:3])
     leaves, arrives = (rotate(pose[3:], UP) * length for pose in (begin, end))
@@ -64,7 +64,7 @@ def _curve(begin: Array, end: Array) -> Array:
 
 
 def _draw(picture: Picture, points: Array, colour: Colour, closed: bool) -> None:
-    """Draw a line through points (k, 2) px, as far as they are numbers that OpenCV can take."""
+    """Draw a line through points (k, 2) px, unless OpenCV cannot represent them."""
     if np.isfinite(points).all() and np.abs(points).max() < 1e5:
         pixels = np.round(points * 2**SHIFT).astype(np.int32)
         cv2.polylines(picture, [pixels], closed, colour[::-1], 2, cv2.LINE_AA, SHIFT)

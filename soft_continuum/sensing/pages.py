@@ -36,7 +36,7 @@ class Page(Figure):
         self._ruler()
 
     def _ruler(self) -> None:
-        """Draw a ruler: a printer that scales is found out with a real one."""
+        """Draw a ruler, to detect scaling by the printer with a real one."""
         y = BORDER + 0.004
         self.axes_.plot([BORDER, BORDER + RULER], [y, y], 'k', lw=0.6)
         mm = np.arange(round(RULER * 1e3) + 1)
@@ -62,7 +62,7 @@ class Page(Figure):
         """
         Draw a strip of tags to fold, from (x, y) upwards, m: its middle and its lower end.
 
-        Up of the tags is to the left.  Between them are lines to fold, at the end is a flap.
+        The tags' up direction is left.  Fold lines are between them, a flap is at the end.
         """
         face = size * (1.0 + 2.0 * QUIET_ZONE)
         for k, (number, label) in enumerate(zip(numbers, labels, strict=True)):
@@ -91,7 +91,7 @@ class Page(Figure):
 
 def tag_pages(title: str, numbers: Sequence[int], size: float, labels: Sequence[str]
            ) -> list[Page]:
-    """Return as many pages as these tags need."""
+    """Return the pages for these tags."""
     frame = size * (1.0 + 2.0 * QUIET_ZONE) + GAP
     if frame > A4[0] - 2.0 * BORDER:
         raise ParameterError(f'a tag of {size * 1e3:g} mm does not fit on A4; tags.disc_size and '

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture is, and what a tag looks like in it."""
+"""Types of images, and the appearance of tags in them."""
 
 from typing import Any
 
@@ -13,18 +13,18 @@ Picture = NDArray[np.uint8]
 
 BLACK = 8  # grey value that the brightest part of a picture exceeds
 MODULES = 8
-"""Modules along the edge of a tag's black square: each is a square of one colour."""
+"""Modules (squares of one colour) along the edge of a tag's black square."""
 FAMILY_SIZE = 587
-"""How many numbers the family 36h11 has."""
+"""Size of the family 36h11."""
 
 
 def is_black(picture: Picture) -> bool:
-    """Return whether nothing can be seen in a picture."""
+    """Return whether an image is too dark to show anything."""
     return bool(picture.max() <= BLACK)
 
 
 def family() -> Any:
-    """Return the tags of the family 36h11, as OpenCV takes them."""
+    """Return the family 36h11 as a dictionary of OpenCV."""
     import cv2
     return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 

@@ -1,12 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The pose of something with tags in the frame of a camera, from all their corners at once.
+The pose of a body with tags in the frame of a camera, from all their corners at once.
 
-Generalised least squares: what a tag is off on its body moves its four corners together, so their
-covariance is that of single corners plus what the stated deviation of the tag does to them
-(Hartley and Zisserman, Multiple View Geometry, 2nd edition, chapter 5).  The start is the pose
-that one tag alone tells; there are two of them, and each may lead to a minimum of its own.
+Generalised least squares: an offset of a tag on its body moves its four corners together, so their
+covariance is that of single corners plus that of the stated deviation of the tag
+(Hartley and Zisserman, Multiple View Geometry, 2nd edition, chapter 5).  Each tag gives two
+initial poses, and each may lead to a different minimum.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ SAME = 0.01  # rad between two poses that are one minimum
 @dataclass(frozen=True)
 class PoseFit:
     """
-    A minimum: where the body is in the frame of the camera (x right, y down, z forward).
+    A minimum: pose of the body in the frame of the camera (x right, y down, z forward).
 
     turn: (3, 3).  shift: (3,) m.  focal: focal length over the calibrated one.  covariance: (6, 6)
     of shift (m) and of a rotation vector (rad) in the axes of the camera, about the origin of the
@@ -50,7 +50,7 @@ class PoseFit:
 
 
 class TagGroup:
-    """Tags of one body, and where they are seen."""
+    """Tags of one body, and their positions in an image."""
 
     def __init__(self, tags: Sequence[Tag], pixels: Sequence[Array], lens: Lens,
                  focal: float = 1.0, focal_stddev: float = 0.0) -> None:
@@ -74,7 +74,7 @@ class TagGroup:
         self._last: _Guess | None = None
 
     def fits(self) -> list[PoseFit]:
-        """Return the minima that were found, the best one first; none if it looks like no tag."""
+        """Return the minima that were found, the best first; none if no tag fits."""
         found: list[tuple[float, _Guess]] = []
         for start in self._starts():
             misfit, guess = self._refined(start)
@@ -83,7 +83,7 @@ class TagGroup:
         return [self._fit(*minimum) for minimum in sorted(found, key=lambda one: one[0])]
 
     def size_factor(self, fit: PoseFit) -> float:
-        """Return the size of the tags over the stated one, measured by their distances."""
+        """Return the measured size of the tags, from their distances, over the stated one."""
         guess = _Guess(fit.turn, fit.shift, fit.focal)
         places = self._points @ fit.turn.T + fit.shift
         errors, jacobian, weights = self._system(guess)
@@ -93,7 +93,7 @@ class TagGroup:
         return 1.0 + float(_solved(*_normal(columns, weights, errors))[6])
 
     def placed(self, fit: PoseFit) -> list[Tag]:
-        """Return the tags as they are most likely stuck, given the pose of the body."""
+        """Return the tags with their most likely offsets, given the pose of the body."""
         guess, found = _Guess(fit.turn, fit.shift, fit.focal), []
         errors, _, _ = self._system(guess)
         for tag, error, moves, noise in zip(
@@ -106,7 +106,7 @@ class TagGroup:
         return found
 
     def _starts(self) -> 'list[_Guess]':
-        """Return the two poses of the body that each tag alone tells."""
+        """Return the two poses of the body that each tag alone gives."""
         found = []
         for tag, pixels in zip(self._tags, self._pixels, strict=True):
             half = tag.size / 2.0
@@ -121,7 +121,7 @@ class TagGroup:
         return found
 
     def _refined(self, guess: '_Guess') -> 'tuple[float, _Guess]':
-        """Return the minimum that a start leads to, after its misfit; infinite for none."""
+        """Return the misfit and the minimum reached from a start; infinite for none."""
         misfit = self._misfit(guess)
         for _ in range(ITERATIONS):
             if not np.isfinite(misfit):
@@ -166,9 +166,9 @@ class TagGroup:
 
     def _system(self, guess: '_Guess') -> tuple[Array, Array, Array]:
         """
-        Return errors (tags, 8) px, how pixels go with the guess (tags, 8, 7), and weights.
+        Return errors (tags, 8) px, their Jacobian (tags, 8, 7) by the guess, and weights.
 
-        The seventh is the logarithm of the focal length.
+        The seventh column is for the logarithm of the focal length.
         """
         if guess is not self._last:  # a guess that fits better is where the next step begins
             self._last, self._found = guess, self._find_system(guess)
@@ -189,14 +189,14 @@ class TagGroup:
         return errors, by_all, weights
 
     def _by_tag(self, guess: '_Guess') -> Array:
-        """Return how pixels go when each tag is moved along its own axes, (tags, 8, 6)."""
+        """Return the Jacobian of pixels by motions of each tag along its axes, (tags, 8, 6)."""
         turn = guess.turn
         arms = self._points @ turn.T
         return _moved(self._jacobian(arms + guess.shift, guess.focal), turn @ self._axes,
                       arms - (self._centres @ turn.T)[:, None])
 
     def _jacobian(self, places: Array, focal: float) -> Array:
-        """Return how pixels go with places (tags, 4, 3) before the camera, (tags, 4, 2, 3)."""
+        """Return the Jacobian of pixels by points (tags, 4, 3) in the camera, (tags, 4, 2, 3)."""
         jacobian = np.zeros((*places.shape[:2], 2, 3))
         scale = focal * self._focal / places[..., 2:]
         jacobian[..., 0, 0], jacobian[..., 1, 1] = scale[..., 0], scale[..., 1]
@@ -232,7 +232,7 @@ def angle(one: Array, other: Array) -> float:
 
 def _moved(jacobian: Array, axes: Array, arms: Array) -> Array:
     """
-    Return how pixels go when corners are moved, (tags, 8, 6): shift, then turn, along ``axes``.
+    Return the Jacobian of pixels by shift, then turn, along ``axes``, (tags, 8, 6).
 
     jacobian: (tags, 4, 2, 3).  axes: (tags, 3, 3), columns.  arms: (tags, 4, 3), from the centre
     of the turn.

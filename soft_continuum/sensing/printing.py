@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tags to print at true scale, rings of them as strips to fold, and drawings of where they go."""
+"""Tags to print at true scale, rings as strips to fold, and drawings of their positions."""
 
 from math import cos, degrees, sin
 from pathlib import Path
@@ -38,7 +38,7 @@ def plane_pages(layout: TagLayout) -> list[Page]:
 
 
 def _drawing(layout: TagLayout) -> Page:
-    """Return the page that says where the tags go."""
+    """Return the page that shows where the tags go."""
     page = Page('Where the tags go, seen from the camera (from -y): x to the right, z along the '
                  'straight arm.\nThis page is not to scale.')
     axes = page.add_axes((0.14, 0.36, 0.78, 0.50))
@@ -67,13 +67,13 @@ def _drawing(layout: TagLayout) -> Page:
 
 _INSTRUCTIONS = """\
 1. Print at 100 %, check the ruler on every page, cut along the frames. The paper must stay flat.
-2. Stick the fixed tags on one stiff plane behind the arm, upright, their middles where the drawing
-   says (mm).
-3. Stick a tag on each disc, upright on the straight arm, its middle on the axis of the arm and as
-   far above the bottom of the disc as stands below it; {depth:g} mm nearer to the camera than the
+2. Stick the fixed tags on one stiff plane behind the arm, upright, centred at the positions in the
+   drawing (mm).
+3. Stick a tag on each disc, upright on the straight arm, centred on the axis of the arm at the
+   height above the bottom of the disc printed below it; {depth:g} mm nearer to the camera than the
    fixed ones (tags.depth).
-4. The camera looks from the side at which x is to the right when z is up; all fixed tags in the
-   picture.
+4. Place the camera on the side from which x is to the right and z is up, with all fixed tags in
+   the image.
 """
 
 
@@ -115,7 +115,7 @@ def _strips(layout: RingLayout) -> list[Page]:
 
 
 def _ring_drawing(layout: RingLayout) -> Page:
-    """Return the page that says where the tags go."""
+    """Return the page that shows where the tags go."""
     page = Page('Where the tags go, seen from the tip along the arm (z towards you, x to the '
                 'right).\nThis page is not to scale.')
     axes = page.add_axes((0.14, 0.40, 0.78, 0.50))
@@ -160,9 +160,9 @@ _RING_INSTRUCTIONS = """\
    {radius:.1f} mm from its axis: faces 0 to {last} follow each other counterclockwise seen
    from the tip, z points to the tip.
 3. Put a ring around each disc, face 0 towards x, its middle {heights} mm
-   above the bottom of disc 0, 1, ...; here they are drawn larger than they are.
-4. Stick the fixed tags on stiff boards behind the arm, the middle of each where the drawing says
-   (mm), z of the base upwards. The arrows say to which side they look. The origin (red) is the
+   above the bottom of disc 0, 1, ...; the drawing enlarges the rings.
+4. Stick the fixed tags on stiff boards behind the arm, centred at the positions in the drawing
+   (mm), z of the base upwards. The arrows show which way they face. The origin (red) is the
    bottom centre of the base disc.
-5. A camera needs three fixed tags in its picture, and looks best at an edge of the rings.
+5. A camera needs three fixed tags in its image, and measures best facing an edge of the rings.
 """

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Poses in space: arrays (7,) of position x, y, z (m) and quaternion x, y, z, w, of length 1.
+Poses: arrays (7,) of position x, y, z (m) and unit quaternion x, y, z, w.
 
-The pose of B in A takes coordinates in B to coordinates in A.
+The pose of B in A maps coordinates in B to coordinates in A.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ UNKNOWN = 1e6
 
 def in_plane(pose: Array, covariance: Array) -> tuple[Array, Array]:
     """
-    Return x, z (m) and angle (rad), (3,), and their covariance (3, 3) as a pose and its (6, 6).
+    Return x, z (m) and angle (rad), (3,), and covariance (3, 3) as a pose and (6, 6) covariance.
 
-    What is not in the plane of a planar arm is not measured.
+    Coordinates outside the plane count as not measured.
     """
     found = UNKNOWN * np.eye(6)
     found[np.ix_(PLANAR_AXES, PLANAR_AXES)] = covariance
@@ -38,7 +38,7 @@ def planar_pose(pose: Array) -> Array:
 
 
 def moved_by(turns: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which directions x, y, z (3,) change when something turns about these axes (3,)."""
+    """Return which directions x, y, z (3,) change with turns about these axes (3,)."""
     moved: NDArray[np.bool_] = turns.sum() > turns
     return moved
 
@@ -64,7 +64,7 @@ def rotate(quaternion: Array, vector: Array) -> Array:
 
 
 def mean_pose(poses: Sequence[Array]) -> Array:
-    """Return the mean of poses that lie close together, w not negative, whatever theirs are."""
+    """Return the mean of poses that are close together; its w is not negative."""
     rows = np.array(poses)
     quaternions = rows[:, 3:]
     _, vectors = np.linalg.eigh(quaternions.T @ quaternions)
@@ -80,10 +80,10 @@ def angle_between(one: Array, other: Array) -> float:
 
 def displacement(pose: Array, other: Array, unless_about: Array | None = None) -> Array:
     """
-    Return by how much a pose is shifted (m) and turned (rad) from another, (6,).
+    Return the shift (m) and turn (rad) of a pose relative to another, (6,).
 
-    The turn is a rotation vector in the frame that both are in.  unless_about: direction (3,) in
-    it about which the pose may be turned anyhow; the turn about it is none.
+    The turn is a rotation vector in their common frame.  unless_about: direction (3,) in that
+    frame about which turns are ignored.
     """
     turn = _product(pose[3:], other[3:] * np.array([-1.0, -1.0, -1.0, 1.0]))
     if unless_about is not None and np.hypot(turn[:3] @ unless_about, turn[3]) > 0.0:

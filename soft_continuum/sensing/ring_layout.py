@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which tag is where on a spatial arm: rings of them around the discs, and fixed ones."""
+"""Tag layout of a spatial arm: rings of tags around the discs, and fixed ones."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,12 +33,12 @@ if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
 
 MIN_FIXED = 3
 MIN_WIDTH = 0.1
-"""Of the length of a group of fixed tags: by how much they are off one line at least."""
+"""Least distance of fixed tags from one line, over the length of their group."""
 MAX_MOTION = 1.0  # px by which tags at rest may move
 NUMBERS = 9  # of a tag that was seen: its own, and u and v of its corners
 
 Corners = Mapping[int, Array]
-"""Corners of each tag that is seen, by its number, (4, 2) px without distortion."""
+"""Corners of each visible tag, by number, (4, 2) px without distortion."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Tag:
     """
     A tag in space.
 
-    centre: (3,) m.  axes: (3, 3), directions to its right, up, and out of it to who sees it, one
-    a row.  size: edge of the black square, m.  spread: (6, 6), a root of the covariance of where
-    it is stuck, shift (m) and then rotation vector (rad) along its axes.
+    centre: (3,) m.  axes: (3, 3), its right, up and outward directions, one per row.  size: edge
+    of the black square, m.  spread: (6, 6), a root of the covariance of its offset, shift (m) and
+    then rotation vector (rad) along its axes.
     """
 
     centre: Array
@@ -58,12 +58,12 @@ class Tag:
 
     @property
     def corners(self) -> Array:
-        """In the order in which they are detected, (4, 3) m."""
+        """Corners in the order of detection, (4, 3) m."""
         corners: Array = self.centre + self.size * CORNERS @ self.axes[:2]
         return corners
 
     def moved(self, shift: Array, turn: Array, spread: Array) -> 'Tag':
-        """Return it shifted (m) and turned (rotation vector, rad) along its axes."""
+        """Return the tag shifted (m) and turned (rotation vector, rad) along its axes."""
         turned = scipy.spatial.transform.Rotation.from_rotvec(turn).as_matrix().T @ self.axes
         return Tag(self.centre + shift @ self.axes, turned, self.size, spread)
 
@@ -73,12 +73,12 @@ class RingLayout(Layout):
     """
     Rings of tags around a spatial arm.
 
-    Around every disc lies a prism of ``faces`` tags, edge to edge, upright: z of the disc is up.
-    Face k of disc N looks from the axis along k / faces of a turn about z from x, and has the
-    number faces * N + k.  fixed: (fixed, 4), centre x, y, z (m) in base_link and the direction
-    that it looks (rad about z from x); z of base_link is up.  stddev, ring_stddev: m,
-    standard, of where tags are on their ring, and rings on their disc.  disc_radii: (discs,) m.
-    How tags are stuck is where their corners are seen of the straight arm.
+    Every disc is surrounded by a prism of ``faces`` tags, edge to edge, upright: z of the disc is
+    up.  Face k of disc N faces outwards at k / faces of a turn about z from x, and has the number
+    faces * N + k.  fixed: (fixed, 4), centre x, y, z (m) in base_link and the direction that it
+    faces (rad about z from x); z of base_link is up.  stddev, ring_stddev: m, standard deviation
+    of tags on their ring, and of rings on their disc.  disc_radii: (discs,) m.
+    Tag offsets are kept as the corners seen on the straight arm.
     """
 
     faces: int
@@ -95,7 +95,7 @@ class RingLayout(Layout):
                 f'direction of at least {MIN_FIXED} tags')
         fixed = np.reshape(np.array(numbers, dtype=float), (-1, 4))
         if not off_a_line(fixed[:, :3]):
-            raise ParameterError('parameter tags.fixed_poses: the tags stand almost in a line; '
+            raise ParameterError('parameter tags.fixed_poses: the tags are almost in a line; '
                                  'put them around the arm, such as on two boards behind it')
         faces, discs = values['tags.faces'], len(arm.discs)
         if faces * discs > FIRST_FIXED:
@@ -128,7 +128,7 @@ class RingLayout(Layout):
 
     @property
     def rim(self) -> Array:
-        """Outline of a disc in its frame as views draw it at bottom and top, (faces, 3) m."""
+        """Outline of a disc at bottom and top for drawings, in its frame, (faces, 3) m."""
         turns = 2.0 * pi / self.faces * (np.arange(self.faces) + 0.5)
         outer = self.radius / cos(pi / self.faces)
         return np.column_stack([outer * np.cos(turns), outer * np.sin(turns), 0.0 * turns])
@@ -150,19 +150,19 @@ class RingLayout(Layout):
         return found
 
     def numbers(self, disc: int) -> Collection[int]:
-        """Return those of the ring of a disc."""
+        """Return the tags of the ring of a disc."""
         return range(self.faces * disc, self.faces * (disc + 1))
 
     def stuck_as(self, values: Mapping[str, Any]) -> Corners:
         """Return the corners of parameter tags.reference_corners; raises ParameterError."""
         if any(values['tags.offsets']):
-            raise ParameterError('parameter tags.offsets is of planar arms; of a spatial one keep '
-                                 'tags.reference_corners, which a tare answers: tare again')
+            raise ParameterError('parameter tags.offsets is for planar arms; for a spatial arm '
+                                 'keep tags.reference_corners, which a tare returns: tare again')
         return corners_from_numbers(values['tags.reference_corners'])
 
     def tared(self, stuck: Corners, seen: 'Sequence[TagDetections]'
               ) -> tuple[list[int], Corners, str]:
-        """Return it of the tags that are seen in more than half of the pictures."""
+        """Return the corners of the tags seen in more than half of the images."""
         corners = corners_at_rest([sight.corners for sight in seen])
         discs = [n for n in range(len(self.heights)) if not corners.keys().isdisjoint(
             self.numbers(n))]
@@ -174,7 +174,7 @@ class RingLayout(Layout):
         return RingCamera(self, lens, stuck)
 
     def pages(self) -> 'list[Page]':
-        """Return strips of tags to fold, and a drawing of where everything goes."""
+        """Return strips of tags to fold, and a drawing of the layout."""
         from soft_continuum.sensing.printing import ring_pages
         return ring_pages(self)
 
@@ -183,7 +183,7 @@ def layout_of(values: Mapping[str, Any]) -> Layout:
     """
     Return the tags that parameters arm.* and tags.* describe; raises ParameterError.
 
-    Discs that stay in a plane show a tag to a camera before it; others need one on every side.
+    Discs that stay in a plane need one tag, facing the camera; others need one on every side.
     """
     arm = arm_from_parameters(values)
     return (RingLayout if arm.pose_axes.all() else TagLayout).of(values, arm)
@@ -196,21 +196,21 @@ def off_a_line(points: Array) -> bool:
 
 
 def _spread(stddev: float, size: float) -> Array:
-    """Return that of a tag of some size that is stuck off by a standard deviation, m."""
+    """Return Tag.spread for a tag size and the standard deviation of its offset, m."""
     return np.diag(stddev * np.repeat([1.0, 1.0 / size], 3))
 
 
 def _upright(direction: float) -> Array:
-    """Return the axes of an upright tag that looks along ``direction``, rad about z from x."""
+    """Return the axes of an upright tag that faces ``direction``, rad about z from x."""
     c, s = cos(direction), sin(direction)
     return np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]])
 
 
-# What a camera saw of the tags around the straight arm, as a parameter keeps it.
+# Corners of the tags around the straight arm, as stored in a parameter.
 
 def corners_at_rest(seen: Sequence[Corners]) -> dict[int, Array]:
     """
-    Return the mean corners of the tags that are in more than half of some pictures.
+    Return the mean corners of the tags seen in more than half of the images.
 
     Raises SensorError when they move.
     """
@@ -229,13 +229,13 @@ def corners_at_rest(seen: Sequence[Corners]) -> dict[int, Array]:
 
 
 def corners_as_numbers(corners: Corners) -> tuple[float, ...]:
-    """Return corners as parameter tags.reference_corners has them."""
+    """Return corners as the value of parameter tags.reference_corners."""
     return tuple(float(value) for n, places in sorted(corners.items())
                  for value in (n, *places.ravel()))
 
 
 def corners_from_numbers(numbers: Sequence[float]) -> dict[int, Array]:
-    """Return the corners that parameter tags.reference_corners has; raises ParameterError."""
+    """Return the corners in parameter tags.reference_corners; raises ParameterError."""
     if tuple(numbers) == (0.0,):
         return {}
     if len(numbers) % NUMBERS:

@@ -1,12 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What pictures of the straight arm tell of the tags around it, and of the camera.
+Offsets of the tags, and the focal length, from images of the straight arm.
 
-The tags of a straight arm are where they were meant to be, but for how they are stuck: like the
-fixed ones, only nearer to the camera.  So all of them together tell the view and the focal length,
-and then each one how it is stuck.  What is left along the view is not taken for a ring that sits
-askew: turned with its disc it would be wrong in another direction.
+On a straight arm the tags are at their nominal positions apart from their offsets, like the fixed
+ones but nearer to the camera.  So together they determine the view and the focal length, and then
+each one its offset.  The remaining error along the view is not attributed to a misaligned ring: it
+would point in another direction when the disc turns.
 """
 
 from collections.abc import Mapping
@@ -28,11 +28,11 @@ MAX_MISFIT = 6.0  # of corners over what is expected of them, both squared: more
 @dataclass(frozen=True)
 class PlacedTags:
     """
-    Tags as they are stuck, by number, and the camera that sees them.
+    Tags with their offsets, by number, and the camera that sees them.
 
     fixed: in base_link.  rings: of each disc, in its frame.  focal: focal length over the
-    calibrated one, with the standard deviation focal_stddev.  ring_stddev: m, standard, of
-    how rings sit beyond what their tags say.
+    calibrated one, with the standard deviation focal_stddev.  ring_stddev: m, standard deviation
+    of rings beyond the offsets of their tags.
     """
 
     fixed: Mapping[int, Tag]
@@ -43,20 +43,20 @@ class PlacedTags:
 
     @classmethod
     def of(cls, layout: RingLayout) -> Self:
-        """Return the tags of a layout before anything was seen of them."""
+        """Return the nominal tags of a layout."""
         return cls(layout.fixed_tags, tuple(map(layout.ring, range(len(layout.heights)))), 1.0,
                    FOCAL_DEVIATION, layout.ring_stddev)
 
     @classmethod
     def seen_straight(cls, layout: RingLayout, lens: Lens, corners: Corners) -> Self:
         """
-        Return them after they were seen on the straight arm.
+        Return the tags corrected by their corners on the straight arm.
 
         Raises SensorError for an arm that is not straight.
         """
         ring = np.diag(layout.ring_stddev * np.repeat([1.0, 1.0 / layout.radius], 3))
         before, heights = cls.of(layout), layout.straight_heights
-        # How a ring sits counts as how its tags are stuck: then those that are seen tell it.
+        # The offset of a ring counts as offsets of its tags, so that visible tags determine it.
         rings = [{n: replace(tag, spread=np.sqrt(tag.spread**2 + ring**2))
                   for n, tag in tags.items()} for tags in before.rings]
         every = dict(before.fixed) | {
@@ -66,13 +66,13 @@ class PlacedTags:
         group = TagGroup([every[n] for n in seen], [corners[n] for n in seen], lens,
                          focal_stddev=UNCALIBRATED)
         if len(seen) < len(heights) or not (fits := group.fits()):
-            raise SensorError('no tags are seen of which the straight arm could tell anything')
+            raise SensorError('no tags are seen that the straight arm can calibrate')
         placed = dict(zip(seen, group.placed(fits[0]), strict=True))
         off, number = max((float(np.linalg.norm(placed[n].centre - every[n].centre)), n)
                           for n in seen)
         if fits[0].misfit > MAX_MISFIT * fits[0].freedom:
             raise SensorError(
-                f'tag {number} is seen {off * 1e3:.1f} mm from where it is on the straight arm, '
+                f'tag {number} is seen {off * 1e3:.1f} mm from its position on the straight arm, '
                 'others too; is the arm straight, does tags.fixed_poses fit?')
         return cls(
             {n: placed.get(n, tag) for n, tag in before.fixed.items()},

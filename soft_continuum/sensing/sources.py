@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where pictures come from besides ROS: a video device, a video file, a folder of pictures."""
+"""Image sources besides ROS: a video device, a video file, a folder of images."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,19 +16,19 @@ DEVICE = re.compile(r'/dev/video\d+|/dev/v4l/.+')
 
 
 class SourceError(ValueError):
-    """There are no pictures to be had, or no more; the message says why."""
+    """The source has no images, or no more; the message says why."""
 
 
 def is_device(source: str) -> bool:
-    """Return whether a source is a device, which goes on for ever at its own rate."""
+    """Return whether a source is a device, which streams without end at its own rate."""
     return DEVICE.fullmatch(source) is not None
 
 
 def pictures(source: str, size: tuple[int, int]) -> Iterator[Picture]:
     """
-    Yield the grey pictures (height, width) of a device, a video file or a folder, in order.
+    Yield the grey images (height, width) of a device, a video file or a folder, in order.
 
-    size: (width, height) px that a device is asked for.  Raises SourceError.
+    size: (width, height) px requested from a device.  Raises SourceError.
     """
     import cv2
     path = Path(source)
@@ -38,8 +38,8 @@ def pictures(source: str, size: tuple[int, int]) -> Iterator[Picture]:
         elif is_device(source) or path.is_file():
             yield from _of_video(source, size)
         else:
-            raise SourceError(f'camera.source {printable(source)!r} is not there; give a video '
-                              'device such as /dev/video0, a video file or a folder of pictures')
+            raise SourceError(f'camera.source {printable(source)!r} does not exist; give a video '
+                              'device such as /dev/video0, a video file or a folder of images')
     except (OSError, cv2.error) as error:
         raise SourceError(f'{source} cannot be read: {error}') from None
 
@@ -48,11 +48,11 @@ def _of_folder(folder: Path) -> Iterator[Picture]:
     import cv2
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
     if not paths:
-        raise SourceError(f'{folder} holds no pictures; known: {", ".join(SUFFIXES)}')
+        raise SourceError(f'{folder} contains no images; supported: {", ".join(SUFFIXES)}')
     for path in paths:
         picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         if picture is None:
-            raise SourceError(f'{path} cannot be read as a picture')
+            raise SourceError(f'{path} cannot be read as an image')
         yield np.asarray(picture, dtype=np.uint8)
 
 
@@ -71,7 +71,7 @@ def _of_video(source: str, size: tuple[int, int]) -> Iterator[Picture]:
             read, picture = video.read()
             if not read:
                 if is_device(source):
-                    raise SourceError(f'{source} gives no more pictures; is it still plugged in?')
+                    raise SourceError(f'{source} delivers no more images; is it still plugged in?')
                 return
             yield np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     finally:

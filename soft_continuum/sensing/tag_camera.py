@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Poses of the discs of a planar arm from one picture of its tags.
+Poses of the discs of a planar arm from one image of its tags.
 
 Corners are undistorted; those of the fixed tags give the homography from the plane of the arm to
-the picture.  The pose of a disc is the one at which its tag's corners are where they are seen, in
-the least-squares sense.  One tag's depth and tilt, which a single tag tells badly, are not used.
+the image.  The pose of a disc is the least-squares fit to the corners of its tag.  Depth and tilt,
+which a single tag measures poorly, are not used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,33 +29,33 @@ ITERATIONS = 5
 
 
 class TagCamera(DiscCamera):
-    """Measures the discs of a planar arm in the pictures of one camera."""
+    """Measures the discs of a planar arm in images of one camera."""
 
     layout: TagLayout
 
     def __init__(self, layout: TagLayout, lens: Lens, offsets: Sequence[Array] = ()) -> None:
         """
-        Take where the tags are, and the calibration of the camera.
+        Store the tag layout and the camera calibration.
 
-        offsets: by disc, its pose (7,) in the one that its tag tells; none for tags that are where
-        they are meant to be.
+        offsets: by disc, its pose (7,) in the nominal disc frame of its tag; none for tags at
+        their nominal positions.
         """
         discs = range(len(layout.heights))
         super().__init__(layout, lens, {*layout.fixed_numbers, *discs})
         self._offsets = offsets or [np.array(IDENTITY) for _ in discs]
 
     def _view(self, picture: Picture, corners: Mapping[int, Array]) -> 'Plane | str':
-        """Return the plane that the fixed tags tell, or why they do not."""
+        """Return the plane from the fixed tags, or why there is none."""
         seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
         if len(seen) < MIN_FIXED:
             return self._too_few(picture, corners, len(seen), MIN_FIXED)
         if not not_collinear(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
-            return 'the fixed tags that are seen stand in a line, but for one; uncover the others'
+            return 'all visible fixed tags but one are in a line; uncover the others'
         plane = Plane(self.layout, self.lens, seen)
         return plane.problem() or plane
 
     def _fit(self, n: int, corners: Mapping[int, Array], view: 'Plane') -> '_Fit | str | None':
-        """Return where the plane has a disc, why that is not known, or None if it is not seen."""
+        """Return the fit of a disc in the plane, why it fails, or None if it is not seen."""
         if n not in corners:
             return None
         fit = view.fit(n, corners[n])
@@ -74,7 +74,7 @@ class TagCamera(DiscCamera):
             fit.residual, pose) for n, (pose, fit) in fits.items()}, stddev
 
     def _fixed_covariance(self, disc: int, fit: '_Fit') -> Array:
-        """Return the covariance of what is off in every picture alike: tags, and the lens."""
+        """Return the covariance of errors common to all images: tags, and the lens."""
         stuck = self.layout.stddev
         of_tag = np.diag([stuck, stuck, stuck / self.layout.disc_size])**2
         lever = np.eye(3)  # a tag that is turned shifts the bottom of the disc
@@ -92,8 +92,8 @@ class _Fit:
     """
     A disc's pose, its covariance for corners that are off by 1 px, and its residual, px.
 
-    placement: (3, 3), covariance for fixed tags that are off by 1 m.  outwards: (2,), by how much
-    the disc seems farther out, over how much nearer it is to the camera.
+    placement: (3, 3), covariance for fixed tags that are off by 1 m.  outwards: (2,), apparent
+    outward shift of the disc over its shift towards the camera.
     """
 
     pose: Array
@@ -129,11 +129,11 @@ class Plane:
         self._placement = of_tags @ of_tags.T
 
     def project_at(self, points: Array, depth: float = 0.0) -> Array:
-        """Return where points (k, 2) m, nearer to the camera by ``depth``, are seen, (k, 2) px."""
+        """Project points (k, 2) m, nearer to the camera by ``depth``, (k, 2) px."""
         return _mapped(self._matrix, self._behind(points, depth))
 
     def project(self, points: Array) -> Array:
-        """Return where points (k, 3) m of the arm, in base_link, are seen, (k, 2) px."""
+        """Project points (k, 3) m of the arm, in base_link, (k, 2) px."""
         return self.project_at(points[:, [0, 2]], self._layout.depth)
 
     def pose(self, fit: _Fit) -> Array:
@@ -142,11 +142,11 @@ class Plane:
         return pose
 
     def _behind(self, points: Array, depth: float) -> Array:
-        """Return which points of the plane these hide, (k, 2) m."""
+        """Return the points of the plane hidden by these, (k, 2) m."""
         return points + (points - self._foot) * depth / (self._distance - depth)
 
     def _jacobian(self, points: Array, depth: float = 0.0) -> Array:
-        """Return how the projections change with the homography, (k, 2, 8)."""
+        """Return the Jacobian of the projections by the homography, (k, 2, 8)."""
         jacobian, hidden = np.empty((len(points), 2, 8)), self._behind(points, depth)
         for i in range(8):
             size = 1e-6 * max(1.0, abs(self._matrix.flat[i]))
@@ -157,7 +157,7 @@ class Plane:
         return jacobian
 
     def problem(self) -> str:
-        """Return what is wrong with the fixed tags, empty for nothing."""
+        """Return a problem of the fixed tags; empty for none."""
         count = len(self._pixels) // 4
         inverse = np.linalg.inv(cv2.findHomography(
             self._points.reshape(count, 4, 2).mean(axis=1), np.array([
@@ -212,9 +212,9 @@ class Plane:
 
 def _viewpoint(points: Array, pixels: Array, lens: Lens) -> tuple[Array, float, Array]:
     """
-    Return where the camera is: foot (x, z) on the plane of the fixed tags, and distance, m.
+    Return the camera position: foot (x, z) on the plane of the fixed tags, and distance, m.
 
-    Besides, the covariance (2, 2) of the foot for corners that are off by 1 px.
+    Also return the covariance (2, 2) of the foot for corners that are off by 1 px.
     """
     solid = np.column_stack([points, np.zeros(len(points))])
     _, turn, shift = cv2.solvePnP(solid, pixels, lens.matrix, None, flags=cv2.SOLVEPNP_IPPE)
@@ -229,13 +229,13 @@ def _viewpoint(points: Array, pixels: Array, lens: Lens) -> tuple[Array, float, 
 
 
 def _camera(pose: Array) -> Array:
-    """Return where the camera is for a rotation vector and a shift, (6,), of the plane."""
+    """Return the camera position for a rotation vector and a shift, (6,), of the plane."""
     camera: Array = -cv2.Rodrigues(pose[:3])[0].T @ pose[3:]
     return camera
 
 
 def _centre_of(corners: Array) -> Array:
-    """Return where the diagonals of a tag (4, 2) cross: its centre in any perspective."""
+    """Return the intersection of a tag's diagonals (4, 2): its centre in any perspective."""
     a, b, c, d = corners
     sides = np.column_stack([c - a, b - d])
     centre: Array = a + (c - a) * np.linalg.solve(sides, b - a)[0]
@@ -243,7 +243,7 @@ def _centre_of(corners: Array) -> Array:
 
 
 def _mapped(matrix: Array, points: Array) -> Array:
-    """Return points (k, 2) through a homography."""
+    """Return points (k, 2) mapped by a homography."""
     w = points @ matrix[:, :2].T + matrix[:, 2]
     mapped: Array = w[:, :2] / w[:, 2:]
     return mapped

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Taring: what sensors say of the straight arm tells how they are mounted on its discs."""
+"""Taring: offsets of sensors on their discs, from measurements of the straight arm."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -14,23 +14,23 @@ from soft_continuum.sensing.rigid import angle_between, compose, IDENTITY, inver
 from soft_continuum.sensing.tilt import SensorError, turn_between
 
 WINDOW = 1.0
-"""s that are averaged, unless these are too few samples."""
+"""s of samples that are averaged, unless these are too few."""
 SLOW_WINDOW = 5.0
 """s in which the last few samples of a slow sensor may lie."""
 MAX_PAUSE = 2.0
-"""s since the last sample, after which nothing is measured any more."""
+"""s since the last sample, after which a sensor is stale."""
 MIN_SPAN = 0.5
-"""s that have to be covered."""
+"""s that samples must cover."""
 MIN_SAMPLES = 5
 MAX_SAMPLES = 300
 MAX_SHIFT, MAX_TURN = 0.001, 0.01
-"""m and rad by which the first and the second half of them may differ."""
+"""m and rad, permitted motion between the first and second half of the samples."""
 MAX_DISTANCE = 0.3
-"""m between a disc and what is followed of it."""
+"""m between a disc and its tracked body."""
 MAX_TAG_SHIFT, MAX_TAG_TURN = 0.01, 0.2
-"""m and rad by which a tag may be off; more is an arm that is not straight."""
+"""m and rad, permitted offset of a tag; beyond it the arm is not straight."""
 MAX_TILT = 0.5
-"""rad by which an IMU may be turned on its disc."""
+"""rad, permitted turn of an IMU on its disc."""
 
 T = TypeVar('T')
 
@@ -43,7 +43,7 @@ def straight_heights(arm: Arm) -> tuple[float, ...]:
 
 
 class Window(Generic[T]):
-    """What was measured of a disc in the last second, or the last few samples of a slow sensor."""
+    """Measurements of a disc in the last second, or the last few samples of a slow sensor."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -51,16 +51,16 @@ class Window(Generic[T]):
         self._step = WINDOW / MAX_SAMPLES
 
     def add(self, now: float, value: T) -> None:
-        """Add what was measured ``now``, s of a clock that nobody sets."""
+        """Add a measurement made ``now``, s of a monotonic clock."""
         if not self._samples or now - self._samples[-1][0] >= self._step:
             self._samples.append((now, value))
 
     def recent(self, now: float) -> list[T]:
         """
-        Return what was measured in the last second, the oldest first; empty for nothing.
+        Return the measurements of the last second, the oldest first; empty without any.
 
-        Of a sensor that measures less often than five times a second, its last five measurements.
-        Raises SensorError when that is too little for a mean.
+        For sensors slower than five measurements a second, return the last five.
+        Raises SensorError when these are too few for a mean.
         """
         every = list(self._samples)  # add may interrupt
         samples = [s for s in every if now - s[0] <= SLOW_WINDOW]
@@ -77,44 +77,44 @@ class Window(Generic[T]):
 
 
 def refuse_motion(shift: float, turn: float) -> None:
-    """Raise SensorError for a motion from the first half of what was measured to the second."""
+    """Raise SensorError for motion between the first and second half of the measurements."""
     if shift > MAX_SHIFT or turn > MAX_TURN:
-        raise SensorError(f'it moves, by {shift * 1e3:.1f} mm and {turn:.3f} rad while it is '
+        raise SensorError(f'it moves by {shift * 1e3:.1f} mm and {turn:.3f} rad while it is '
                           'measured; wait until the arm rests')
 
 
 def offset_of(followed: Sequence[Array], height: float) -> Array:
     """
-    Return the pose (7,) of a disc in what is followed, from poses (k, 7) of that in base_link.
+    Return the pose (7,) of a disc in its tracked body, from poses (k, 7) of that in base_link.
 
-    height: z of the bottom of the disc in the straight arm, m.  Raises SensorError when it
+    height: z of the bottom of the disc in the straight arm, m.  Raises SensorError when the body
     moves, or is too far away to be mounted on the disc.
     """
     mount = _mount(followed, height)
     if (distance := float(np.linalg.norm(mount[:3]))) > MAX_DISTANCE:
         raise SensorError(
-            f'it is {distance:.2f} m from where its disc is in the straight arm; give where '
-            'base_link is (tracker.base_pose)')
+            f'it is {distance:.2f} m from its disc in the straight arm; set the pose of '
+            'base_link (tracker.base_pose)')
     return mount
 
 
 def tag_offset(poses: Sequence[Array], height: float) -> Array:
     """
-    Return the pose (7,) of a disc in the one that its tag tells, from such poses (k, 7).
+    Return the pose (7,) of a disc in the nominal disc frame of its tag, from poses (k, 7) of that.
 
-    height: as of offset_of.  Raises SensorError when it moves, or is too far off.
+    height: as for offset_of.  Raises SensorError when it moves, or is too far off.
     """
     mount = _mount(poses, height)
     shift, turn = float(np.linalg.norm(mount[:3])), angle_between(mount, np.array(IDENTITY))
     if shift > MAX_TAG_SHIFT or turn > MAX_TAG_TURN:
         raise SensorError(
-            f'it is seen {shift * 1e3:.1f} mm and {degrees(turn):.1f} degrees from where it is in '
+            f'it is seen {shift * 1e3:.1f} mm and {degrees(turn):.1f} degrees from its pose in '
             'the straight arm; is the arm straight, does tags.fixed_positions fit?')
     return mount
 
 
 def _mount(poses: Sequence[Array], height: float) -> Array:
-    """Return the pose of a disc of the straight arm in what has these poses; it must rest."""
+    """Return the pose of a disc of the straight arm in a body with these poses, at rest."""
     half = len(poses) // 2
     before, after = mean_pose(poses[:half]), mean_pose(poses[half:])
     refuse_motion(float(np.linalg.norm(after[:3] - before[:3])), angle_between(before, after))
@@ -125,9 +125,9 @@ def _mount(poses: Sequence[Array], height: float) -> Array:
 
 def turn_of(seen: Sequence[Array], up: Array) -> Array:
     """
-    Return by what rotation vector (3,), rad, an IMU is turned on its disc, the smallest there is.
+    Return the smallest rotation vector (3,), rad, of an IMU on its disc.
 
-    seen: (k, 3), where up was in its frame in the straight arm.  up: where it is in base_link.
+    seen: (k, 3), up in its frame on the straight arm.  up: in base_link.
     Raises SensorError when it moves, or is turned by too much.
     """
     half = len(seen) // 2

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Where up is in the frame of a disc, from an IMU on it: of a hinge, the angle about it.
+Direction of up in the frame of a disc, from an IMU on it: for a hinge, its angle.
 
-A Kalman filter of a direction and the biases of the gyroscope.  The direction turns against the
-disc, as the gyroscope says; the accelerometer says where it is, as long as the disc does not
-accelerate.  How the disc is turned about the vertical nobody sees.
+A Kalman filter for a direction and the biases of the gyroscope.  The direction turns opposite to
+the gyroscope's rate; the accelerometer measures it while the disc does not accelerate.  The turn
+of the disc about the vertical is not observable.
 """
 
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.rigid import moved_by
 
 MIN_STEP = 0.0009
-"""s between two samples that are used: one that comes faster is left out."""
+"""Least s between two samples that are used: faster ones are dropped."""
 MAX_GAP = 0.5
-"""s without a sample after which the angle starts anew; the bias is kept."""
+"""s without a sample after which the angle is reset; the bias is kept."""
 BIAS_WALK = 5e-4
-"""By how much the bias of the gyroscope drifts in a second, rad/s."""
+"""Drift of the bias of the gyroscope in a second, rad/s."""
 QUIET_TIME = 0.3
 """s of a steady rate and a magnitude of g, after which the bias is estimated."""
 QUIET_RATE = 0.02
@@ -30,21 +30,21 @@ QUIET_RATE = 0.02
 QUIET_ACCELERATION = 0.1
 """m/s^2, besides the noise and the mean, by which the magnitude may differ from g."""
 UNNOTICED = 0.01
-"""m/s^2, standard, of the acceleration of a disc that seems to be quiet."""
+"""m/s^2, standard deviation of the acceleration of a disc that appears at rest."""
 MOTION_TIME = 0.5
-"""s over which the acceleration of a motion stays about the same."""
+"""s, correlation time of the acceleration of a motion."""
 AVERAGING_TIME = 1.0
 """s over which the magnitude of the acceleration is averaged."""
 MAX_AVERAGED = 3.0
-"""Of g: a blow counts as that in the mean."""
+"""Limit for the mean, over g: shocks count as this."""
 MAX_MAGNITUDE_ERROR = 0.1
-"""Of g, in the mean: beyond it the unit or the scale is wrong."""
+"""Error of the mean over g, beyond which the unit or the scale is wrong."""
 MIN_IN_PLANE = 0.5
 """Of g, in the plane of the arm."""
 GATE = 5.0
-"""Standard deviations; what is farther off than this is an outlier."""
+"""Standard deviations beyond which a sample is an outlier."""
 MAX_OUTLIERS = 0.5
-"""s of outliers alone, after which the angle starts anew."""
+"""s of outliers alone, after which the angle is reset."""
 DISAGREE = ('gyroscope and accelerometer disagree; are rates in rad/s, and does imu.axes fit how '
             'it is mounted?')
 UP, BIAS = slice(3), slice(3, 6)
@@ -53,19 +53,18 @@ EYE, EYE6 = np.eye(3), np.eye(6)
 
 
 class SensorError(ValueError):
-    """What a sensor sends cannot be used; the message says why, and what to do."""
+    """Data of a sensor cannot be used; the message says why, and what to do."""
 
 
 @dataclass(frozen=True)
 class ImuSettings:
     """
-    What is known of IMUs and of the arm.
+    Settings of IMUs; standard deviations unless noted.
 
-    gravity: m/s^2.  acceleration_stddev (m/s^2) and rate_stddev (rad/s): standard, of one
-    sample, where the IMU does not tell.  bias_stddev: rad/s, of the gyroscope when it is
-    switched on.  motion_acceleration: m/s^2, standard, of a disc that moves.  stddev: rad,
-    standard, of what an IMU is off in every sample at an angle alike: its mounting, and its
-    accelerometer's offset.
+    gravity: m/s^2, its value.  acceleration_stddev (m/s^2) and rate_stddev (rad/s): of one sample
+    if the IMU reports none.  bias_stddev: rad/s, of the gyroscope when switched on.
+    motion_acceleration: m/s^2, of a moving disc.  stddev: rad, of errors common to all samples at
+    an angle: mounting, and offset of the accelerometer.
     """
 
     gravity: float
@@ -81,9 +80,8 @@ class ImuSample:
     """
     One measurement, in the frame of the disc: z along its axis.
 
-    time: s, of its stamp.  acceleration: (x, y, z) m/s^2, of what is at rest g upwards.
-    rate: about x, y and z, (3,) rad/s.  The variances are of one component; 0 where they are not
-    known.
+    time: s, of its stamp.  acceleration: (x, y, z) m/s^2; at rest g upwards.
+    rate: about x, y and z, (3,) rad/s.  The variances are of one component; 0 if unknown.
     """
 
     time: float
@@ -95,15 +93,15 @@ class ImuSample:
 
 class UpFilter:
     """
-    Estimates where up is in the frame of a disc, (3,), of length 1.
+    Estimates the unit vector up in the frame of a disc, (3,).
 
-    up is that at ``time``, s, of the last sample; nan before the first.  bias: (3,) rad/s, of the
+    up: at ``time``, s, of the last sample; nan before the first.  bias: (3,) rad/s, of the
     gyroscope.  covariance: (6, 6), of both.
     """
 
     def __init__(self, settings: ImuSettings, axes: NDArray[np.bool_]) -> None:
         """
-        Start without a sample; raises SensorError where gravity tells nothing.
+        Start without a sample; raises SensorError if gravity does not determine the angle.
 
         axes: (3,), about which of x, y and z the disc turns.
         """
@@ -122,22 +120,22 @@ class UpFilter:
 
     @property
     def is_quiet(self) -> bool:
-        """Whether nothing shows that the disc accelerates."""
+        """Whether the disc shows no acceleration."""
         return self._quiet >= QUIET_TIME
 
     @property
     def up_covariance(self) -> Array:
-        """Of up, across it, (3, 3), what is off in every sample included."""
+        """Covariance of up, across it, (3, 3), including errors common to all samples."""
         found = self.covariance[UP, UP] + self._settings.stddev**2 * EYE
         across = EYE - np.outer(self.up, self.up)
         return np.asarray(across @ found @ across)
 
     def update(self, sample: ImuSample) -> bool:
         """
-        Take one more sample; return whether what is estimated is now that of its time.
+        Process a sample; return whether the estimate was updated to its time.
 
-        It is not when the sample comes too soon, is older than the last, or is an outlier.  Raises
-        SensorError for a sample from which nothing can be had.
+        It is not if the sample comes too soon, is older than the last, or is an outlier.  Raises
+        SensorError for an unusable sample.
         """
         settings, step = self._settings, sample.time - self.time
         if 0.0 <= step < MIN_STEP or -MAX_GAP < step < 0.0:
@@ -155,7 +153,7 @@ class UpFilter:
         self.time = sample.time
         self._check()
         up, size = self._seen(sample.acceleration)
-        # The accelerometer: of a motion, samples soon after each other are off alike.
+        # The accelerometer: successive samples in a motion have the same error.
         motion = UNNOTICED**2 if self.is_quiet else (
             settings.motion_acceleration**2 + (magnitude - settings.gravity)**2)
         variance = noise**2 + motion * (1.0 if restart else max(1.0, MOTION_TIME / step))
@@ -195,7 +193,7 @@ class UpFilter:
                 f'{gravity:.2f} (arm.gravity); is it in m/s^2, gravity included?')
 
     def _seen(self, acceleration: tuple[float, float, float]) -> tuple[Array, float]:
-        """Return what an acceleration says, and by how much of it, m/s^2."""
+        """Return the direction of an acceleration and its magnitude, m/s^2."""
         gravity, seen = self._settings.gravity, self._moved * acceleration
         size = hypot(*seen.tolist())
         if size < MIN_IN_PLANE * gravity and not self._moved.all():
@@ -204,11 +202,11 @@ class UpFilter:
                      else 'is balanced by motion')
             raise SensorError(
                 f'{size:.1f} of {gravity:.1f} m/s^2 in the plane of the arm: gravity {where}; '
-                'does imu.axes fit how it is mounted? In an arm that lies flat IMUs tell nothing')
+                'does imu.axes fit how it is mounted? IMUs cannot measure an arm that lies flat')
         return np.asarray(seen / max(size, TINY)), max(size, TINY)
 
     def _predict(self, rate: Array, noise: float, step: float) -> None:
-        """Let a step, s, pass, with a rate (rad/s) and the deviation of that."""
+        """Predict over a step, s, with a rate (rad/s) and its standard deviation."""
         turn = (rate - self.bias) * step
         moves = EYE6.copy()
         moves[UP, UP] = back = rotation(-turn)
@@ -221,13 +219,13 @@ class UpFilter:
         self.covariance[BIAS, BIAS] += BIAS_WALK**2 * step * EYE
 
     def _restart(self, up: Array, variance: float) -> None:
-        """Take what the accelerometer says, with its variance, rad^2."""
+        """Set the direction from the accelerometer, with its variance, rad^2."""
         self.up, self._last_good = up, self.time
         self.covariance[UP], self.covariance[:, UP] = 0.0, 0.0
         self.covariance[UP, UP] = variance * EYE
 
     def _correct(self, away: Array, gain: Array, variance: float) -> None:
-        """Take account of what it says; of the bias only while the disc is quiet."""
+        """Update with the accelerometer; the bias only while the disc is at rest."""
         if not self.is_quiet:
             gain[BIAS] = 0.0
         step = gain @ away

@@ -18,23 +18,23 @@ from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.text import MAX_NAME, printable
 
 MAX_LENGTH_ERROR = 0.01
-"""By which the length of a quaternion may differ from 1."""
+"""Permitted deviation of a quaternion's length from 1."""
 MAX_LEAN = 0.19
-"""rad by which a disc may lean out of the plane of the arm."""
+"""rad, permitted tilt of a disc out of the plane of the arm."""
 MAX_OFF_PLANE = 0.05
-"""m by which it may be off that plane."""
+"""m, permitted distance from that plane."""
 MAX_BEYOND = 0.1
-"""m by which it may be farther from the base than in the straight arm."""
+"""m, permitted distance from the base beyond that in the straight arm."""
 
 
 @dataclass(frozen=True)
 class Tracker:
     """
-    Where a tracker measures, and what it follows on each disc.
+    The frame of a tracker, and the offsets of its tracked bodies.
 
     frame: base_link.  own_frame: of the tracker, empty if that is base_link.  to_base: pose (7,)
-    of its frame in base_link.  offsets: by disc, pose (7,) of the disc in what is followed.
-    reach: m, how far from the base a disc can be.  axes: (6,), as pose_axes of the arm.
+    of its frame in base_link.  offsets: by disc, pose (7,) of the disc in its tracked body.
+    reach: m, largest distance of a disc from the base.  axes: (6,), as pose_axes of the arm.
     """
 
     frame: str
@@ -62,13 +62,13 @@ class Tracker:
 
     def in_base(self, frame: str, pose: Sequence[float]) -> Array:
         """
-        Return what is followed as a pose (7,) in base_link.
+        Return the tracked body as a pose (7,) in base_link.
 
-        Raises SensorError for another frame, and for numbers that are no pose.
+        Raises SensorError for another frame, and for an invalid pose.
         """
         row = np.array(pose, dtype=float)
         if not np.isfinite(row).all():
-            raise SensorError('a pose that is not of finite numbers; is it lost?')
+            raise SensorError('a pose with numbers that are not finite; is it lost?')
         length = float(np.linalg.norm(row[3:]))
         if abs(length - 1.0) > MAX_LENGTH_ERROR:
             raise SensorError(f'a quaternion of length {length:.3g}, not 1; is it lost?')
@@ -84,9 +84,9 @@ class Tracker:
 
     def disc(self, n: int, followed: Array) -> Array:
         """
-        Return the pose (7,) of the bottom of a disc, from that of what is followed.
+        Return the pose (7,) of the bottom of a disc, from that of its tracked body.
 
-        Raises SensorError when it is far from the arm, or where its discs cannot go.
+        Raises SensorError when it is out of reach of the arm or its discs.
         """
         pose = compose(followed, self.offsets[n])
         if pose[6] < 0.0:
@@ -107,7 +107,7 @@ class Tracker:
 
 
 def given_pose(name: str, numbers: Sequence[float]) -> Array:
-    """Return the pose (7,) that a parameter is; raises ParameterError for none."""
+    """Return a parameter as a pose (7,); raises ParameterError if it is invalid."""
     pose = np.array(numbers, dtype=float)
     length = float(np.linalg.norm(pose[3:])) if len(pose) == 7 else 0.0
     if abs(length - 1.0) > MAX_LENGTH_ERROR:

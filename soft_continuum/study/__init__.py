@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Design studies: how well arms that differ in their descriptions reach, hold and plan.
+Design studies: reach, holding and planning of arms with different descriptions.
 
-``design`` reads what is varied, ``sampling`` computes one unit of work, ``running`` has units
-computed on one machine or a cluster and keeps what they give, ``summary`` makes tables and figures
-of it.  No ROS.  The cluster is Dask's (extra ``study``), loaded when used.
+``design`` reads the variations, ``work`` computes one unit, ``running`` distributes units on
+one machine or a cluster and stores their results, ``summary`` makes tables and figures.  No ROS.
+The cluster is Dask's (extra ``study``), loaded when used.
 """

@@ -1,16 +1,16 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a study varies: a YAML file, read into designs, each a complete description of an arm.
+Variations of a study: a YAML file, read into designs, each a complete description of an arm.
 
-It may have::
+Its keys are::
 
     description: my_arm.yaml       # beside the file; without it the paper's arm
     vary:                          # parameters of the description
       arm.mounting_angle: [0.0, 3.14159265]                # these values
       arm.segment_masses: {from: [0.05], to: [0.15], steps: 3}
-      arm.bending_stiffnesses: {times: [0.5, 1.0, 2.0]}    # of what the description has
-      segments:                    # a name of one's own: several parameters at a time
+      arm.bending_stiffnesses: {times: [0.5, 1.0, 2.0]}    # factors of the described values
+      segments:                    # any other name: several parameters at a time
         - {arm.segment_lengths: [0.105, 0.105], arm.outer_diameters: [0.05, 0.035], ...}
         - {arm.segment_lengths: [0.07, 0.07, 0.07], arm.outer_diameters: [0.05, 0.04, 0.03], ...}
     sample: 50                     # random designs instead of every combination
@@ -47,7 +47,7 @@ KEYS = ('description', 'vary', 'sample', 'obstacles', 'shapes', 'queries', 'seed
 RANGE = ('from', 'to', 'steps')
 MAX_DESIGNS, MAX_SHAPES, MAX_QUERIES, MAX_SEED = 100_000, 1_000_000, 10_000, 2**31 - 1
 OBSTACLES = 'obstacles'
-"""Among what is varied: the file of obstacles."""
+"""Key of the obstacle file among the variations."""
 DEFAULT_SHAPES = 500
 PARAMETERS = {p.name: p for p in ALL_PARAMETERS}
 
@@ -55,9 +55,9 @@ PARAMETERS = {p.name: p for p in ALL_PARAMETERS}
 @dataclass(frozen=True)
 class Design:
     """
-    One arm of a study: its number from 0, what was varied, and the whole description.
+    One arm of a study: its number from 0, the varied values, and the whole description.
 
-    Of several parameters at a time ``varied`` has the number of the row, from 1.
+    For several parameters at a time ``varied`` has the number of the row, from 1.
     """
 
     number: int
@@ -73,7 +73,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Study:
-    """Designs, and how many random shapes and queries of each there are."""
+    """Designs, and the number of random shapes and queries of each."""
 
     designs: tuple[Design, ...]
     shapes: int
@@ -82,7 +82,7 @@ class Study:
 
     @property
     def fingerprint(self) -> str:
-        """A text that another study does not have."""
+        """A text that identifies this study."""
         what = [[(sorted(d.values.items()), d.obstacles) for d in self.designs], self.shapes,
                 self.queries, self.seed]
         return hashlib.sha256(pickle.dumps(what, protocol=5)).hexdigest()
@@ -135,7 +135,7 @@ def _obstacle_sets(directory: Path, given: Mapping[str, Any]) -> dict[str, tuple
     if not isinstance(files, list) or not files or not all(
             file is None or isinstance(file, str) for file in files):
         raise ParameterError(f'obstacles is {printable(repr(files))}; allowed: a list of files, '
-                             'of which null is none')
+                             'with null for none')
     return {file or 'none': load_obstacles(directory / file) if file else () for file in files}
 
 
@@ -171,7 +171,7 @@ def _candidates(name: Any, how: Any, values: Mapping[str, Value]) -> 'Sequence[A
     """
     Return the values that a parameter has in the grid, or the range to draw from.
 
-    Of a name of the user's own they are mappings, each of several parameters.
+    For other names they are mappings, each of several parameters.
     """
     if isinstance(how, list) and how and all(isinstance(item, Mapping) for item in how):
         for inner in (inner for item in how for inner in item):
@@ -241,7 +241,7 @@ def _design(number: int, chosen: Mapping[str, Any], rows: Mapping[str, Any],
     if file:
         varied[OBSTACLES] = file
     design = Design(number, varied, {**base, **checked}, obstacles)
-    try:  # refused here, before any work is done
+    try:  # raises here, before any work is done
         CollisionScene(design.arm, design.obstacles)
     except (ParameterError, ObstacleError) as error:
         raise ParameterError(f'design {number + 1} ({described(varied)}): {error}') from None
@@ -249,7 +249,7 @@ def _design(number: int, chosen: Mapping[str, Any], rows: Mapping[str, Any],
 
 
 def described(varied: Mapping[str, Value]) -> str:
-    """Return what was varied, in a line."""
+    """Return the varied values as one line."""
     return ', '.join(f'{name.removeprefix("arm.")} {_short(value)}'
                      for name, value in varied.items())
 

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Has the units of a study computed by Dask, on this machine or a cluster; keeps each as it comes.
+Computes the units of a study with Dask, on this machine or a cluster, and stores each result.
 
-Every unit is a Parquet file of its own below ``parts``, written whole or not at all: a study that
-is interrupted goes on where it was, and a worker that dies costs the unit that it had.
+Every unit is a separate Parquet file below ``parts``, written atomically: an interrupted study
+resumes, and a worker that dies loses only its current unit.
 """
 
 from collections import Counter
@@ -40,10 +40,10 @@ def _dask() -> Any:
 
 
 class Results:
-    """The directory of one study: what was computed of it, and what it was."""
+    """The directory of one study: its results and its definition."""
 
     def __init__(self, directory: Path, study: Study) -> None:
-        """Go on in a directory, or begin in it; raises ResultError if it has another study."""
+        """Resume or begin a study in a directory; raises ResultError if it has another one."""
         self._directory, self.study = directory, study
         self._parts = directory / PARTS
         about = directory / ABOUT
@@ -53,7 +53,7 @@ class Results:
                 known = json.loads(about.read_text(encoding='utf-8')).get('fingerprint')
                 if known != study.fingerprint:
                     raise ResultError(
-                        f'{about} is of another study, or of this one before it was changed; '
+                        f'{about} is of another study, or of this one before a change; '
                         'choose another directory with --output, or remove that one')
             else:
                 write_whole(about, json.dumps({
@@ -65,12 +65,12 @@ class Results:
                               '--output') from None
 
     def missing(self) -> list[Unit]:
-        """Return the units that are still to be computed, in order."""
+        """Return the remaining units, in order."""
         there = set(self._parts.iterdir())
         return [unit for unit in units(self.study) if self._part(unit) not in there]
 
     def keep(self, unit: Unit, rows: dict[str, list[Any]]) -> None:
-        """Write what a unit gave."""
+        """Write the result of a unit."""
         import pyarrow as pa
         import pyarrow.parquet as pq
         with written_whole(self._part(unit)) as path:
@@ -79,9 +79,9 @@ class Results:
     def tables(self, kind: str = SHAPES, only: Collection[int] | None = None
                ) -> Iterator[tuple[int, Any]]:
         """
-        Yield number and table (pyarrow) of each design, as far as it was computed.
+        Yield number and table (pyarrow) of each design, with the results so far.
 
-        only: numbers of the designs that are read; None for all.
+        only: numbers of the designs to read; None for all.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -103,16 +103,16 @@ class Results:
 
     def join(self) -> list[Path]:
         """
-        Write all rows, sorted by design and number, a file for each kind; return the paths.
+        Write all rows, sorted by design and number, to one file per kind; return the paths.
 
-        Some of each kind must have been computed.
+        Each kind needs at least one result.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
         joined = []
         for kind in (SHAPES, QUERIES) if self.study.queries else (SHAPES,):
             path = self._directory / f'{kind}.parquet'
-            # Arms may have other numbers of segments: what one has not is null.
+            # Arms may differ in their number of segments: missing columns are null.
             schema = pa.unify_schemas(
                 [pq.read_schema(first) for first, *_ in self._paths(kind).values()])
             with written_whole(path) as partial, pq.ParquetWriter(partial, schema) as writer:
@@ -126,15 +126,15 @@ class Results:
 @contextmanager
 def cluster(processes: int, address: str = '') -> Iterator[Any]:
     """
-    Yield a client of Dask: of a scheduler at an address, or with processes of this machine.
+    Yield a client of Dask: for a scheduler at an address, or with processes of this machine.
 
-    Raises StudyError when nothing is there, or its workers have another version of this package.
+    Raises StudyError without an answer, or if workers have another version of this package.
     """
     distributed = _dask()
     import dask
 
     class Deaf(distributed.WorkerPlugin):  # type: ignore[misc,name-defined]
-        """Workers of a terminal leave Ctrl-C to the process that started them."""
+        """Workers ignore Ctrl-C, which the process that started them handles."""
 
         name = 'deaf to interrupts'
 
@@ -170,22 +170,22 @@ def cluster(processes: int, address: str = '') -> Iterator[Any]:
                                  'soft_continuum[study] where they run') from None
             if other := sorted(worker for worker, found in theirs.items() if found != version()):
                 raise StudyError(f'another version of soft_continuum runs on {", ".join(other)}; '
-                                 'install the same everywhere: else the numbers depend on who '
-                                 'computes them')
+                                 'install the same everywhere: otherwise results depend on the '
+                                 'worker')
             yield client
 
 
 def workers_of(client: Any) -> int:
-    """Return how many units are computed at a time."""
+    """Return the number of units computed in parallel."""
     return max(1, sum(int(threads) for threads in client.nthreads().values()))
 
 
 def run(client: Any, results: Results, todo: Sequence[Unit]) -> Iterator[tuple[Unit, float]]:
     """
-    Have units computed and kept; yield each with the time (s) that it took.
+    Compute and store units; yield each with its computing time (s).
 
-    A unit whose worker died is given to another one.  Raises StudyError when units kill workers
-    again and again.
+    A unit whose worker died is given to another one.  Raises StudyError when units repeatedly
+    kill workers.
     """
     distributed = _dask()
     left, lost = iter(todo), Counter[Unit]()

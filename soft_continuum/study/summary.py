@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the rows of a design say about it, and pictures of that.
+Summaries and figures from the rows of designs.
 
-Sets of tips are counted in cells of a grid, so that figures grow with the number of shapes until
-every cell that can be reached has been met: compare designs with as many shapes.
+Tips are counted in cells of a grid, so that values grow with the number of shapes until every
+reachable cell is found: compare designs with equal numbers of shapes.
 """
 
 from collections.abc import Iterable, Sequence
@@ -23,9 +23,9 @@ from soft_continuum.study.work import FALLS, FOUND, HELD, NONE
 CELLS = 25
 """Cells along the length of the arm."""
 SECTORS = 12
-"""Directions of a tip that are told apart: all around, or in space corners of an icosahedron."""
+"""Distinct tip directions: evenly around, or the corners of an icosahedron for spatial arms."""
 DRAWN = 4
-"""Designs whose tips are drawn: those of the widest reach."""
+"""Number of designs whose tips are drawn: those of the largest reach."""
 GOLDEN = (1.0 + 5.0**0.5) / 2.0
 CORNERS = np.array([v for a in (-1.0, 1.0) for b in (-GOLDEN, GOLDEN)
                     for v in ((0.0, a, b), (a, b, 0.0), (b, 0.0, a))])
@@ -36,13 +36,13 @@ AROUND = np.array([(np.sin(turn), 0.0, np.cos(turn))
 @dataclass(frozen=True)
 class Summary:
     """
-    What one design reaches and what that takes.
+    Reach of one design, and its cost.
 
-    shapes: tried.  held: part of them that tendons hold within all limits.  falls: part that none
-    holds.  reach: area (m^2) or volume (m^3) of the cells with a tip.  dexterity: mean part of the
-    directions that occur in such a cell.  tension, worst_tension: N, median and largest of those
-    held.  softenings: mean, over the cells, of the fewest that lead there; 0 without jamming.
-    success: part of the queries that were answered; plan_softenings: mean of these; nan without.
+    shapes: number tried.  held: fraction that tendons hold within all limits.  falls: fraction
+    that none holds.  reach: area (m^2) or volume (m^3) of the cells with a tip.  dexterity: mean
+    fraction of the directions that occur in such a cell.  tension, worst_tension: N, median and
+    largest of held shapes.  softenings: mean, over the cells, of the fewest needed; 0 without
+    jamming.  success: fraction of solved queries; plan_softenings: their mean; nan without.
     """
 
     design: Design
@@ -108,7 +108,7 @@ def text_row(one: Summary) -> list[str]:
 
 
 def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:
-    """Return all summaries as a table, SI: what was varied, as text where it is a list."""
+    """Return all summaries as a table in SI units; varied lists are texts."""
     rows: dict[str, list[Any]] = {'design': [one.design.number for one in found]}
     for name in dict.fromkeys(name for one in found for name in one.design.varied):
         values = [one.design.varied[name] for one in found]
@@ -119,9 +119,9 @@ def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:
 
 def figure(path: Path, found: Sequence[Summary], tips: Iterable[Array]) -> None:
     """
-    Write a picture: the tips of the widest designs, and reach, dexterity and tension of all.
+    Write a figure: tips of the designs with the largest reach, and reach, dexterity and tension.
 
-    tips: (m, 3) of the designs that are drawn, m, in the order of ``found`` by falling reach.
+    tips: (m, 3) of the designs that are drawn, m, in the order of decreasing reach.
     """
     widest = sorted(found, key=lambda one: -one.reach)[:DRAWN]
     picture = new_figure(11.0, 7.0)

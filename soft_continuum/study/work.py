@@ -3,8 +3,8 @@
 """
 The work of a study in units, each some random shapes or one query of a design, by full statics.
 
-What a unit gives depends on seed, design and unit alone, so that a study gives the same numbers
-wherever and in whatever order its units are computed.
+The result of a unit depends on seed, design and unit alone, so a study is reproducible on any
+machine and in any order of units.
 """
 
 from collections.abc import Mapping
@@ -30,13 +30,13 @@ from soft_continuum.study.design import Design, Study
 SHAPES, QUERIES = 'shapes', 'queries'
 """Kinds of work."""
 UNIT_TIME = 0.5
-"""How long the shapes of one unit take, roughly, s; in space more where many fall."""
+"""Approximate time for the shapes of one unit, s; more for spatial arms that often fall."""
 HELD, TENSION, TRAVEL, TOUCHES, FALLS = 'held', 'tension', 'travel', 'touches', 'falls'
-"""What became of a shape; beyond a limit of the rig; nearer to an obstacle than the margin; no
+"""Outcomes of a shape; beyond a limit of the rig; nearer to an obstacle than the margin; no
 tendons hold it."""
-DRAWS = 30  # random shapes that are tried to find one that the arm holds
+DRAWS = 30  # random shapes tried to find one that the arm holds
 FOUND, NOT_FOUND, NONE = 'found', 'not found', 'none'
-"""What became of a query; NONE: no random shape was held and clear, so nothing was asked."""
+"""Outcomes of a query; NONE: no random shape was held and clear, so there was no goal."""
 OF_TIP = ('x', 'y', 'z', 'pointing_x', 'pointing_y', 'pointing_z', 'tension', 'pull')
 
 
@@ -67,7 +67,7 @@ def units(study: Study) -> list[Unit]:
 
 
 def compute(design: Design, unit: Unit, seed: int) -> tuple[dict[str, list[Any]], float]:
-    """Return the rows of a unit as columns, and how long that took (s)."""
+    """Return the rows of a unit as columns, and the computing time (s)."""
     began = perf_counter()
     rows = (shapes(design, unit.first, unit.count, seed) if unit.kind == SHAPES
             else [query(design, unit.first, seed)])
@@ -78,10 +78,9 @@ def shapes(design: Design, first: int, count: int, seed: int) -> list[dict[str, 
     """
     Return the rows of some shapes of a design, from a number on.
 
-    Columns: design, shape; softenings; solves; bent_1, ... what each segment was to be bent (rad;
-    in space its rotation about x, and turned_1, ... about y); outcome; x, y, z (m) and the
-    direction of the tip (unit vector); tension, the largest (N); pull, the largest (m); nan where
-    there is none.
+    Columns: design, shape; softenings; solves; bent_1, ... commanded bending of each segment (rad;
+    for spatial arms about x, and turned_1, ... about y); outcome; x, y, z (m) and direction of the
+    tip (unit vector); tension, the largest (N); pull, the largest (m); nan for none.
     """
     arm, statics = design.arm, Statics(design.arm)
     draw = np.random.default_rng([seed, design.number, first, 0])
@@ -110,11 +109,11 @@ def query(design: Design, number: int, seed: int) -> dict[str, Any]:
     """
     Return the row of a query of a design: a tip that it can reach, and a plan from straight to it.
 
-    The tip of a random shape that the arm holds, clear of obstacles, is asked for.  A search ends
-    after reach.states, not after a time: its answer is then the same on every machine.
+    The goal is the tip of a random shape that the arm holds, clear of obstacles.  A search ends
+    after reach.states, not after a time, so the result is the same on every machine.
 
     Columns: design, query, x, y, z of the goal (m); outcome; softenings, duration (s), tension
-    (N), clearance (m) and tip_error (m) of the first plan, nan where there is none.
+    (N), clearance (m) and tip_error (m) of the first plan, nan for none.
     """
     draw = np.random.default_rng([seed, design.number, number, 1])
     arm = design.arm
@@ -141,7 +140,7 @@ def query(design: Design, number: int, seed: int) -> dict[str, Any]:
 
 
 def drawn(arm: Arm, draw: np.random.Generator, jamming: bool) -> Array:
-    """Return random bending within the limits, of some of the segments, or of all at once."""
+    """Return random bending within the limits for some or all segments."""
     count = len(arm.segments)
     chosen = np.ones(count, dtype=bool)
     if jamming:  # with fewer softenings a smaller set is reached
@@ -166,7 +165,7 @@ def set_to(statics: Any, bending: Array, jamming: bool) -> Any:
 
 
 def outcome_of(state: Any, values: Mapping[str, Any], around: CollisionScene) -> str:
-    """Return what became of a shape; state: None where no tendons hold it."""
+    """Return the outcome of a shape; state: None where no tendons hold it."""
     if state is None:
         return FALLS
     low, high = values['pull_limits']

@@ -244,7 +244,7 @@ def test_a_bag_of_another_program_is_reported_and_exported(tmp_path, capsys):
     assert recording.tendon_names == ('b', 'a')
     assert recording.tendons == pytest.approx(np.array([[0, 0, 0], [1, 1, -2], [2, 2, -4]]))
     assert report([str(path)]) == 0
-    assert 'does not have the parameters' in (tmp_path / 'report.html').read_text()
+    assert 'does not contain the parameters' in (tmp_path / 'report.html').read_text()
     assert export([str(path)]) == 0
     assert (tmp_path / 'tendons.csv').read_text().splitlines()[2] == '1.0000,1,-2'
     assert export([str(path)]) == 2

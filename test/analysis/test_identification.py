@@ -137,7 +137,7 @@ def test_what_the_data_cannot_tell_is_refused_with_a_reason(names, shapes, messa
 
 def test_points_that_do_not_belong_to_the_pulls_are_refused():
     wrong = [replace(s, positions=s.positions + [0.05, 0.0, 0.05]) for s in data.SHAPES[3:6]]
-    with pytest.raises(IdentificationError, match='went to the end|do not determine'):
+    with pytest.raises(IdentificationError, match='reached the end|do not determine'):
         fit(STIFFNESS, wrong)
 
 

@@ -187,7 +187,7 @@ def test_habits_of_programs_give_the_same_curve(habit):
     (table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}') + '\n7.9', "line 32: .* is ''"),
     (table('Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f}') + '\nNaN;NaN', 'line 32: .*N'),
     (table('Weg [mm],Kraft [N],Note', lambda u, f: f'{u:.2f},{f:.2f},"x' if u in (0.27, 0.54)
-           else f'{u:.2f},{f:.2f},'), 'line 3: a quoted cell goes on in the next line'),
+           else f'{u:.2f},{f:.2f},'), 'line 3: a quoted cell continues in the next line'),
     (table('Weg 1 [mm];Kraft 1 [N];Weg 2 [mm];Kraft 2 [N]',
            lambda u, f: f'{u:.2f};{f:.2f};{u:.2f};{f:.2f}'), '2 columns may be the displacement'),
     (table('Load (N),Load cell 2 (N),Extension (mm)', lambda u, f: f'{f:.2f},{f:.2f},{u:.2f}'),

@@ -79,7 +79,7 @@ def test_points_of_another_arm_are_refused(tmp_path):
 
 @pytest.mark.parametrize(('old', 'new', 'message'), [
     ('bow;8;15', 'bow;9;15', r'points\.csv, line 5: there is no point 9; this arm has 1 to 8'),
-    ('bow;8;15', 'bow;7;15', r'points\.csv, line 5: point 7 of shape .bow. is there already'),
+    ('bow;8;15', 'bow;7;15', r'points\.csv, line 5: point 7 of shape .bow. is given twice'),
     ('bow;8;15', 'bow;7.5;15', r'points\.csv, line'),
     ('bow;8;15', 'bow;8;1500', r'points\.csv, line 5: .* is further away than the arm is long'),
     ('bow;2;0;30', 'bow;2;0;60', r'points\.csv, line 3: point 2 of the base disc .* transform'),

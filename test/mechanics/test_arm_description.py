@@ -62,7 +62,7 @@ def arm(**changes):
       for disc in (-1, 4, 1.5)),
     *((lambda force=force: paper.build().with_force(1, force), 'force is nan')
       for force in np.where(np.eye(3), nan, 0.0)),
-    (lambda: Segment(0.07, inf, inf), 'bend about one axis'),
+    (lambda: Segment(0.07, inf, inf), 'bend about at least one axis'),
     (lambda: Segment(70.0, 0.1, 0.1), 'segment length is 70'),
     (lambda: Segment(0.07, 0.1, 0.1, soft_law=0.1), 'soft law is 0.1; give a Moment'),
     (lambda: Segment(0.07, 0.1, 0.1, jam=5.0), 'give a')])
@@ -156,7 +156,7 @@ def test_a_tendon_that_is_not_like_the_other_makes_an_arm_a_spatial_one(changed)
     assert arm.planar and arm.tendon_labels == ('right', 'left')
     other = replace(arm, tendons=(replace(right, **changed), left))
     assert not other.planar and other.tendon_labels == other.tendon_names
-    with pytest.raises(ArmError, match='a spatial one'):
+    with pytest.raises(ArmError, match='this arm is spatial'):
         PlaneChain(other)
 
 

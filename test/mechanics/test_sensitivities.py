@@ -216,5 +216,5 @@ def test_what_has_no_derivatives_is_refused():
         Linearisation(statics, statics.chain.straight(), tensions=(1.0,))
     rubs = Statics(replace(arm, segments=(
         replace(arm.segments[0], friction=0.01), *arm.segments[1:])))
-    with pytest.raises(ValueError, match='no friction'):
+    with pytest.raises(ValueError, match='exclude friction'):
         Linearisation(rubs, rubs.chain.straight())

@@ -56,12 +56,12 @@ PAIR = tendon_pair(0.02, 1)
     *(({'soft': soft}, 'soft must have a true or false for each of the 3 segments') for soft in (
         'abc', (0.5, np.nan, 'x'), (True,), (True,) * 4, None, 1, (None,) * 3,
         np.ones((3, 1)))),
-    *(({'start': start}, 'the start must be one of .*Equilibrium') for start in (None, 0, 'a')),
+    *(({'start': start}, 'the start must be an Equilibrium') for start in (None, 0, 'a')),
     *(({'vacuum': vacuum}, 'vacuum must be one number from 0 to 1') for vacuum in (
         (0.5,), (2.0, 0.0, 0.0), (-0.1, 1.0, 1.0), (np.nan, 1.0, 1.0), 0.5, 'abc', (True,) * 3)),
     *(({'sliding': sliding}, 'sliding must be 1, 0 or -1') for sliding in (
         (2, 0, 0), (1,), ('a', 0, 0), None, (True, False, True))),
-    *(({'tensions': tensions}, 'tensions must be finite numbers of 0 N and more') for tensions in (
+    *(({'tensions': tensions}, 'tensions must be finite numbers of 0 N or more') for tensions in (
         (1.0, -1.0, 0.0), (np.inf, 0.0, 0.0), (True,) * 3, 'abc', (1j, 0.0, 0.0), (1.0,)))])
 def test_what_is_no_command_is_refused_alike_in_plane_and_space(statics, given, words):
     tendons = len(statics.chain.arm.tendon_names)
@@ -87,7 +87,7 @@ def test_what_is_no_command_is_refused_alike_in_plane_and_space(statics, given, 
 def test_tensions_that_are_not_finite_are_refused(statics, wrong, tendon):
     tensions = np.zeros(len(statics.compliance))
     tensions[tendon] = wrong
-    with pytest.raises(ValueError, match='tensions must be finite numbers of 0 N and more'):
+    with pytest.raises(ValueError, match='tensions must be finite numbers of 0 N or more'):
         statics.solve_tensions(statics.chain.straight(), tensions, FIRST)
 
 

@@ -143,7 +143,7 @@ def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
         pose, _ = planar(recorded.last)
         assert pose[:2] == pytest.approx(truth[:2], abs=3e-4)
         assert pose[2] == pytest.approx(truth[2], abs=5e-3)
-    driver.tare_until('from where it is', bent)
+    driver.tare_until('from its pose in', bent)
 
 
 def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
@@ -187,7 +187,7 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
     rig.start('camera', ready=False, **{
         'camera.source': str(folder), 'camera.calibration': str(calibration), 'camera.rate': 5.0})
     rig.wait_for(lambda: len(tip) >= 1, 'a pose')
-    wait_for(rig, heard, 'no more pictures')
+    wait_for(rig, heard, 'no more images')
 
 
 def test_a_second_camera_of_an_arm_in_space(rig: Rig) -> None:

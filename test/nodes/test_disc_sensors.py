@@ -187,7 +187,7 @@ def test_what_is_wrong_is_said_and_nothing_is_published(rig: Rig) -> None:
             (sensors.imu, _covariance(-4.0), 'is no covariance'),
             (sensors.imu, _covariance(float('nan')), 'is no covariance'),
             (sensors.imu, _rate, 'not finite'),
-            (sensors.imu, _flat, 'lies flat IMUs tell nothing')):
+            (sensors.imu, _flat, 'IMUs cannot measure an arm that lies flat')):
         sensors.spoil = spoil or (lambda message: None)
         assert sensors.until_status(send, words).level == DiagnosticStatus.ERROR
     assert not any(map(len, sensors.poses))

@@ -19,7 +19,8 @@ from soft_continuum.user_files import description_file
 CHAIN = Chain(load_arm(description_file()))
 BENT = CHAIN.uniform((0.3, -0.2, 0.25))
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
-ALARM = 'left_tendon is 4.0 mm longer than its motor says: it slipped in its clamp or left a guide'
+ALARM = ('left_tendon is 4.0 mm longer than its motor reports: it slipped in its clamp or left a '
+         'guide')
 
 
 def colour(marker: Marker) -> tuple[int, ...]:

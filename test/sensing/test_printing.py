@@ -7,7 +7,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import numpy as np
 import pytest
 
-from soft_continuum.cli import calibrate, tags
+from soft_continuum.cli import tags
+from soft_continuum.commissioning import calibrate
 from soft_continuum.sensing import printing
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.lens_calibration import board
@@ -132,7 +133,7 @@ def test_a_lens_is_found_from_pictures_of_the_board(boards, tmp_path, capsys):
 @pytest.mark.parametrize(('chosen', 'named'), [
     (lambda b: [], '0 of 0'), (lambda b: b[:3], '3 of 3'),
     (lambda b: b[:10] + [np.zeros((100, 100), np.uint8)], 'are mixed'),
-    (lambda b: [seen_board((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))] * 10, 'into the corners')])
+    (lambda b: [seen_board((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))] * 10, 'in the corners')])
 def test_pictures_that_do_not_do_are_refused_with_the_remedy(boards, chosen, named):
     with pytest.raises(ValueError, match=named):
         calibrate_lens(chosen(boards))
@@ -143,7 +144,7 @@ def test_a_source_without_pictures_is_named(source, tmp_path, capsys, monkeypatc
     monkeypatch.chdir(tmp_path)
     assert calibrate.main(['camera', source, '--output', str(tmp_path)]) == 2
     error = capsys.readouterr().err
-    assert source in error or 'no pictures' in error
+    assert source in error or 'no images' in error
     assert 'Traceback' not in error
 
 

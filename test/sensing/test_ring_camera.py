@@ -176,7 +176,7 @@ def covered(drawn, picture, points, half=45):
 def test_fixed_tags_that_are_hidden(ideal):
     places = views.layout().fixed[:, :3]
     few = covered(ideal[0], ideal[2], places[[0, 1, 4, 5, 6, 7]])
-    without_pose(ideal[1].measure(few), '2 of 8', 'needed: 3', 'before them')
+    without_pose(ideal[1].measure(few), '2 of 8', 'needed: 3', 'are they covered')
 
 
 def test_fixed_tags_that_are_elsewhere(ideal):
@@ -239,7 +239,7 @@ def test_of_a_disc_of_which_one_tag_is_seen_from_its_front_nothing_is_measured()
     sight = measuring.measure(covered(drawn, picture, aside, 10))
     assert {12, 13, 17} & set(sight.numbers) == {12}
     assert 2 not in sight.discs
-    assert any('disc 2 only tag 12' in problem for problem in sight.problems)
+    assert any('only tag 12 of disc 2' in problem for problem in sight.problems)
 
 
 # Layouts and the straight arm.

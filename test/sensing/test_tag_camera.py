@@ -77,7 +77,7 @@ def test_no_tag_is_seen_in_clutter(ideal):
 def test_a_fixed_tag_that_is_hidden(ideal):
     covered = ideal[2].copy()
     covered[:400, :400] = 0
-    without_pose(ideal[1].measure(covered), '3 of 4', 'before them')
+    without_pose(ideal[1].measure(covered), '3 of 4', 'are they covered')
 
 
 def test_fixed_tags_of_which_three_stand_in_a_line():
@@ -151,7 +151,7 @@ def test_a_calibration_is_read_as_it_was_written(ideal, tmp_path):
 def test_a_file_that_is_no_calibration_is_refused(tmp_path, text):
     path = tmp_path / 'camera.yaml'
     path.write_text(text, encoding='utf-8')
-    with pytest.raises(LensError, match='no calibration'):
+    with pytest.raises(LensError, match='not a camera calibration'):
         Lens.read(path)
 
 

@@ -321,7 +321,7 @@ IN_SPACE = r'^bow: segment 1 to 34\.4 degrees in the direction 57\.3'
     ([BOW], {'arm': coarse(), 'pull_limits': (-0.005, 0.06)}, [
         IN_SPACE, r'pull_limits: -0\.005 to 0\.06 m']),
     ([Shape('bow', (0.2, 0.2, 0.2))], {'arm': coarse(), 'jamming': False}, [
-        '6 bendings cannot be chosen with 3 tendons']),
+        '3 tendons cannot set 6 bendings']),
     # Nothing holds what is softened.
     ([Shape('bow', (0.2, 0.0, 0.0))], {'arm': coarse(payload=1.0), 'pulls': (-0.02,) * 3}, [
         'goes over to another shape: its tendons do not hold it']),

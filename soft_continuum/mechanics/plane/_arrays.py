@@ -24,7 +24,7 @@ BOTH_LENGTHS = np.zeros(2, dtype=np.int64)
 
 class State(NamedTuple):
     """
-    What a solve changes in place.
+    The state that a solve changes in place.
 
     theta: (bodies,) rad, absolute angles.  tension: (2,) N.  lengths: (2,) m, the paths of the two
     tendons through the segments.
@@ -70,7 +70,7 @@ class Drive(NamedTuple):
 
 class Work(NamedTuple):
     """
-    The linear system of one Newton step and what it is assembled from.
+    The linear system of one Newton step and its parts.
 
     gradient, diagonal, off: (groups,), moments and tridiagonal Hessian.  columns, rows: (groups,
     width) and (width, groups), the low-rank rest of the system; column 0 is the right-hand side.

@@ -123,7 +123,7 @@ class Continuation:
             chain=self.chain)
 
     def _step(self, point: Point, problem: Problem) -> tuple[Point, Problem, bool]:
-        """Reach the problem's equilibrium in one step, or else in small ones; and if it jumped."""
+        """Reach the equilibrium in one step or in small ones; return also whether it jumped."""
         end = self.newton(point, problem)
         if problem.reached_by(end):
             return end, problem, False
@@ -131,10 +131,10 @@ class Continuation:
 
     def _reach(self, point: Point, problem: Problem) -> tuple[Point, Problem, bool]:
         """
-        Follow the straight way to the target, or where it ends in a jump, a way round.
+        Follow the direct path to the target, or a detour where the direct path ends in a jump.
 
-        On the straight way the dead moments fade while the tendons move, and both may be too short
-        where one is paid out and the other pulled in.  On the ways round moments fade first; then
+        On the direct path the dead moments fade while the tendons move, and both may be too short
+        where one is paid out and the other pulled in.  On the detours moments fade first; then
         both move, or one is paid out first.
         """
         drive, gap = problem.drive, self._gap(point, problem)
@@ -187,10 +187,9 @@ class Continuation:
         """
         Follow the equilibrium from ``point`` in small steps.
 
-        The moments that the start leaves unbalanced are carried by dead moments that fade on the
-        way, while the tendons go from the lengths they have to their targets.  The held shape of
-        a jam that yields creeps along.  Also returns the problem after creep and whether the arm
-        jumped.
+        Unbalanced moments at the start are balanced by dead moments that fade on the way, while
+        the tendons go from their present lengths to their targets.  The held shape of a yielding
+        jam creeps.  Also returns the problem after creep and whether the arm jumped.
         """
         drive = problem.drive
         tension = np.where(np.isinf(drive.target), 0.0, point.tension)
@@ -221,7 +220,7 @@ class Continuation:
         return point._replace(iterations=iterations, slack=_slack(point, drive)), problem, jumped
 
     def _gap(self, point: Point, problem: Problem) -> Array:
-        """Return how far each driven tendon (or angle) is from its target at the start."""
+        """Return the distance of each driven tendon (or angle) from its target at the start."""
         drive, gap = problem.drive, np.zeros(2)
         for t in (RIGHT, LEFT):
             tension = point.tension[t]
@@ -243,8 +242,8 @@ class Continuation:
         """
         Return the stable equilibrium that the arm moves to from where its path ended.
 
-        From a straight arm between two taut tendons that carry nothing no step leads anywhere:
-        then it begins at a small wave, to either side in turn.
+        A straight arm between two taut tendons without tension has no descent direction: then
+        the search begins at a small wave, to either side in turn.
         """
         mode, side = problem.drive.mode, _side(begin, target)
         starts = [] if np.any(mode == ANGLE) else [begin]
@@ -295,7 +294,7 @@ class Continuation:
     def _failure(self, point: Point, problem: Problem, target: Array) -> StaticsError:
         state, drive = self.result(point, problem), problem.drive
         if np.any(drive.mode == ANGLE):
-            return StaticsError('the path to that angle ends before it', state)
+            return StaticsError('no equilibrium was found at that angle', state)
         if np.any(drive.mode == TENSION):
             return StaticsError('no stable equilibrium found near the present shape', state)
         straight = self.chain.straight_paths[0]
@@ -304,17 +303,17 @@ class Continuation:
         if self._too_short(point, problem, target):
             return OverconstrainedError(
                 'no shape of the soft segments near the present one has tendons as short as these '
-                f'pulls ask for: {path}pay out a tendon', state)
+                f'pulls require: {path}pay out a tendon', state)
         return StaticsError(
-            f'no stable equilibrium was found on the way to these pulls: {path}there may be one, '
-            'so pull in smaller steps, or one tendon after the other', state)
+            f'no stable equilibrium was found on the way to these pulls: {path}one may exist; '
+            'pull in smaller steps, or one tendon after the other', state)
 
     def _too_short(self, point: Point, problem: Problem, target: Array) -> bool:
         """
-        Return whether the tendons cannot be as short as they are wanted.
+        Return whether the tendons cannot be as short as commanded.
 
-        So it is where the spans along locked segments alone are longer, or where no turn of the
-        rigid groups shortens all tendons that are too long.
+        This is so where the spans along locked segments alone are longer, or where no turn of
+        the rigid groups shortens all tendons that are too long.
         """
         drive, group, free = problem.drive, problem.system.group, problem.system.group >= 0
         guides = self.chain.guide_points(joint_angles(point.theta))
@@ -350,7 +349,7 @@ def joint_angles(theta: Array) -> Array:
 
 
 def _slack(point: Point, drive: Drive) -> Array:
-    """Return how much longer than its way each tendon that carries nothing is, (2,) m."""
+    """Return the slack of each tendon without tension, (2,) m."""
     slack = np.zeros(2)
     for t in (RIGHT, LEFT):
         if drive.mode[t] == LENGTH and point.tension[t] <= 0.0:
@@ -360,9 +359,10 @@ def _slack(point: Point, drive: Drive) -> Array:
 
 def _side(point: Point, target: Array) -> float:
     """
-    Return 1 or -1: the side to which an arm on a ridge goes.
+    Return 1 or -1: the side to which an arm at an unstable balance falls.
 
-    It is where it leans, or else that of the shorter tendon, so that mirror images behave alike.
+    It is the side to which it leans, or else that of the shorter tendon, so that mirror images
+    behave alike.
     """
     lean = float(point.theta.sum())
     if abs(lean) <= LENGTH_TOLERANCE:

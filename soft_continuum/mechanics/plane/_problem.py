@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What one solve of a planar arm is about, and the states on its path."""
+"""The problem of one solve of a planar arm, and the states on its path."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, Self
@@ -43,7 +43,7 @@ class Point(NamedTuple):
 
 class Problem(NamedTuple):
     """
-    What is free, what acts, and what drives the tendons in one solve.
+    Degrees of freedom, loads and driven tendons in one solve.
 
     groups: number of rigid groups.  turn_limit: rad, of a segment in one solve.  tolerance: (3,),
     as in _newton.newton.  locked_angles: (joints,) rad, kept by locked joints.  stiff, vacuum: as

@@ -23,10 +23,10 @@ Kind = TypeVar('Kind')
 
 def full_steps(given: Problems) -> Batch:
     """
-    Return where full steps lead.
+    Return the equilibria that full steps find.
 
-    Not found is what they do not reach, what tendons rub or pull by a force in, what has no soft
-    segment, and arms whose moment-curvature tables differ from those of the first.
+    Not found: problems that they do not reach, with friction of tendons, given tensions or no
+    soft segment, and arms whose moment-curvature tables differ from those of the first.
     """
     models: Sequence[PlaneStatics] = given.models
     starts, count = given.starts, given.count
@@ -69,7 +69,7 @@ def _chosen(values: Sequence[Kind], rows: NDArray[np.intp]) -> Sequence[Kind]:
 def _full_steps(models: Sequence[PlaneStatics], problems: Sequence[Problem], theta: Array,
                 tension: Array, target: Array
                 ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    """Return where full steps end: angles, tensions, lengths, residual, whether to be accepted."""
+    """Return the results of full steps: angles, tensions, lengths, residual, accepted."""
     count, systems = len(theta), [p.system for p in problems]
     lengths, residual, turned = np.empty((count, 2)), np.empty(count), np.empty(count)
     status = np.empty(count, dtype=np.int64)

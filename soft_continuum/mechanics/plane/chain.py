@@ -17,12 +17,12 @@ class PlaneChain(Chain):
     def __init__(self, arm: Arm) -> None:
         """Discretise ``arm``; raises ArmError for one that is not planar."""
         if not arm.planar:
-            raise ArmError('this arm is a spatial one, for Statics and Chain of any arm: a planar '
-                           'one has a right and a left tendon that are alike, at 0 and pi, and '
+            raise ArmError('this arm is spatial; use Statics or Chain for any arm: a planar '
+                           'one has equal right and left tendons, at 0 and pi, and '
                            'segments that bend about y only')
         super().__init__(arm)
         self.tendon = arm.tendons[RIGHT]
-        """What both are made of."""
+        """Properties that both tendons share."""
         self.joint_stiffness: Array = (np.repeat([s.stiffness_y for s in arm.segments],
                                           self.joints_per_segment) / self.joint_lengths)
         self.load_coefficients = -self.body_lengths[:, None] * self.forces[:, ::2]
@@ -34,12 +34,12 @@ class PlaneChain(Chain):
 
     @property
     def disc_radii(self) -> Array:
-        """Radius of every disc as views draw it, (discs,), m."""
+        """Radius of every disc in drawings, (discs,), m."""
         return np.array([self.guides[max(0, k - 1):k + 1].max()
                          for k in range(self.segments + 1)])
 
     def configuration(self, joint_angles: Array, /) -> Array:
-        """Return them: the configuration is the joint angles."""
+        """Return the joint angles, which are the configuration."""
         return joint_angles
 
     joint_angles = angles_at = joint_positions = configuration
@@ -77,15 +77,15 @@ class PlaneChain(Chain):
     bending = summed
 
     def bending_rates(self, configuration: Array, turned: Array) -> Array:
-        """Return how bending changes, (segments, 2, k), as discs turn about y, (discs, 3, k)."""
+        """Return the change of bending (segments, 2, k) for turns of the discs (discs, 3, k)."""
         return np.diff(turned[:, :2], axis=0)
 
     def sizes(self, bending: Array) -> Array:
-        """Return the bending angles (segments,) rad, which have a sign."""
+        """Return the signed bending angles (segments,), rad."""
         return bending[:, 1]
 
     def directions(self, bending: Array) -> Array:
-        """Return none: the arm bends in one plane only."""
+        """Return an empty array: the arm bends in one plane only."""
         return np.zeros(0)
 
     def points(self, configuration: Array) -> Array:
@@ -136,7 +136,7 @@ class PlaneChain(Chain):
         return guides
 
     def tendon_points(self, configuration: Array) -> list[Array]:
-        """Return them in space, (2 * discs, 3) m for each tendon."""
+        """Return the guides with y, (2 * discs, 3) m for each tendon."""
         return [_in_space(guides) for guides in self.guide_points(configuration)]
 
     def paths(self, configuration: Array) -> Array:

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The moments in the joints: springs, jams and the shapes these hold; and friction at the guides.
+Moments in the joints from springs, jams and their held shapes; and friction at the guides.
 
 Columns of the joints array, which _assembly.py reads: soft stiffness, soft table, jam stiffness,
 jam table, held angle, yield moment, length of spring.
@@ -91,8 +91,8 @@ class JointLaws:
         """
         Return the joints array for the given stiff segments, followed from ``start``.
 
-        A segment that was soft there holds the shape it has there.  vacuum: 0 to 1 per segment,
-        None or empty for full.  Raises ValueError where a rigid jam has some vacuum but not all.
+        A segment that was soft in ``start`` holds its shape there.  vacuum: 0 to 1 per segment,
+        None or empty for full.  Raises ValueError where a rigid jam has partial vacuum.
         """
         refuse_parts([s.jam for s in self._segments], stiff, vacuum or ())
         if self.rigid_only:
@@ -129,7 +129,7 @@ class JointLaws:
         return float(np.sign(offset) * extended(moment, moments, curvatures) * row[LENGTH])
 
     def held(self, angles: Array, joints: Array, stiff: Sequence[bool]) -> Array:
-        """Return the angles (joints,) rad that the jams hold, after creep; others as they are."""
+        """Return the angles (joints,) rad held by jams after creep; others are unchanged."""
         if self.rigid_only:
             return angles
         held_after = self.plastic_update(angles, joints)[:, HELD]
@@ -140,10 +140,10 @@ class JointLaws:
 
     def plastic_update(self, angles: Array, joints: Array) -> Array:
         """
-        Return the joints array whose held angles have followed where the jam yields.
+        Return the joints array with held angles updated where the jam yields.
 
-        The jam then bears just its yield moment (perfect plasticity).  The array itself comes
-        back when nothing yields.
+        The jam then bears just its yield moment (perfect plasticity).  If nothing yields the same
+        array is returned.
         """
         if self.rigid_only or np.isinf(joints[:, YIELD]).all():
             return joints
@@ -182,7 +182,7 @@ def tension_ratios(chain: PlaneChain, joint_angles: Array, sliding: Sequence[int
 
 
 def compliances(chain: PlaneChain, joint_angles: Array, sliding: Sequence[int]) -> Array:
-    """Return by how much (2,) m each tendon stretches per N at the base, friction included."""
+    """Return the compliance (2,) m/N of the tendons at the base, friction included."""
     tendon = chain.tendon
     if not np.isfinite(tendon.axial_stiffness):
         return np.zeros(2)
@@ -194,7 +194,7 @@ def compliances(chain: PlaneChain, joint_angles: Array, sliding: Sequence[int]) 
 def friction_gradients(chain: PlaneChain, joint_angles: Array, sliding: Sequence[int]
                        ) -> tuple[Array, Array]:
     """
-    Return how ``tension_ratios`` and ``compliances`` change with the bodies' absolute angles.
+    Return derivatives of ``tension_ratios`` and ``compliances`` by the bodies' absolute angles.
 
     (2, segments, bodies) per rad and (2, bodies) m/N per rad.
     """

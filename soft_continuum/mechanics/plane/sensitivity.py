@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""How an equilibrium of a planar arm changes, friction of its tendons included."""
+"""Derivatives of an equilibrium of a planar arm, friction of its tendons included."""
 
 from collections.abc import Sequence
 
@@ -28,11 +28,11 @@ from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
 
 
 class PlaneLinearisation(Linearisation):
-    """The linearised statics of a planar arm; tendons rub as they slide."""
+    """The linearised statics of a planar arm, with friction of sliding tendons."""
 
     def __init__(self, statics: PlaneStatics, state: Equilibrium, sliding: Sequence[int] = (), *,
                  tensions: ArrayLike | None = None, loading: bool = True) -> None:
-        """Assemble the matrix; all as in Linearisation."""
+        """Assemble the matrix; arguments as in Linearisation."""
         given = np.full(2, np.nan) if tensions is None else tensions_of(tensions, 2, True)
         self._by_force = ~np.isnan(given)
         self._chain = chain = statics.chain
@@ -107,7 +107,7 @@ class PlaneLinearisation(Linearisation):
         return self._solve(self._by_stiffness_ratio())
 
     def held_shape(self) -> Sensitivity:
-        """Return the derivatives by bending that is held; about x it changes nothing."""
+        """Return the derivatives by held bending; 0 about x."""
         return self._solve(self._by_held_bending())
 
     def payload(self) -> Sensitivity:
@@ -116,9 +116,9 @@ class PlaneLinearisation(Linearisation):
 
     def all(self) -> Sensitivity:
         """
-        Return all of them at once.
+        Return all derivatives at once.
 
-        By the factors of the stiffness they are 0 where bending_stiffness raises ValueError.
+        Those by stiffness factors are 0 where bending_stiffness raises ValueError.
         """
         segments = self._chain.arm.segments
         stiffness = self._by_bending_stiffness() * [s.stiffness_y for s in segments]
@@ -171,7 +171,7 @@ class PlaneLinearisation(Linearisation):
         return right_side
 
     def forces(self) -> Sensitivity:
-        """Return the derivatives by forces on the discs; those along y move nothing."""
+        """Return the derivatives by forces on the discs; 0 along y."""
         chain, free = self._chain, self._system.group >= 0
         bodies = np.arange(chain.bodies)
         right_side = np.zeros((len(self._matrix), 3 * chain.segments))

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Statics of a planar arm: the kernel of hinges, and its pair of tendons."""
+"""Statics of a planar arm: hinges and a pair of tendons."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -61,7 +61,7 @@ class PlaneStatics(Statics):
     def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
               tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
               sliding: Sequence[int] = ()) -> Equilibrium:
-        """Return the equilibrium that follows from ``start``; all as in Statics."""
+        """Return the equilibrium followed from ``start``; all as in Statics."""
         target, modes = self.chain.straight_paths - pulls_of(pulls, 2), BOTH_LENGTHS
         if tensions is not None:
             given = tensions_of(tensions, 2, optional=True)
@@ -116,8 +116,8 @@ class PlaneStatics(Statics):
         """
         Return the state in which the soft segment has its bending, and the pulls that hold it.
 
-        bending: (segments, 2) rad about x and y, of which that of the first soft segment about y
-        counts; all others are stiff.  sliding: as in ``solve``.  pretensions: of no use where one
+        bending: (segments, 2) rad about x and y; only that of the first soft segment about y is
+        used, and all others are stiff.  sliding: as in ``solve``.  pretensions: ignored, since one
         tendon carries.  Raises what ``bend`` raises.
         """
         segment = list(soft).index(True)
@@ -127,22 +127,22 @@ class PlaneStatics(Statics):
                                            self.commanded_pulls(found, sliding), SLACK))
 
     def sliding_towards(self, change: Array, /) -> tuple[int, ...]:
-        """Return how tendons slide, as of a solve, while bending (segments, 2) changes, rad."""
+        """Return sliding, as for solve, while bending (segments, 2) changes, rad."""
         turn = int(np.sign(change[:, 1].sum()))
         return turn, -turn
 
     def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
-        """Return by how much (2,) m each tendon stretches per N at the base."""
+        """Return the compliance (2,) m/N of the tendons for the tension at the base."""
         return compliances(self.chain, state.configuration, sliding_signs(sliding))
 
     def solve_together(self, problems: 'Problems') -> 'Batch':
-        """Return a batch with what full steps find, on all cores."""
+        """Return a batch with the equilibria that full steps find, on all cores."""
         from soft_continuum.mechanics.plane.batch import full_steps  # needs this
         return full_steps(problems)
 
     def _hold(self, found: Equilibrium, soft: Sequence[bool], vacuum: Sequence[float] | None,
               sliding: Sequence[int]) -> Equilibrium:
-        """Check that a state found by its bending angle is stable with its tendons' lengths."""
+        """Check that a state found by its bending angle is stable at its tendon lengths."""
         pulls = self.commanded_pulls(found, sliding)
         carries = found.tensions > NO_TENSION
         if carries.any():  # where neither carries, both just taut hold the arm

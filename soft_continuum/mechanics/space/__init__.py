@@ -1,3 +1,3 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Any arm in space: links and any tendons; what is compiled for them, and what calls it."""
+"""Spatial arms: links and any tendons, with their compiled solver and its callers."""

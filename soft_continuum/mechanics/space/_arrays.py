@@ -41,9 +41,9 @@ class System(NamedTuple):
 
 class Work(NamedTuple):
     """
-    The linear system of one Newton step and what it is assembled from.
+    The linear system of one Newton step and its parts.
 
-    gradient: (3 links,), what is out of balance, N m, in the frames of the links.  band: (3 links,
+    gradient: (3 links,), unbalanced moments, N m, in the frames of the links.  band: (3 links,
     half + 1), entry (c + i, c) of its derivative at [c, i].  columns: (3 links, width), the rest
     of the system: by the tensions of the chosen tendons; where tendons rub, also their slopes;
     two across each span that the band does not hold, and for each dead moment; last the

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What is out of balance in a spatial chain, and its derivatives, in compiled scalar code.
+Unbalanced moments of a spatial chain and their derivatives, in compiled scalar code.
 
 An increment of an orientation R is a rotation vector in its own frame, R exp(d), and derivatives
 are symmetric: the second ones of the energy by d.
@@ -29,7 +29,7 @@ from soft_continuum.mechanics.space._rotations import (
 
 @inlined
 def add_vector(vector, times, gradient, k):  # type: ignore[no-untyped-def]
-    """Add a vector, times a number, to what is out of balance at link k."""
+    """Add a vector, times a number, to the unbalanced moment of link k."""
     for i in range(3):
         gradient[3 * k + i] += times * vector[i]
 

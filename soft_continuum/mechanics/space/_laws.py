@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The moment in a joint of a spatial chain, and what it lets go, in compiled scalar code.
+The moment in a joint of a spatial chain, and its yielding, in compiled scalar code.
 
 joints (n, 4, 3): of each spring stiffness about x, y, z; that of its jam or friction; the rotation
 vector that these hold; the moment at which they yield, and the tables of spring and jam (their
@@ -58,7 +58,7 @@ def law(stiffness, angle, table, tables, most, by_secant):  # type: ignore[no-un
 
     Stiffness and moment belong to the energy of an angle that counts both axes by their
     stiffness: of a round spring the moment is along the bending, and depends on its size.  Twist
-    is linear.  What yields lets go in the direction of its moment (radial return; Simo and Hughes,
+    is linear.  A joint yields in the direction of its moment (radial return; Simo and Hughes,
     Computational Inelasticity, 1998, 2.3).
     """
     p, q, twist = stiffness[0] * angle[0], stiffness[1] * angle[1], stiffness[2] * angle[2]
@@ -99,7 +99,7 @@ def joint_law(joints, k, angle, tables, by_secant):  # type: ignore[no-untyped-d
 
 @borrowing
 def creep(rotations, joints, turns, tables):  # type: ignore[no-untyped-def]
-    """Let go what joints hold beyond the moment at which they yield, in place."""
+    """Relax held shapes of joints to their yield moment, in place."""
     for k in range(len(rotations)):
         stiffness, most = row_of(joints, k, JAM), joints[k, LAW, YIELD]
         least = min(stiffness[0], stiffness[1])

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The way of a spatial chain from one equilibrium to the next, in compiled scalar code.
+The path of a spatial chain from one equilibrium to the next, in compiled scalar code.
 
 routing: (fixed, tendons, entries, bodies, vectors)
     Each span is the sum of fixed (spans, 3), in base_link, and of vectors (k, 3) in the frames of
@@ -117,7 +117,7 @@ def take_over(rotations, tension, taut, there, here):  # type: ignore[no-untyped
 
 @borrowing
 def turned(rotations):  # type: ignore[no-untyped-def]
-    """Return by how much the joints turned from the first state to the other, all together."""
+    """Return the total turn of the joints between two states."""
     total = 0.0
     for k in range(rotations.shape[1]):
         before, now = matrix_at(rotations[0], k), matrix_at(rotations[1], k)
@@ -133,7 +133,7 @@ def turned(rotations):  # type: ignore[no-untyped-def]
 
 @borrowing
 def may_be_another(rotations, tension):  # type: ignore[no-untyped-def]
-    """Tell whether what a full step found may not be the equilibrium that continues the first."""
+    """Return whether a full step may have left the branch of the first equilibrium."""
     pulling = 0
     for t in range(tension.shape[1]):
         pulling += 1 if tension[1, t] > NO_TENSION else 0
@@ -178,10 +178,10 @@ def in_steps(  # type: ignore[no-untyped-def]
 @borrowing
 def relax(rotations, tension, taut, system, drive, nudge, work):  # type: ignore[no-untyped-def]
     """
-    Let an arm come to rest that has lost its equilibrium, as if in thick oil.
+    Find a new equilibrium for an arm that lost its own, by overdamped relaxation.
 
-    nudge: (2,), about x and y of every link, which takes it off an unstable balance.  The oil is
-    thinned as long as each step goes downhill.  Returns whether it rests in the end; iterations,
+    nudge: (2,), about x and y of every link, to leave an unstable balance.  The damping is
+    reduced while each step lowers the energy.  Returns whether the arm came to rest, iterations,
     and residual in N m.
     """
     kind, compliance, targets, bias, _ = drive
@@ -219,7 +219,7 @@ def relax(rotations, tension, taut, system, drive, nudge, work):  # type: ignore
 @compiled
 def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-untyped-def]
     """
-    Lead an arm from a state to pulls, m, or tensions, N.
+    Follow an arm from a state to pulls, m, or tensions, N.
 
     start: (rotations (bodies, 3, 3), pulls, slack (tendons,)).
     arm: (lengths, forces, torques, routing, straight paths), as of ``lay_out``, and the nudge.
@@ -233,8 +233,8 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
         bias (2, links, 3): room for what is out of balance at the start, and on the way.
     direct: whether a full step is tried first.  held: whether to go on where tensions do not
     balance the start.
-    Returns the part of the way that was reached, negative where it was not begun; iterations;
-    residual in N m; and whether the arm is at rest, at the end of the way or having jumped there.
+    Returns the fraction of the path that was reached, negative if not begun; iterations;
+    residual in N m; and whether the arm is at rest, at the end of the path or after a jump there.
     """
     begin, pulls, slack = start
     lengths, forces, torques, routing, straight, nudge = arm

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Many equilibria of arms in space in few compiled calls."""
+"""Many equilibria of spatial arms in few compiled calls."""
 
 from collections.abc import Hashable, Sequence
 from functools import partial
@@ -20,9 +20,9 @@ from soft_continuum.mechanics.statics import driven, LOCKED_TOLERANCE
 
 def together(given: Problems) -> Batch:
     """
-    Return what one compiled call for each kind of problems finds.
+    Return the equilibria found by one compiled call for each kind of problem.
 
-    Not found are those whose joints yield, whose tendons rub, or without a soft segment.
+    Not found: problems with yielding joints, with friction of tendons, or without a soft segment.
     """
     models: Sequence[SpaceStatics] = given.models
     starts, masks, parts, count = given.starts, given.masks, given.vacuum, given.count
@@ -55,9 +55,9 @@ def together(given: Problems) -> Batch:
 
 class _Problem(NamedTuple):
     """
-    An arm, a state of it with the segments that are stiff from now on, and what those lock.
+    An arm, its start with the new stiff segments, and what those lock.
 
-    kind: the same of problems that one compiled call solves; None of those solved one by one.
+    kind: equal for problems that one compiled call solves; None for those solved one by one.
     """
 
     model: SpaceStatics

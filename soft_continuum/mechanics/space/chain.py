@@ -3,7 +3,7 @@
 """
 A spatial arm as a chain of rigid bodies with springs between them, and the geometry of its states.
 
-As in the plane (PlaneChain) a segment is n bodies between n + 1 springs, and a disc is a body.
+As in PlaneChain a segment is n bodies between n + 1 springs, and a disc is a body.
 """
 
 from typing import Any
@@ -29,7 +29,7 @@ System = tuple[Any, ...]
 
 
 class SpaceChain(Chain):
-    """The bodies, springs, loads and guides of a spatial arm, or of any, in space."""
+    """The bodies, springs, loads and guides of a spatial arm."""
 
     joint_axes = ('x', 'y', 'z')
 
@@ -99,10 +99,10 @@ class SpaceChain(Chain):
 
     def _nudge(self) -> Array:
         """
-        Return what turns a body off an unstable balance, about x and y, (2,), of length root 2.
+        Return the turn off an unstable balance, about x and y, (2,), of length root 2.
 
-        It goes with the arm: towards the first tendon or load beside the axis, and across that,
-        to the side of the next one, so that an arm that is turned or mirrored falls alike.
+        It follows the symmetry of the arm: towards the first tendon or load beside the axis and,
+        across that, towards the next one, so that a turned or mirrored arm falls alike.
         """
         arm = self.arm
         beside = [np.array(place) for place in (
@@ -118,7 +118,7 @@ class SpaceChain(Chain):
 
     @property
     def disc_radii(self) -> Array:
-        """Radius of every disc as views draw it: of the segment below, (discs,), m."""
+        """Radius of every disc in drawings: that of the segment below, (discs,), m."""
         diameters = [segment.outer_diameter for segment in self.arm.segments]
         return np.array([diameters[0], *diameters]) / 2
 
@@ -131,7 +131,7 @@ class SpaceChain(Chain):
         return rotations
 
     def rotations(self, configuration: Array) -> Array:
-        """Return them: the configuration is the orientations."""
+        """Return the orientations, which are the configuration."""
         return configuration
 
     def joint_angles(self, configuration: Array) -> Array:
@@ -166,7 +166,7 @@ class SpaceChain(Chain):
         return self.along_discs(self.ends(configuration))
 
     def tendon_points(self, rotations: Array) -> list[Array]:
-        """Return where the guides of each tendon are, base first, (guides, 3), m."""
+        """Return the guides of each tendon, base first, (guides, 3), m."""
         turned = np.concatenate([np.eye(3)[None], rotations])
         lower = np.concatenate([np.zeros((1, 3)), self.ends(rotations)[:-1]])
         return [np.array([lower[body + 1] + turned[body + 1] @ place for body, place, _ in guides])
@@ -198,7 +198,7 @@ class SpaceChain(Chain):
 
 
 def _turns(rotations: Array) -> Array:
-    """Return by how much each body is turned from the one below it, (bodies, 3, 3)."""
+    """Return the rotation of each body relative to the one below, (bodies, 3, 3)."""
     before = np.concatenate([np.eye(3)[None], rotations[:-1]])
     turns: Array = before.transpose(0, 2, 1) @ rotations
     return turns

@@ -3,8 +3,8 @@
 """
 Friction of the tendons of a spatial arm at their guides, by the Capstan formula.
 
-As in the plane: a tendon loses exp(-mu beta) at every guide where it turns by beta, from the top
-of the base disc on, below which it runs along the axis.
+As for planar arms, a tendon loses exp(-mu beta) at every guide where it turns by beta, from the
+top of the base disc on, below which it runs along the axis.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ STRAIGHT = 1e-9  # rad: a turn this small has no slope, as in the straight arm
 
 
 class Friction:
-    """What the tendons of one chain lose by friction where their guides turn them."""
+    """Friction of the tendons of one chain at guides that turn them."""
 
     def __init__(self, chain: SpaceChain) -> None:
         """Find which runs of each tendon are spans, and their lengths in the straight arm, m."""
@@ -55,10 +55,9 @@ class Friction:
 
     def rates(self, rotations: Array, sliding: Sequence[int]) -> tuple[Array, Array]:
         """
-        Return how those change as bodies turn in base_link, per rad.
+        Return the derivatives of these by turns of the bodies in base_link, per rad.
 
-        (spans, bodies, 3), and (tendons, bodies, 3) in m/N; the arguments are those of
-        ``carried``.
+        (spans, bodies, 3), and (tendons, bodies, 3) in m/N; arguments as for ``carried``.
         """
         chain, each = self._chain, []
         compliances = np.zeros((len(sliding), chain.bodies, 3))

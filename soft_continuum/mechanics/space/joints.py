@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The moments in the joints of a spatial arm: springs, jams, friction, and the shapes that are held.
+Moments in the joints of a spatial arm from springs, jams, friction and held shapes.
 
-A measured law is that of bending about the softer axis; about the other it is as much stiffer as
-described.  Twist is linear: by the torsional stiffness, and a jam makes it as much stiffer as it
-makes the first bending.
+A measured law is for bending about the softer axis; about the other it is scaled by the
+stiffness ratio of the description.  Twist is linear, with the torsional stiffness, and a jam
+scales it like the initial bending stiffness.
 """
 
 from collections.abc import Sequence
@@ -114,9 +114,9 @@ class SpaceLaws:
 
     def rescaled(self, segment: int, away: Array, share: float) -> Array:
         """
-        Return how far from the shape held, (joints, 3) rad, jams bear a share of their moment.
+        Return the offset from the held shape, (joints, 3) rad, for a share of the jams' moment.
 
-        away: the same where they bear all of it.
+        away: the offset for all of it.
         """
         rows = slice(segment * self._per_segment, (segment + 1) * self._per_segment)
         found: Array = share * away

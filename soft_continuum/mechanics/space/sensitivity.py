@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How an equilibrium in space changes with pulls, loads and stiffness.
+Derivatives of a spatial equilibrium by pulls, loads and stiffness.
 
-The blocks of the matrix of the last Newton step are eliminated as a band, what borders them (taut
-tendons, and what holds spans across) as a small dense system.
+The matrix of the last Newton step is eliminated as a band; its border (taut tendons, and forces
+across spans) is a small dense system.
 """
 
 from collections.abc import Sequence
@@ -32,17 +32,17 @@ from soft_continuum.mechanics.space.statics import SpaceStatics
 
 
 class SpaceLinearisation(Linearisation):
-    """The linearised statics of an arm in space."""
+    """The linearised statics of a spatial arm."""
 
     def __init__(self, statics: SpaceStatics, state: Equilibrium, sliding: Sequence[int] = (), *,
                  tensions: ArrayLike | None = None, loading: bool = True) -> None:
-        """Factor the matrix; all as in Linearisation."""
+        """Factor the matrix; arguments as in Linearisation."""
         chain = statics.chain
         if state.chain.arm != chain.arm:
             raise ValueError('this is a state of another arm')
         if any(segment.friction for segment in chain.arm.segments):
-            raise ValueError('derivatives and inverse problems know no friction, which a segment '
-                             'has; leave it out with replace(segment, friction=0.0)')
+            raise ValueError('derivatives and inverse problems exclude friction of segments; '
+                             'remove it with replace(segment, friction=0.0)')
         count = len(chain.arm.tendons)
         given = np.full(count, np.nan) if tensions is None else tensions_of(
             tensions, count, optional=True)
@@ -89,10 +89,10 @@ class SpaceLinearisation(Linearisation):
     def _friction(self, tensions: Array, ways: Sequence[int] | None
                   ) -> tuple[Array, Array, Array]:
         """
-        Return what a turn of the links changes of the tension that arrives at spans, per N m.
+        Return the effect of turns of the links on tensions of spans with friction, per N m.
 
-        (3 links, k), times what that does to the links, (3 links, k); and of the stretch of each
-        tendon, (3 links, tendons), m.  ways: how tendons slide, None for no friction.
+        (3 links, k), to be multiplied by their effect on the links, (3 links, k); and on the
+        stretch of each tendon, (3 links, tendons), m.  ways: sliding, None for no friction.
         """
         chain, size = self._chain, 3 * len(self._rotations)
         if ways is None:
@@ -130,7 +130,7 @@ class SpaceLinearisation(Linearisation):
         """
         Return the derivatives by a factor, now 1, of every stiffness of each segment.
 
-        Those are its bending, torsional and jam stiffness, not what a jam bears that yields.
+        It scales bending, torsional and jam stiffness, but not the moment of a yielding jam.
         """
         joints = self._system[0]
         secant, _ = parts_of_laws(joints[:, STIFFNESS], self._angles, joints[:, LAW, SPRING_TABLE],

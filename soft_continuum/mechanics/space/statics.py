@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Statics of a spatial arm, or of any in space: the kernel of links and any tendons."""
+"""Statics of a spatial arm: links and any tendons."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -137,8 +137,8 @@ class SpaceStatics(Statics):
     """
     Equilibria of one arm in space.
 
-    precision: tendons without tension may leave 1e-6 rad and more of a bending.  late_imports:
-    0.3 s.
+    precision: tendons without tension may leave errors of 1e-6 rad and more.  late_imports:
+    they take 0.3 s.
     """
 
     chain: SpaceChain
@@ -154,7 +154,7 @@ class SpaceStatics(Statics):
     def solve(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
               tensions: ArrayLike | None = None, vacuum: Sequence[float] | None = None,
               sliding: Sequence[int] = ()) -> Equilibrium:
-        """Return the equilibrium that follows from ``start``; all as in Statics."""
+        """Return the equilibrium followed from ``start``; all as in Statics."""
         tendons = len(self.compliance)
         begin, locks = self.begin(start, soft, vacuum)
         by_force, target = driven(pulls_of(pulls, tendons), None if tensions is None else
@@ -189,20 +189,20 @@ class SpaceStatics(Statics):
         raise errors[0]
 
     def sliding_towards(self, _: Array, /) -> tuple[int, ...]:
-        """Return how tendons slide while bending changes: which do is not known, so none."""
+        """Return sliding while bending changes: unknown, so 0."""
         return ()
 
     def solve_together(self, problems: 'Problems') -> 'Batch':
-        """Return a batch with what compiled calls find, on all cores."""
+        """Return a batch with the equilibria that compiled calls find, on all cores."""
         from soft_continuum.mechanics.space.batch import together  # needs this
         return together(problems)
 
     def begin(self, start: Equilibrium, soft: Sequence[bool],
               vacuum: Sequence[float] | None = None) -> tuple[Equilibrium, ConstraintState]:
         """
-        Return the start with the segments that are stiff from now on, and what they lock.
+        Return the start with the new stiff segments, and what they lock.
 
-        All are as of ``solve``.  Raises ValueError for other shapes or numbers.
+        Arguments as for ``solve``.  Raises ValueError for other shapes or numbers.
         """
         segments = self.chain.segments
         check_start(start)
@@ -217,20 +217,20 @@ class SpaceStatics(Statics):
 
     @cached_property
     def friction(self) -> Friction:
-        """What tendons lose at their guides; made when they first rub."""
+        """Friction at the guides; created when first needed."""
         return Friction(self.chain)
 
     def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
-        """Return by how much (tendons,) m each tendon stretches per N at the base."""
+        """Return the compliance (tendons,) m/N of the tendons for the tension at the base."""
         return self.friction.carried(state.rotations, sliding)[1] if any(sliding) else (
             self.compliance)
 
     def _holding(self, start: Equilibrium, stiff: tuple[bool, ...],
                  vacuum: tuple[float, ...]) -> Equilibrium:
         """
-        Return the start with segments that are stiff from now on, and with this vacuum.
+        Return the start with the new stiff segments and this vacuum.
 
-        What is stiffened, and what more vacuum adds, holds the shape that is there.
+        Stiffening, and more vacuum, hold the present shape.
         """
         refuse_parts([s.jam for s in self.chain.arm.segments], stiff, vacuum)
         held, angles, per = start.held, None, self.chain.joints_per_segment
@@ -287,7 +287,7 @@ class SpaceStatics(Statics):
 
     def _follow_load_path(self, start: Equilibrium, locks: ConstraintState, by_force: Booleans,
                           target: Array, compliance: Array, ratios: Array) -> Equilibrium:
-        """Lead lengths, tensions and what is out of balance at the start to the target."""
+        """Follow lengths, tensions and initial unbalanced moments to the target."""
         if locks.still.any():
             self._refuse_short(np.where(locks.still & ~by_force, target - start.pulls, 0.0), start)
         links = _Links(self.chain, start, locks, by_force, (compliance, ratios))
@@ -299,17 +299,17 @@ class SpaceStatics(Statics):
             if self._too_short(links, by_force, target, done):
                 raise OverconstrainedError(
                     'no shape of the soft segments near the present one has tendons as short as '
-                    'these pulls ask for; pay out a tendon', start)
+                    'these pulls require; pay out a tendon', start)
             out = start.pulls - start.slack - target
             if not by_force.any() and out.min() > 0.0 and LEAST_PART < out.max() < np.inf:
-                # It falls over as all tendons are paid out: they are by halves.
+                # It falls over as all tendons are paid out, so pay out half at a time.
                 half = self._follow_load_path(
                     start, locks, by_force, target + 0.5 * out, compliance, ratios)
                 return replace(self._follow_load_path(
                     half, locks, by_force, target, compliance, ratios), jumped=True)
             raise StaticsError(
                 f'the arm loses its equilibrium after {100.0 * done:.0f} % of the way to '
-                'these pulls and loads, and no other was found near it; pay out a tendon, '
+                'these pulls and loads, and no other was found nearby; pay out a tendon, '
                 'or go there in smaller steps', start)
         tensions, pulls, held = (
             links.tension[0], self.chain.straight_paths - links.targets[3], start.held)
@@ -322,11 +322,11 @@ class SpaceStatics(Statics):
 
     def _too_short(self, links: _Links, by_force: Booleans, target: Array, done: float) -> bool:
         """
-        Return whether the tendons cannot be as short as they are wanted, as in the plane.
+        Return whether the tendons cannot be as short as commanded, as for planar arms.
 
-        So it is where the spans along locked segments alone are longer, or where no turn of the
-        links shortens all tendons that are too long: then their slopes, some weighted, cancel
-        (Gordan 1873).
+        This is so where the spans along locked segments alone are longer, or where no turn of the
+        links shortens all tendons that are too long: then weighted derivatives of their lengths
+        cancel (Gordan 1873).
         """
         from scipy.optimize import nnls
         from scipy.spatial.transform import Rotation
