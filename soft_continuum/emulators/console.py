@@ -43,7 +43,7 @@ def device_parser(device: str, description: str, *, timed: bool = True) -> Parse
     """Return a parser of the options that emulators share; timed: whether their time may run."""
     parser = Parser(f'emulate {device}', description)
     parser.add_argument('--link', type=os.path.expanduser, metavar='PATH', default='',
-                        help='a symbolic link to make, as a port name that stays the same')
+                        help='symbolic link to create, as a stable port name')
     if timed:
         parser.add_argument('--time-factor', type=number_in(1e-6, 1000.0, ''), default=1.0,
                             metavar='FACTOR', help='emulated seconds per second (default: 1)')
@@ -62,10 +62,10 @@ def execute(commands: Mapping[str, Command], ranges: Ranges, emulator: Any, line
                             for name, c in commands.items()), f'{"quit":<20} end'])
     name, *words = line.split()
     if name not in commands:
-        raise ValueError(f'{name} is no command; type help')
+        raise ValueError(f'unknown command {name}; type help')
     arguments = commands[name].arguments.split()
     if len(words) != len(arguments):
-        raise ValueError(f'{name} takes: {" ".join(arguments) or "nothing more"}')
+        raise ValueError(f'{name} takes: {" ".join(arguments) or "no arguments"}')
     values = []
     for argument, word in zip(arguments, words, strict=True):
         low, high = ranges[argument]

@@ -72,7 +72,8 @@ class EmulatedDevice:
                     self.link.symlink_to(self.name)
                 except FileExistsError:
                     raise FileExistsError(
-                        f'{self.link} is there and no symbolic link; give another path') from None
+                        f'{self.link} exists and is not a symbolic link; give another '
+                        'path') from None
 
     def unplug(self) -> None:
         """Pull out the cable: the port is gone; motors, pump and valves go on as they are."""

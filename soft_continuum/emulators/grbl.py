@@ -39,21 +39,21 @@ def describe(emulator: GrblEmulator) -> str:
 COMMANDS = {
     'reset': Command('', 'reset the board, as opening the port of an Arduino does',
                      GrblEmulator.reset),
-    'unplug': Command('', 'pull out the cable', GrblEmulator.unplug),
+    'unplug': Command('', 'unplug the cable', GrblEmulator.unplug),
     'plug': Command('', 'put it back', GrblEmulator.plug),
-    'hang': Command('', 'answer nothing', set_to('hang', True)),
-    'drop-ok': Command('COUNT', 'lose the next acknowledgements', set_to('drop_ok')),
+    'hang': Command('', 'stop answering', set_to('hang', True)),
+    'drop-ok': Command('COUNT', 'drop the next acknowledgements', set_to('drop_ok')),
     'late-ok': Command('SECONDS', 'acknowledge late', set_to('late_ok')),
     'garble': Command('SHARE', 'damage this share of the lines', set_to('garble')),
     'alarm': Command('ALARM', 'lock the board with this alarm', GrblEmulator.alarm),
     'hold': Command('', 'press the feed hold button', GrblEmulator.hold),
     'door': Command('', 'open the safety door', GrblEmulator.door),
-    'stall': Command('', 'report motion, but make no step',
+    'stall': Command('', 'report motion without making steps',
                      lambda e: setattr(e.firmware, 'stalled', True)),
     'race': Command('', 'run the next jog as a program',
                     lambda e: setattr(e.firmware, 'race', True)),
-    'repair': Command('', 'end hang, drop-ok, late-ok, garble, stall and race', repair),
-    'state': Command('', 'print the state and what the motors have really done', describe),
+    'repair': Command('', 'clear hang, drop-ok, late-ok, garble, stall and race', repair),
+    'state': Command('', 'print the state and the true motor positions', describe),
 }
 
 

@@ -113,8 +113,8 @@ class TendonBench:
         tendons = self._limits.tendons
         if not all(abs(d) <= MAX_MOVE for d in distances):
             raise CalibrationError(
-                f'{describe_pulls(tendons, distances)} were asked for; allowed: '
-                f'{_mm([MAX_MOVE])} to either side at a time')
+                f'requested: {describe_pulls(tendons, distances)}; allowed: {_mm([MAX_MOVE])} in '
+                'either direction at a time')
         start = self._tendons.read()
         target = tuple(a + b for a, b in zip(start.pulls, distances, strict=True))
         low, high = self._limits.pull_limits
@@ -198,7 +198,7 @@ def assess_vacuum(result: SegmentVacuum, settings: JammingSettings) -> tuple[str
                         'tubes, a clogged filter, a weak pump')
     if result.ultimate_vacuum < settings.pump_stop_vacuum:
         problems.append(
-            f'the pump would never rest: it reaches {result.ultimate_vacuum / 1e3:.1f} kPa, '
+            f'the pump would never stop: it reaches {result.ultimate_vacuum / 1e3:.1f} kPa, '
             f'pump_stop_vacuum is {settings.pump_stop_vacuum / 1e3:g} kPa; lower that or use '
             'another pump')
     rest = settings.pump_stop_vacuum - settings.pump_start_vacuum
@@ -270,8 +270,8 @@ def measure_segment(jamming: JammingDriver, segment: int, segments: int,
     def vent() -> None:
         jamming.set_evacuated(segment, False)
 
-    stuck = (f'segment {segment + 1} keeps its vacuum though it is vented; check its vent, valve '
-             'and pressure sensor')
+    stuck = (f'segment {segment + 1} keeps its vacuum after venting; check its vent, valve and '
+             'pressure sensor')
     try:
         rest_all(jamming, segments, clock)
         _record(clock, vacuum, lambda samples: samples[-1][1] < soft_vacuum, vent, stuck)

@@ -54,9 +54,9 @@ def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> f
     low, high = commanded / MAX_STEPS_FACTOR, commanded * MAX_STEPS_FACTOR
     if not (isfinite(measured) and low <= measured <= high):
         raise CalibrationError(
-            f'{_mm(measured)} measured for {_mm(commanded)} commanded; allowed: '
-            f'{_mm(low)} to {_mm(high)}. Give mm; if it is really so, '
-            'correct the steps/mm of controller and configuration roughly first')
+            f'{_mm(measured)} measured for {_mm(commanded)} commanded; allowed: {_mm(low)} to '
+            f'{_mm(high)}. Give mm; if the value is right, first correct steps/mm roughly in '
+            'controller and configuration')
     return round(steps_per_mm * commanded / measured, 3)  # as many digits as GRBL keeps
 
 

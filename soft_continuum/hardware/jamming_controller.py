@@ -142,14 +142,14 @@ class PressureWatch:
         elif overdue and not evacuated:
             self._distrusted[i] = True
         if self._distrusted[i] and setpoint is None:
-            return (f'{name}: has {kilopascals} though it was vented; its pressure sensor or its '
-                    'valve is stuck, or its vent is blocked. Vent it until the pressure shows it')
+            return (f'{name}: has {kilopascals} after venting; its pressure sensor or its valve '
+                    'is stuck, or its vent is blocked. Vent it until its pressure confirms it')
         if setpoint is not None:
             if overdue or self._distrusted[i]:
                 return (f'{name}: has {kilopascals}, its regulator was set to '
                         f'{setpoint / 1e3:.1f} kPa; the regulator, its supply or the pressure '
-                        'sensor fails, or the segment leaks. Set it to 0 until the pressure shows '
-                        'it')
+                        'sensor fails, or the segment leaks. Set it to 0 until its pressure '
+                        'confirms it')
         elif overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:
             return (f'{name}: has only {kilopascals} after {RESPONSE_TIME:g} s with the pump '
                     'running; it leaks, its valve or its pressure sensor is stuck, or the pump '
@@ -247,7 +247,7 @@ class JammingController:
             raise ValueError('the rig has valves, not regulators: switch the segment stiff or '
                              'soft (set_stiff)')
         if not 0.0 <= vacuum <= self._driver.max_vacuum:  # nan neither
-            raise ValueError(f'a vacuum of {vacuum:g} Pa is not set; allowed: 0 to '
+            raise ValueError(f'vacuum refused: {vacuum:g} Pa; allowed:  0 to '
                              f'{self._driver.max_vacuum:g} Pa (the largest set-point of the '
                              'regulators)')
         self._note(segment, vacuum >= self._settings.release_vacuum)

@@ -102,7 +102,7 @@ def assess_regulator(result: RegulatorResponse, settings: JammingSettings) -> tu
     worst = max(result.errors, key=abs)
     if not abs(worst) <= settings.vacuum_tolerance:
         problems.append(
-            f'{worst / 1e3:+.1f} kPa off what it is told; vacuum_tolerance: '
+            f'{worst / 1e3:+.1f} kPa off its set-point; vacuum_tolerance: '
             f'{settings.vacuum_tolerance / 1e3:g} kPa; compare modbus.output_range, '
             'modbus.output_vacuums and modbus.vacuum_at_20_ma with both devices')
     return tuple(problems)

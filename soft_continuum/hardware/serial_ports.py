@@ -65,10 +65,10 @@ def _explain(port: str, error: OSError | ValueError) -> str:
                 f'log in again: sudo usermod -aG {_group(port)} $USER')
     # pyserial reports a lock that it did not get without a number of its own.
     if code in (errno.EAGAIN, errno.EBUSY) or 'exclusively lock' in str(error):
-        return ('is in use by another program; close it (see which: '
-                f'fuser -v {os.path.realpath(port)})')
+        return ('is in use by another program; close it (find it with: fuser -v '
+                f'{os.path.realpath(port)})')
     if code in (errno.EIO, errno.ENXIO, errno.ENODEV):
-        return f'the device is gone; check the cable and the power; {describe_ports()}'
+        return f'the device was disconnected; check the cable and the power; {describe_ports()}'
     return f'cannot be opened ({error}); {describe_ports()}'
 
 

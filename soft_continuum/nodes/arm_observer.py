@@ -145,8 +145,8 @@ class ArmObserver(ReportedArm):
         if self.tendons.connected and not self.tendons.referenced:
             return f'{TENDON_ACTUATION}: {NOT_REFERENCED}'
         if missing_sources := self.missing_sources:
-            return (f'nothing received yet from {", ".join(missing_sources)}; do they run, and '
-                    'what is their status?')
+            return (f'nothing received yet from {", ".join(missing_sources)}; check that they '
+                    'run, and their status')
         stale = {name: timeout for name, age in self._ages.items() if age.seconds > (
             timeout := shape_timeout if age is self.shape_age else self.timeout)}
         return (f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'

@@ -44,7 +44,7 @@ if TYPE_CHECKING:  # OpenCV may not be there
 MAX_AGE = 1.0  # s between a picture's stamp and now
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
 STALE_AFTER = 2.0  # s without a picture
-NOT_SEEN = 'no disc was seen; see ~/status'
+NOT_SEEN = 'no disc was detected; see ~/status'
 OVERLAY_PERIOD = 0.2  # s between two pictures for people
 IMAGES, INFO = '~/image_raw', '~/camera_info'
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
@@ -115,7 +115,7 @@ class Camera(Node):
         """Begin to look."""
         self._age.refresh()
         serve(self, Trigger, '~/tare', self._on_tare)
-        self.status.set(WARN, 'no picture yet')
+        self.status.set(WARN, 'no image received yet')
         subscribe(self, PoseArray, 'disc_poses', self._on_model, SENSOR)
         if self._source:
             threading.Thread(target=self._read, name='source', daemon=True).start()
@@ -178,9 +178,9 @@ class Camera(Node):
         self._taken = now
         delay = seconds(self.get_clock().now().to_msg()) - seconds(message.header.stamp)
         if abs(delay) > MAX_AGE:
-            self.status.set(ERROR, f'the picture is stamped {delay:.1f} s ago (negative: from '
-                            f'the future); allowed: {MAX_AGE:g} s; set the clocks of the '
-                            'computers alike, or free this one: it is too busy')
+            self.status.set(ERROR, f'the image is stamped {delay:.1f} s ago (negative: from the '
+                                   f'future); allowed: {MAX_AGE:g} s; synchronize the clocks of '
+                                   'the computers, or reduce the load of this one')
             return
         try:
             self._newest.put((message.header.stamp, grey_picture(message), True))
@@ -203,7 +203,7 @@ class Camera(Node):
                     next_time = max(monotonic(), next_time + period)
                     self._age.refresh()
                     self._newest.put((self.get_clock().now().to_msg(), picture, live))
-                end = WARN, f'{self._source} has no more pictures'
+                end = WARN, f'{self._source} has no more images'
             except SourceError as error:
                 end = ERROR, str(error)
             self._worker.submit(lambda end=end: self._reports.put((*end, {})))  # after the last
@@ -222,8 +222,9 @@ class Camera(Node):
         elif live and self._is_repeated(picture) and not is_black(picture):
             # No camera sees twice the same: it shows the arm as it was.
             if monotonic() - self._changed > FROZEN_AFTER:
-                self._reports.put((ERROR, 'the camera has sent the same picture for '
-                                   f'{FROZEN_AFTER:g} s: it is frozen; restart its driver', {}))
+                self._reports.put((ERROR, 'the camera has sent the same image for '
+                                          f'{FROZEN_AFTER:g} s: it is frozen; restart its '
+                                          'driver', {}))
         else:
             sight = camera.measure(picture)
             self._publish(stamp, sight)
@@ -244,9 +245,9 @@ class Camera(Node):
         if sight.problems:
             self._reports.put((WARN if sight.discs else ERROR, '; '.join(sight.problems), values))
         elif missing:
-            self._reports.put((WARN, f'disc {", ".join(missing)} not seen', values))
+            self._reports.put((WARN, f'disc {", ".join(missing)} not detected', values))
         else:
-            self._reports.put((OK, 'all discs are seen', values))
+            self._reports.put((OK, 'all discs are detected', values))
 
     def _show(self, stamp: Time, picture: Any, camera: 'DiscCamera | None',
               sight: 'TagDetections | None') -> None:
@@ -277,8 +278,8 @@ class Camera(Node):
         self._tared = ' '.join(discs)
         response.success = True
         response.message = (
-            f'taken as straight: disc {", ".join(discs)}. To keep it over a restart, write into '
-            f'the parameter file: {self.get_name()}: {{ros__parameters: {{tags: {{{kept}}}}}}}')
+            f'tared: disc {", ".join(discs)}. To keep this after a restart, add to the parameter '
+            f'file: {self.get_name()}: {{ros__parameters: {{tags: {{{kept}}}}}}}')
         return response
 
     def _is_repeated(self, picture: Any) -> bool:
@@ -297,5 +298,5 @@ class Camera(Node):
             self._choose_profile()
         if self._age.seconds > STALE_AFTER:
             source = self._source or self.resolve_topic_name(IMAGES)
-            self.status.set(ERROR, f'no picture from {source} for {STALE_AFTER:g} s; is the '
-                            'camera plugged in, does its driver run?')
+            self.status.set(ERROR, f'no image from {source} for {STALE_AFTER:g} s; is the camera '
+                                   'plugged in, does its driver run?')

@@ -127,7 +127,7 @@ class Conflicts:
     def _check_now(self) -> None:
         node = self._node
         problems = [
-            f'another {node.get_namespace().rstrip("/")}/{name} is running; end one of the two, '
+            f'another {node.get_namespace().rstrip("/")}/{name} is running; stop one of the two, '
             'or give one a namespace'
             for name, age in self._doubled.items() if age.seconds <= ENDED_AFTER]
         if self._graph_age.seconds >= GRAPH_PERIOD:
@@ -145,7 +145,7 @@ class Conflicts:
     def _look_at_the_graph(self) -> list[str]:
         """Return which topics have more than one publisher, or are those of another version."""
         found = [
-            f'{topic} is also of type {plain(kind)}: that node is of another version of '
+            f'{topic} is also of type {plain(kind)}: that node runs another version of '
             'soft_continuum; install one version on every computer'
             for topic, kinds in self._node.get_topic_names_and_types()
             if topic in self._heartbeats for kind in kinds if kind != HEARTBEAT_TYPE]
@@ -154,7 +154,7 @@ class Conflicts:
                 continue
             names = publishers(self._node, topic)
             if len(names) > 1:
-                found.append(f'{topic} is published by {" and ".join(names)}; end all but one')
+                found.append(f'{topic} is published by {" and ".join(names)}; stop all but one')
         return found
 
     def _clocks(self) -> list[str]:
@@ -164,7 +164,7 @@ class Conflicts:
         return [
             f'the clock of {name} on {host or "an unknown computer"} is {ahead:.2f} s ahead of '
             f'that of {self._node.get_name()} on {self.node_info.own.host}; allowed: '
-            f'{MAX_AHEAD:g} s; let both computers take their time from one server (chrony)'
+            f'{MAX_AHEAD:g} s; synchronize both computers to one time server (chrony)'
             for host, (name, ahead) in found.items()]
 
     def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
@@ -215,8 +215,8 @@ class SharedJoints:
         self._alone = node.count_publishers(self._topic) < 2
         problem = '' if self._age.seconds > ENDED_AFTER else (
             f'{self._topic} with {plain(self._shared)} is published by '
-            f'{" and ".join(publishers(node, self._topic))}; end all but {node.get_name()}, or '
-            'give other names to the joints of the others')
+            f'{" and ".join(publishers(node, self._topic))}; stop all but {node.get_name()}, or '
+            'rename the joints of the others')
         node_info = self._conflicts.node_info
         node_info.own = replace(node_info.own, conflict=problem)
 

@@ -113,7 +113,7 @@ class DiscSensors(Node):
     def _take_pose(self, n: int, feed: '_Feed', header: Any, pose: Any) -> None:
         other = self._sources[n]
         if other not in ('', feed.name) and self._feeds[other].heard.seconds < STALE_AFTER:
-            raise SensorError(f'left out: {other} has the same disc; one of both is enough')
+            raise SensorError(f'ignored: {other} measures the same disc; use one of the two')
         self._check_clock(header.stamp)
         followed = self._tracker.in_base(header.frame_id, pose_from_ros(pose))
         self._sources[n] = feed.name
@@ -148,11 +148,11 @@ class DiscSensors(Node):
 
     def _check_clock(self, stamp: Any) -> None:
         if stamp.sec == stamp.nanosec == 0:
-            raise SensorError('no stamp; the time of the measurement is needed')
+            raise SensorError('no stamp; set header.stamp to the time of the measurement')
         delay = seconds(self.get_clock().now().to_msg()) - seconds(stamp)
         if abs(delay) > MAX_AGE:
-            raise SensorError(f'stamped {delay:.1f} s ago; set the clocks of the computers alike '
-                              '(negative: from the future)')
+            raise SensorError(f'stamped {delay:.1f} s ago; synchronize the clocks of the '
+                              'computers (negative: from the future)')
 
     def _publish(self, n: int, feed: '_Feed', stamp: Any, message: Any) -> None:
         feed.good.refresh()
@@ -188,7 +188,7 @@ class DiscSensors(Node):
             except SensorError as error:
                 raise SensorError(f'disc {n}, {source}: {error}; nothing was tared') from None
         if not followed + tilted:
-            raise SensorError(f'nothing was measured; {self._nothing()}')
+            raise SensorError(f'no measurements; {self._nothing()}')
         self._tracker, self._imus.mounts = replace(self._tracker, offsets=tuple(offsets)), imus
         self._tared = [f'{what} of disc {", ".join(discs)}' for what, discs in (
             ('pose', followed), ('tilt', tilted)) if discs]
@@ -197,16 +197,15 @@ class DiscSensors(Node):
         kept = [f'tracker: {{offsets: {as_yaml(flat, 6)}}}'] if followed else []
         name, turns = self._imus.kept()
         kept += [f'imu: {{{name}: {as_yaml(turns, 6)}}}'] if tilted else []
-        return (f'taken as straight: {"; ".join(self._tared)}. To keep it over a restart, write '
-                f'into the parameter file: {DISC_SENSORS}: {{ros__parameters: '
-                f'{{{", ".join(kept)}}}}}')
+        return (f'tared: {"; ".join(self._tared)}. To keep this after a restart, add to the '
+                f'parameter file: {DISC_SENSORS}: {{ros__parameters: {{{", ".join(kept)}}}}}')
 
     # The status.
 
     def _nothing(self) -> str:
         topics = ', '.join(map(self.resolve_topic_name, (ALL_POSES, 'disc_0/pose', 'disc_0/imu')))
-        return (f'publish on {topics} and so on, or remap these to what the sensors publish: '
-                '-r disc_0/imu:=/my_imu/data')
+        return (f'publish on {topics} and so on, or remap these to the topics of the sensors:  -r '
+                'disc_0/imu:=/my_imu/data')
 
     def _report(self) -> None:
         feeds = list(self._feeds.values())
@@ -215,7 +214,7 @@ class DiscSensors(Node):
         good = sorted(feed.name for feed in feeds if feed.good.seconds < STALE_AFTER)
         problems = [f'{feed.name}: {feed.problem}' for feed in feeds if feed.problem
                     and feed.refused.seconds < STALE_AFTER]
-        problems += [f'{feed.name}: nothing for {STALE_AFTER:g} s' for feed in feeds
+        problems += [f'{feed.name}: nothing received for {STALE_AFTER:g} s' for feed in feeds
                      if STALE_AFTER <= feed.heard.seconds < inf
                      and not feed.name.endswith(f' of {ALL_POSES}')]
         if len(problems) > MAX_PROBLEMS:
@@ -228,7 +227,7 @@ class DiscSensors(Node):
         elif good:
             self.status.set(OK, f'measured: {", ".join(good)}', **values)
         else:
-            self.status.set(WARN, f'nothing is measured yet; {self._nothing()}', **values)
+            self.status.set(WARN, f'no measurements yet; {self._nothing()}', **values)
 
 
 class _Feed:
@@ -276,7 +275,7 @@ def _covariance(data: bytes, what: str) -> Any:
     """Return a covariance (3, 3) of an Imu message, zero where it is not known."""
     matrix = np.frombuffer(data).reshape(3, 3)
     if matrix[0, 0] == -1.0:
-        raise SensorError(f'its {what}_covariance says that it measures no {what}')
+        raise SensorError(f'its {what}_covariance marks {what} as not measured (-1)')
     if not np.isfinite(matrix).all() or np.linalg.eigvalsh((matrix + matrix.T) / 2.0)[0] < -1e-12:
-        raise SensorError(f'its {what}_covariance is no covariance; give zeros if it is not known')
+        raise SensorError(f'its {what}_covariance is not valid; give zeros if it is unknown')
     return matrix

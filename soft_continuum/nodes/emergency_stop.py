@@ -92,6 +92,6 @@ class EmergencyStop:
             others.append(TELEOP)
         if len(others) > 1:
             self._node.get_logger().warning(
-                f'{TOPIC} stays on: {" and ".join(others)} publish it, and any of them may have '
-                'it on; end all but the one that turns it off', throttle_duration_sec=LOG_PERIOD)
+                f'{TOPIC} stays on: {" and ".join(others)} publish it, and any of them may hold '
+                'it on; stop all but the one that turns it off', throttle_duration_sec=LOG_PERIOD)
         return len(others) > 1

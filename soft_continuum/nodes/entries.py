@@ -15,7 +15,7 @@ from rclpy.timer import Timer
 from soft_continuum.ros import entry
 from soft_continuum.ros.entry import LOG_PERIOD
 
-FAILED = 'this request made the node fail; see its log'
+FAILED = 'this request failed in the node; see its log'
 
 
 def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
@@ -29,7 +29,7 @@ def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
             return function(*arguments)
         except Exception as error:
             node.get_logger().error(
-                f'a callback failed; going on:\n{traceback.format_exc()}',
+                f'a callback failed; the node continues:\n{traceback.format_exc()}',
                 throttle_duration_sec=LOG_PERIOD)
             node.callback_failed(error)
             return None

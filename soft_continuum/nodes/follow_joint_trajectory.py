@@ -152,8 +152,8 @@ class FollowServer(ActionServer):
         trajectory, now = request.trajectory, STEADY()
         if (request.multi_dof_trajectory.points or request.component_path_tolerance
                 or request.component_goal_tolerance):
-            raise GoalError(Result.INVALID_GOAL, 'a trajectory of joints with several degrees of '
-                            'freedom; tendons have one')
+            raise GoalError(Result.INVALID_GOAL, 'multi-DOF trajectories are not supported; '
+                                                 'tendons have one degree of freedom')
         named = {*trajectory.joint_names} | {
             one.name for one in (*request.path_tolerance, *request.goal_tolerance)}
         if sorted(trajectory.joint_names) != sorted(self._tendons) or named - {*self._tendons}:
@@ -214,7 +214,7 @@ class FollowServer(ActionServer):
                              refused.message)
             elif STEADY() - goal.since > JUDGING_TIMEOUT:
                 self._give_up(name)  # it may still be judged
-                self._finish(name, Result.INVALID_GOAL, 'the trajectory was not judged in time')
+                self._finish(name, Result.INVALID_GOAL, 'the trajectory was not validated in time')
 
     def _follow(self, name: str, goal: _Goal, report: Report) -> None:
         accepted, reading = report.state.accepted, report.reading

@@ -111,7 +111,8 @@ def _tips(label: str, item: ShapeMessage, arm: Arm, parameters: Mapping[str, Any
     if not item.tips:
         return ()
     if len(item.bending_angles) or len(item.bending_directions):
-        raise PlanError(f'{label}: tips and bending angles or directions; give one of both')
+        raise PlanError(f'{label}: tips and bending angles or directions; give only one of the '
+                        'two')
     goals = []
     for number, tip in enumerate(item.tips, start=1):
         try:

@@ -162,9 +162,9 @@ class JammingValves(ManagedNode):
         partly = vacuum > 0.0 and not isclose(vacuum, full)
         if partly and self._jams[segment].rigid:
             response.message = (
-                f'{name}: not set: its jam is rigid in the description, which has no law for '
-                f'{vacuum:g} Pa; allowed: 0 (soft) or {full:g} Pa (full_vacuum). Give '
-                'arm.stiffness_ratios, and arm.yield_moments, for what is between')
+                f'{name}: not set: its jam is rigid in the description, which defines no '
+                f'stiffness at {vacuum:g} Pa; allowed: 0 (soft) or {full:g} Pa (full_vacuum). '
+                'Give arm.stiffness_ratios, and arm.yield_moments, for values in between')
             return response
         self._command(name, f'{name} to {vacuum / 1e3:g} kPa of vacuum', 'segment_N/pressure',
                       vacuum < full, response, self._control.set_vacuum, segment, vacuum)
@@ -186,11 +186,11 @@ class JammingValves(ManagedNode):
             response.message = f'{names}: {error}'
             return
         except TimeoutError:
-            response.message = (f'{names}: the device has not confirmed it yet; {topic} '
-                                'and jamming_valves/state tell when it does')
+            response.message = (f'{names}: the device has not confirmed it yet; {topic} and '
+                                'jamming_valves/state report when it does')
             return
         response.success = True
-        response.message = f'{doing}; {topic} says when it is done'
+        response.message = f'{doing}; {topic} reports when it is done'
         self.get_logger().info(doing)
 
 

@@ -210,8 +210,8 @@ class Kinematics(Node):
             self._lose_shape()
         elif not state.connected and self._pulls is not None:
             # It may be back with its position: then the arm is where it was.
-            self._unknown = ('tendon_actuation has no device, so nobody knows whether the arm '
-                             'still has the shape that it had')
+            self._unknown = ('tendon_actuation has no device, so the arm may have changed its '
+                             'shape unnoticed')
             self.status.set(WARN, self._unknown)
         try:
             self._measured_tensions.receive(state)
@@ -282,7 +282,7 @@ class Kinematics(Node):
         try:
             known, used = self._shape.state, self._shape.measure(time, measurements)
         except StaticsError as error:
-            refused = f'no shape found that fits what is measured: {error}'
+            refused = f'no shape found that fits the measurements: {error}'
         else:
             refused = self._refusal(time, used)
             if known is None and used is not None:
@@ -295,7 +295,7 @@ class Kinematics(Node):
         if used is None:
             return self._shape.refusal(time)
         return '' if used.used else (f'it disagrees with the model by {used.distance**0.5:.1f} '
-                                     'times what their uncertainties allow')
+                                     'times what their uncertainties explain')
 
     def _follow(self) -> None:
         """Follow what was reported last, but not more often than the model can."""
@@ -415,7 +415,7 @@ class Kinematics(Node):
         if state is None:
             return False
         if state.jumped and not jumped:
-            self.get_logger().warning('a soft segment folded over to another equilibrium')
+            self.get_logger().warning('a soft segment snapped to another equilibrium')
         self.status.set(
             OK, f'following the arm{self._source()}',
             soft=' '.join(str(n) for n, s in enumerate(self._stiff.confirmed, 1) if not s),
@@ -432,7 +432,7 @@ class Kinematics(Node):
         if estimator.measured is None:
             return ', corrected by measured tensions'
         fresh = seconds(self.get_clock().now().to_msg()) - FRESH
-        source = ', predicted since it was last measured'
+        source = ', predicted since the last measurement'
         if hidden := estimator.hidden(fresh):
             source = ', measured without disc ' + ' '.join(map(str, hidden))
         elif estimator.measured > fresh:
@@ -471,13 +471,13 @@ class Kinematics(Node):
                 'the arm and call tendon_actuation/reference first, or soften every segment')
         elif question := self._question.ask(
                 self._shape.lost_bent or bent(self._shape.state, True), (
-                    'the arm would be taken to be straight, and every later shape would be wrong '
-                    'by that bend; straighten it')):
+                    'the arm would be assumed straight, and every later shape would be off by '
+                    'that bend; straighten it')):
             response.message = question
         else:
             self._shape.set_straight()
             response.success = True
-            response.message = ('the arm is taken to be straight: poses, tensions and plans '
-                                'follow from that')
+            response.message = ('the arm is assumed straight: poses, tensions and plans follow '
+                                'from that')
             self._publish()
         return response

@@ -33,8 +33,8 @@ class LoadCells:
             for name in ('load_cells.zeros', 'load_cells.scales'))
         self._last = {name: (nan, Age()) for name in tendons}  # N
         if 0.0 in self._scales:
-            raise ParameterError('parameter load_cells.scales has a 0: then no tension would ever '
-                                 'be seen; soft_continuum calibrate load_cells finds the scales')
+            raise ParameterError('parameter load_cells.scales has a 0, which hides every tension; '
+                                 'soft_continuum calibrate load_cells finds the scales')
         if self._enabled:
             subscribe(node, JointState, LOAD_CELLS, self._on_message, SENSOR)
 

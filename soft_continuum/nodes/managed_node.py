@@ -188,7 +188,7 @@ class ManagedNode(LifecycleNode):
                 self.connecting.call(CONNECT_TIMEOUT, self._open_now)
             except TimeoutError:  # what it finds later is there for the next attempt
                 raise HardwareError(f'{self.hardware_id()} has not connected within '
-                                    f'{CONNECT_TIMEOUT:g} s; see its cables and its power, then '
+                                    f'{CONNECT_TIMEOUT:g} s; check its cables and its power, then '
                                     'configure again') from None
         self.in_loop(self.attach, self._take())
         self._was_configured = True

@@ -15,7 +15,7 @@ from soft_continuum.nodes.threads import on_ros_thread
 
 def loading() -> str:
     """Return what a node does before it can work."""
-    return ('compiling the model, this once; it takes up to a minute' if must_build() else
+    return ('compiling the model, only on first use; it takes up to a minute' if must_build() else
             'loading the model')
 
 

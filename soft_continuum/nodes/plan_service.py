@@ -41,7 +41,7 @@ class PlanService:
         limit = request.time_limit
         problem = self._busy()
         if not (isfinite(limit) and 0.0 <= limit <= MAX_TIME_LIMIT):
-            problem = (f'time_limit is {limit:g} s; allowed: 0 (as reach.time_limit says) to '
+            problem = (f'time_limit is {limit:g} s; allowed: 0 (use reach.time_limit) to '
                        f'{MAX_TIME_LIMIT:g} s')
         try:
             shapes = self._shapes_of(request.shapes)

@@ -132,8 +132,8 @@ class Planning:
         for shape, found in zip(shapes, plan_shapes(
                 planner, state, pulls, shapes, around, settings, first), strict=False):
             if found.cut_short:
-                self._warn(f'{shape.name}: reach.time_limit ended the search for a plan; with '
-                           'more time it may find a better one')
+                self._warn(f'{shape.name}: reach.time_limit ended the search for a plan; more '
+                           'time may give a better one')
             yield found
 
     def loop(self, aim: int) -> Loop:
@@ -163,7 +163,7 @@ class Planning:
         known, pulls = self._observed.shape_and_model, self._observed.pulls
         if known is None:
             failed: Future[Result] = Future()
-            failed.set_exception(PlanError('the shape of the arm is not known any more'))
+            failed.set_exception(PlanError('the shape of the arm is no longer known'))
             return failed
         state, model = known
         return self._thread.start(

@@ -92,6 +92,6 @@ class TensionPrediction:
                 in zip(self._tendons, pulls, tensions, strict=True))
             raise MotionRefusedError(
                 Reason.TENSION,
-                f'the tensions on the way would be too large, at {predicted}; tension_limit: '
-                f'{limits.any_tendon:g} N, co_contraction_limit (opposing tendons at '
-                f'once): {limits.at_once:g} N')
+                f'the motion would need too large tensions, at {predicted}; tension_limit: '
+                f'{limits.any_tendon:g} N, co_contraction_limit (opposing tendons at once): '
+                f'{limits.at_once:g} N')

@@ -29,5 +29,5 @@ class Question:
         if answered or not doubt:
             return ''
         self._asked.refresh()
-        return (f'nothing was done: {doubt} when that was last known; {effect}, then call this '
-                f'again within {ANSWER_TIMEOUT:g} s')
+        return (f'nothing was done: as last known, {doubt}; {effect}, then call this again within '
+                f'{ANSWER_TIMEOUT:g} s')

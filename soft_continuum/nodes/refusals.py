@@ -30,5 +30,5 @@ class Refusals:
         elif reason and (self._share > MANY or self._text) and not (
                 self._text and NUMBER.sub('', reason) == NUMBER.sub('', self._reason)):
             self._reason = reason
-            self._text = f'most measured {self.what} are not used; the last one: {reason}'
+            self._text = f'most measured {self.what} are rejected, the last one because: {reason}'
         return self._text

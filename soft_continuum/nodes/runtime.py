@@ -97,7 +97,7 @@ class Signals:
                 executor.spin_once(timeout_sec=0.1)
             except Exception:
                 get_logger('soft_continuum').error(
-                    f'a callback failed; going on:\n{traceback.format_exc()}')
+                    f'a callback failed; the node continues:\n{traceback.format_exc()}')
 
 
 def end_with(parent: int) -> None:
@@ -174,8 +174,7 @@ def limit_memory() -> None:
 def argument_error(arguments: Sequence[str], error: Exception) -> str:
     """Say which arguments ROS did not take, and why; or what is wrong with its security."""
     return security_problem(error, os.environ) or (
-        f'ROS does not take these arguments: {" ".join(arguments[1:])}: '
-            f'{str(error).splitlines()[0]}')
+        f'ROS rejects these arguments: {" ".join(arguments[1:])}: {str(error).splitlines()[0]}')
 
 
 def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
@@ -218,5 +217,5 @@ def _refuse_whole_numbers(where: str, key: str, value: Any) -> None:
     whole = [item for item in items if isinstance(item, int) and not isinstance(item, bool)]
     if measure and whole:
         raise ParameterError(
-            f'{where}: parameter {key} is {value}; ROS wants a decimal point: '
-            f'write {float(whole[0])} rather than {whole[0]}')
+            f'{where}: parameter {key} is {value}; ROS needs a decimal point: write '
+            f'{float(whole[0])} rather than {whole[0]}')

@@ -152,7 +152,7 @@ class Servo(Node):
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response
                    ) -> SetBool.Response:
         if not request.data:
-            self._hold('it was asked to', OK)
+            self._hold('on request', OK)
             response.success, response.message = True, 'disabled'
         elif self._servo is not None:
             response.success, response.message = True, 'already enabled'
@@ -183,7 +183,7 @@ class Servo(Node):
         if observed.shape is None or observed.estimate is None:
             return 'the shape of the arm is not known'
         if observed.shape.stiff != observed.jammed(observed.stiffness):
-            return 'kinematics does not know yet which segment is soft; try again'
+            return 'kinematics has not yet reported which segment is soft; try again'
         return ''
 
     def _choice_problem(self) -> str:
@@ -228,7 +228,7 @@ class Servo(Node):
                        self._jamming)
         self._stiffness, self._stops = observed.stiffness, observed.tendons.stops
         self._preparing = this = object()
-        self._level, self._ended = OK, 'what the segment can be bent to is being found'
+        self._level, self._ended = OK, 'computing the bending range of the segment'
         made: Future[tuple[AngleServo | None, str]] = Future()
 
         def prepare() -> None:
@@ -238,7 +238,7 @@ class Servo(Node):
 
         if not self._worker.submit(prepare):
             self._preparing = None
-            return 'too many attempts to enable it wait to be given up; try again'
+            return 'too many cancelled attempts to enable it are pending; try again'
         try:
             return self._begin(this, *made.result(SOON))
         except TimeoutError:

@@ -90,7 +90,7 @@ class TendonActuation(ManagedNode):
         self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
         self._unread_age = Age()  # since a trajectory that nobody read was reported as refused
         self._holds = Newest(self._to_loop, lambda _: self._control.hold(
-            Reason.HELD, 'a trajectory without points asked the tendons to hold'))
+            Reason.HELD, 'a trajectory without points requested a hold'))
         self._refusals = Newest(self._to_loop, lambda refusal: self._control.refuse(*refusal))
         self._judging = Worker('trajectories', self._on_thread_failure)
         self._compiled = False
@@ -210,7 +210,7 @@ class TendonActuation(ManagedNode):
                 'send it in parts'))
         elif not self._judging.submit(self._judge, kind, data, self._control.revocations):
             self._refuse_unread(request_id, MotionRefusedError(
-                Reason.BUSY, 'too many trajectories wait to be judged; send them more slowly'))
+                Reason.BUSY, 'too many trajectories wait for validation; send them more slowly'))
 
     def _refuse_unread(self, request_id: str, error: MotionRefusedError) -> None:
         """Report a refusal, but not each of a flood: that costs more than the refusal."""
@@ -268,7 +268,7 @@ class TendonActuation(ManagedNode):
             STEADY.sleep(REFUSAL_PAUSE)
         except Exception as error:
             self._refuse(shown_id, MotionRefusedError(
-                Reason.INVALID, f'it could not be judged: {type(error).__name__}: {error}'))
+                Reason.INVALID, f'it could not be validated: {type(error).__name__}: {error}'))
             raise
 
     def _refuse(self, request_id: str, error: MotionRefusedError) -> None:
@@ -340,7 +340,7 @@ class TendonActuation(ManagedNode):
         try:
             response.success, response.message = self._loop.call(function, *arguments)
         except TimeoutError:
-            response.message = 'the thread of control did not answer; see the log of this node'
+            response.message = 'the control thread did not answer; see the log of this node'
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

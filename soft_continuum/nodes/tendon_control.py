@@ -249,8 +249,8 @@ class TendonControl:
     def give_up(self, request_id: str) -> None:
         """Follow no trajectory of an id any more: its sender was told that it has failed."""
         if self._requests.accepted.id == request_id:
-            self.hold(Reason.HELD, 'its sender has given it up')
-        self._forbid(request_id, Reason.HELD, 'its sender has given it up')
+            self.hold(Reason.HELD, 'its sender withdrew it')
+        self._forbid(request_id, Reason.HELD, 'its sender withdrew it')
 
     def hold(self, reason: Reason, message: str) -> None:
         """Brake and hold, ready for the next trajectory."""
@@ -274,7 +274,7 @@ class TendonControl:
                      f'stopped ({message}); call ~/resume before any motion')
         answer = True, 'stopped, holding tension; nothing moves before ~/resume'
         if self._controller is None:
-            answer = True, 'not connected; stopped all the same'
+            answer = True, 'not connected; stopped nevertheless'
             if self._fault:
                 answer = False, f'the stop did not reach the device: {self._fault}'
         else:
@@ -297,8 +297,8 @@ class TendonControl:
     def resume(self) -> tuple[bool, str]:
         """Accept motion again, from where the tendons are; return success and the answer."""
         if self._emergency:
-            return False, ('emergency_stop is on; the program that turned it on has to publish '
-                           'false first, with no other publisher there')
+            return False, ('emergency_stop is on; the program that turned it on must first '
+                           'publish false, as the only publisher')
         if not self._active or self._controller is None:
             return False, self._fault or 'the node is not active'
         self._controller.resume()
@@ -324,8 +324,8 @@ class TendonControl:
         try:
             self._controller.check_reference()
             if question := self._question.ask(self._arm.last_bent or self._pulled(), (
-                    'every pull would count as 0 here, and every later shape would be wrong by '
-                    'that bend; straighten the arm, with its tendons just taut')):
+                    'every pull would count as 0 here, and every later shape would be off by that '
+                    'bend; straighten the arm, with its tendons just taut')):
                 return False, question
             self._controller.reference()
         except MotionRefusedError as error:

@@ -108,8 +108,8 @@ class _Request:
             if self.future.done():  # its own
                 raise
             raise TimeoutError(
-                f'the thread {thread} has not done {getattr(self._function, "__name__", "it")} '
-                f'within {timeout:g} s') from None
+                f'the thread {thread} has not finished '
+                f'{getattr(self._function, "__name__", "it")} within {timeout:g} s') from None
 
     def run(self) -> None:
         """Do it."""

@@ -156,7 +156,7 @@ class BagReader:
                 else:
                     yield from self._messages(record)
         except (EndOfFile, InvalidMagic, struct.error):
-            self.damage = 'its end is missing: what wrote it was ended before it was done'
+            self.damage = 'its end is missing: the recorder was killed before it finished'
         except (McapError, ZstdError, RuntimeError, ValueError, KeyError, IndexError,
                 MemoryError, OverflowError) as error:
             self.damage = f'damaged: {printable(str(error), MAX_NAME)}'
@@ -176,10 +176,10 @@ class BagReader:
         wanted = '/' + namespace.strip('/')
         chosen = [space for space in spaces if space == wanted] if namespace else spaces
         if not spaces:
-            raise BagError(f'{self._path}: there is no arm in it'
-                           f'{"; " + self.damage if self.damage else ""}')
+            raise BagError(f'{self._path}: no arm is recorded in '
+                           f'it{"; " + self.damage if self.damage else ""}')
         if len(chosen) != 1:
-            raise BagError(f'{self._path}: the arms in it are in namespace {", ".join(spaces)}; '
+            raise BagError(f'{self._path}: it has arms in the namespaces {", ".join(spaces)}; '
                            'choose one with --namespace')
         return chosen[0]
 

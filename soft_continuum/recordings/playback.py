@@ -133,8 +133,8 @@ class Playback:
         self._open = False
         self._thread.join(CLOSE_TIMEOUT)
         if self._thread.is_alive():  # what it uses must not be taken away
-            print(f'the replay has not come to its end within {CLOSE_TIMEOUT:g} s; its nodes are '
-                  'left as they are', file=sys.stderr)
+            print(f'the replay did not end within {CLOSE_TIMEOUT:g} s; its nodes are left '
+                  'running', file=sys.stderr)
             return
         self._executor.shutdown()
         for node in self._nodes:

@@ -109,8 +109,8 @@ def record(path: Path, *, namespace: str = '', duration: float = inf, goal: bool
         print('record: nothing was recorded', file=sys.stderr)
         return 1
     if topics.failure:
-        print(f'record: cannot write to {path} any more: {topics.failure}; what was recorded in '
-              f'{seconds:.1f} s is kept', file=sys.stderr)
+        print(f'record: can no longer write to {path}: {topics.failure}; the first {seconds:.1f} '
+              's are kept', file=sys.stderr)
         return 1
     print(f'{seconds:.1f} s recorded in {path}: {topics.counts.total()} messages of '
           f'{len(topics.counts)} topics')

@@ -76,8 +76,8 @@ class Recorder(Node):
         """Why the recording ended by itself; empty if it did not."""
         if self._recording is None or not self._recording.failure:
             return ''
-        return (f'{self._file}: cannot be written any more: {self._recording.failure}; what was '
-                'recorded before is kept')
+        return (f'{self._file}: can no longer be written: {self._recording.failure}; earlier '
+                'messages are kept')
 
     def _on_record(self, request: SetBool.Request,
                    answer: Callable[[SetBool.Response], None]) -> None:

@@ -113,8 +113,8 @@ class TopicRecorder:
         self._closing.set()
         self._thread.join(CLOSE_TIMEOUT)
         if self._thread.is_alive():
-            self.failure = (f'the disk did not take the end of it within {CLOSE_TIMEOUT:g} s; '
-                            'what it took can be read')
+            self.failure = (f'the disk did not accept the end within {CLOSE_TIMEOUT:g} s; the '
+                            'rest is readable')
 
     # Which topics there are.
 

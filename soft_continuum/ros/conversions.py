@@ -93,7 +93,7 @@ def measured_pose_from_ros(message: PoseWithCovarianceStamped, axes: NDArray[np.
     covariance = np.reshape(message.pose.covariance, (6, 6))[np.ix_(axes, axes)]
     place, quaternion = pose[:3][axes[:3]], pose[3:]
     if not all(np.isfinite(numbers).all() for numbers in (place, quaternion, covariance)):
-        raise ValueError('a pose that is not of finite numbers')
+        raise ValueError('a pose with numbers that are not finite')
     if axes.all():
         length = float(np.linalg.norm(pose[3:]))
         if not abs(length - 1.0) < MAX_QUATERNION_ERROR:

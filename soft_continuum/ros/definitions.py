@@ -60,7 +60,7 @@ def definition(kind: str) -> str:
 def _text(kind: str) -> str:
     named = KIND.fullmatch(kind)
     if named is None:
-        raise DefinitionError(f'{kind!r} is no type of a message')
+        raise DefinitionError(f'{kind!r} is not a message type')
     try:
         path = Path(get_package_share_directory(named[1]), 'msg', f'{named[2]}.msg')
         return path.read_text(encoding='utf-8')

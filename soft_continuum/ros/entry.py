@@ -27,7 +27,7 @@ def subscribe(node: Node, kind: Any, topic: str, callback: Callable[[Any], objec
             else:
                 callback(message)
                 return
-        node.get_logger().warning(f'a message on {topic} is left out: {problem}',
+        node.get_logger().warning(f'ignored a message on {topic}: {problem}',
                                   throttle_duration_sec=LOG_PERIOD)
 
     return node.create_subscription(kind, topic, on_data, qos, raw=True)

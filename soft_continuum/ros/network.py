@@ -24,8 +24,8 @@ SAID = 'SOFT_CONTINUUM_NETWORK_SAID'
 PARENT = 'SOFT_CONTINUUM_PARENT'
 """Environment variable of a node that is to end with the process of that id, which started it."""
 LISTENING = '0A'  # state of a TCP socket
-NOT_UP = ('127.0.0.1 is not there: waiting for the interface lo; where nothing else brings it up, '
-          '`ip link set lo up` does')
+NOT_UP = ('127.0.0.1 is not available: waiting for the interface lo; if nothing else brings it '
+          'up, run `ip link set lo up`')
 
 
 def choose_network(environment: MutableMapping[str, str], config: Path) -> None:
@@ -89,7 +89,7 @@ def who_commands(environment: Mapping[str, str], addresses: Sequence[str]) -> st
     """Say in one line who can command the arm; addresses: reachable_addresses of its process."""
     domain = f'ROS_DOMAIN_ID {environment.get("ROS_DOMAIN_ID") or 0}'
     if is_secured(environment):
-        return (f'SROS 2: the keys in {environment.get(KEYSTORE)} say who can command this arm '
+        return (f'SROS 2: the keys in {environment.get(KEYSTORE)} define who can command this arm '
                 f'({domain})')
     if addresses:
         return (f'DDS listens on {", ".join(addresses)}: every computer that reaches it can move '
@@ -114,8 +114,8 @@ def security_problem(error: Exception, environment: Mapping[str, str]) -> str:
         return ('ROS_SECURITY_ENABLE is true, but this ROS 2 was built without DDS security, as '
                 'that from PyPI is: use ROS 2 from apt, or unset it; see '
                 'docs/how_to/set_up_the_network.md')
-    return (f'SROS 2 lets nothing start: {text}; make the keys, as '
-            'docs/how_to/set_up_the_network.md has it, or unset ROS_SECURITY_ENABLE')
+    return (f'SROS 2 prevents the start: {text}; create the keys as in '
+            'docs/how_to/set_up_the_network.md, or unset ROS_SECURITY_ENABLE')
 
 
 def reachable_addresses(process: int | str = 'self') -> list[str]:

@@ -19,12 +19,12 @@ CHANNELS = {'mono8': 1, '8UC1': 1, 'rgb8': 3, 'bgr8': 3, '8UC3': 3, 'rgba8': 4, 
 def grey_picture(message: Image) -> NDArray[np.uint8]:
     """Return a picture (height, width) in grey; raises ValueError for one that cannot be read."""
     if message.encoding not in CHANNELS:
-        raise ValueError(f'pictures of encoding {printable(message.encoding, 40)!r} are not read; '
-                         f'known: {", ".join(CHANNELS)}')
+        raise ValueError(f'images of encoding {printable(message.encoding, 40)!r} are not '
+                         f'supported; supported: {", ".join(CHANNELS)}')
     channels, row = CHANNELS[message.encoding], message.step
     if (message.width * message.height == 0 or row < message.width * channels
             or len(message.data) < row * message.height):
-        raise ValueError(f'a picture of {message.width} x {message.height} px with '
+        raise ValueError(f'an image of {message.width} x {message.height} px with '
                          f'{len(message.data)} bytes in rows of {row}')
     data = np.frombuffer(message.data, dtype=np.uint8)[:row * message.height]
     pixels = data.reshape(message.height, row)[:, :message.width * channels]

@@ -52,7 +52,7 @@ class BendingLimits:
         """Raise StaticsError if a state exceeds one of them with its pulls (tendons,), m."""
         low, high = self.pull_limits
         if found.jumped:
-            raise StaticsError('beyond it the arm jumps to another shape', found)
+            raise StaticsError('beyond it the arm snaps to another equilibrium', found)
         if found.tensions.max() > self.tension_limit:
             raise StaticsError(f'the tension_limit of {self.tension_limit:g} N', found)
         if pulls.min() < low or pulls.max() > high:

@@ -196,7 +196,7 @@ class ClosedLoopRunner(Runner):
         if before is None or not (worse := _worse(aim, aim.error(before), error)):
             return ''
         back = yield from self._set_worthwhile(index, shape, aim.at(before), release_limit)
-        return f'{worse} ({aim.text(error)} after it), and was set back' if back else worse
+        return f'{worse} ({aim.text(error)} after it), and was undone' if back else worse
 
     def _set_worthwhile(self, index: int, shape: Shape, aim: Aim, release_limit: float
                         ) -> Generator[None, None, bool]:
@@ -229,7 +229,7 @@ class ClosedLoopRunner(Runner):
                 self.warning = (f'{shape.name} drifted while it was held: it is '
                                 f'{aim.text(error)} off')
                 if self._held:
-                    self.warning += '; with its vacuums it is not set again'
+                    self.warning += '; shapes with vacuums are not corrected'
                 elif settings.correct_drift:
                     yield from self._correct_drift(index, shape, aim)
                 at_first, within = self._error(aim), self._now
@@ -252,8 +252,8 @@ class ClosedLoopRunner(Runner):
             self.warning += f'; it cannot be corrected: {error}'
         else:
             if worse is None:
-                self.warning += ('; setting segments again would not better it, or is more than '
-                                 'loop.release_limit allows')
+                self.warning += ('; correcting segments would not improve it, or would exceed '
+                                 'loop.release_limit')
             elif self._error(aim) <= self._tolerance(aim):
                 self.warning = ''
             else:
@@ -267,9 +267,10 @@ class ClosedLoopRunner(Runner):
         since = self._now if measured is None else self._now - measured
         lost = 'the arm, or one of its discs, has not been measured'
         if self.loop_settings.abort_when_lost:
-            why = self._observed.anomaly or 'see what the camera and the other sensors report'
-            raise EndError(Code.HARDWARE_FAULT, f'{lost} for {since:.1f} s; {why}. With '
-                           'loop.abort_when_lost false it would go on as predicted')
+            why = self._observed.anomaly or 'check the camera and the other sensors'
+            raise EndError(Code.HARDWARE_FAULT, f'{lost} for {since:.1f} s; {why}. Set '
+                                                'loop.abort_when_lost to false to continue as '
+                                                'predicted')
         then = datetime.now() - timedelta(seconds=since)
         self._lost_since = self.warning = f'{lost} since {then:%H:%M:%S}: the shape is predicted'
 
@@ -369,7 +370,7 @@ class ClosedLoopRunner(Runner):
 def _worse(aim: Aim, before: float, error: float) -> str:
     """Return what to say where an arm that was set again is farther off than before."""
     return '' if error <= before else (
-        f'; setting it again made it worse, it was {aim.text(before)} off')
+        f'; correcting it made it worse, it was {aim.text(before)} off')
 
 
 def _way_point(plan: ShapePlan, move: int) -> Aim:

@@ -47,7 +47,7 @@ def held(validator: MotionValidator, node: Node, vacuums: Sequence[float]) -> He
     try:
         return Held(node, validator.relaxed(node, vacuums))
     except BlockedError as error:
-        raise BlockedError(f'as the arm gives way under its vacuums, {error}', error.obstacle,
+        raise BlockedError(f'as the arm relaxes under its vacuums, {error}', error.obstacle,
                            error.limit) from None
 
 

@@ -157,8 +157,8 @@ class MovePlanner:
         """
         bent = self.softened(state, start, segment)
         if bent.jumped and np.abs(bent.bending - state.bending).max() > MAX_SOFTENING_TILT:
-            raise PlanError('when it becomes soft, the arm goes over to another shape: its '
-                            'tendons do not hold it; pull them in, or straighten the arm by '
+            raise PlanError('the arm would snap to another equilibrium when it softens, because '
+                            'its tendons do not hold it; pull them in, or straighten the arm by '
                             '`soft_continuum home`')
         present, change = bent.bending, self._change(bent, segment, goal)
         sliding = self.statics.sliding_towards(change)

@@ -152,8 +152,8 @@ class Runner:
             except PlanInvalidError as reason:
                 self.plan = None
                 if not left:
-                    raise EndError(reason.code, f'{reason}; it was planned again '
-                                   f'{self._settings.max_replans} times') from None
+                    raise EndError(reason.code, f'{reason}; replanned '
+                                                f'{self._settings.max_replans} times') from None
                 self._replans += 1
                 yield from self._wind_down()
                 yield from self._all_stiff()
@@ -200,7 +200,7 @@ class Runner:
             self._held[segment] = vacuum
             yield from self._request(
                 segment, partial(self._port.set_vacuum, segment, vacuum), lowered,
-                f'follow its regulator, which was told {vacuum / 1e3:.1f} kPa,')
+                f'follow its regulator, which was set to {vacuum / 1e3:.1f} kPa,')
         if self._held:
             yield from self._settle()
         if shape.vacuums and self.plan is not None:
@@ -287,8 +287,8 @@ class Runner:
         requested = -np.inf
         while segments:
             if self._observed.lost_valves:
-                raise EndError(Code.HARDWARE_FAULT, 'the segments are left as they are: what '
-                               'switches them is not heard of any more')
+                raise EndError(Code.HARDWARE_FAULT, 'the segments are left as they are: '
+                                                    'jamming_valves is stale')
             if self._now >= requested + self._settings.retry:
                 for segment in segments:
                     self._port.set_stiff(segment, True)
@@ -395,7 +395,7 @@ class Runner:
                 if self._off(segment) > LOST * self._settings.vacuum_tolerance:
                     raise EndError(
                         Code.HARDWARE_FAULT, f'segment {segment + 1} lost its vacuum: it has '
-                        f'{self._observed.vacuum[segment] / 1e3:.1f} kPa and was told '
+                        f'{self._observed.vacuum[segment] / 1e3:.1f} kPa and was set to '
                         f'{self._held[segment] / 1e3:.1f} kPa')
             elif not stiff:
                 raise EndError(Code.HARDWARE_FAULT,

@@ -158,14 +158,14 @@ class SteeredArm:
         """Return why the arm cannot be moved now, and what to do; empty when it can."""
         tendons = self._observed.tendon_actuation
         if self._arm is None or tendons is None:
-            return 'the arm is not known: its nodes do not run, or have not answered yet'
+            return 'no arm found: its nodes do not run, or have not answered yet'
         if not (self._jamming or self._actuated):
-            return ('without jamming the tendons of this arm do not bend each segment by itself: '
+            return ('without jamming the tendons of this arm do not bend segments independently: '
                     'it cannot be steered')
         if self._emergency:
             return self._other_stops() or 'the emergency stop is on: reset turns it off'
         if tendons.emergency_stop:
-            return 'an emergency stop is on: whoever turned it on has to turn it off'
+            return 'an emergency stop is on: the program that turned it on must turn it off'
         if self.stopped:
             return f'motion is stopped ({plain(tendons.stop_message)}): reset resumes it'
         if self._observed.progress() is not None:
@@ -204,7 +204,7 @@ class SteeredArm:
             self.rest()
         elif (present := self._present()) is None:
             self.rest()
-            self.note = 'kinematics knows no shape of the arm: see its status'
+            self.note = 'kinematics reports no shape of the arm: see its status'
         else:
             self._advance(present, velocity)
 
@@ -320,7 +320,7 @@ class SteeredArm:
             raise RefusedError(answer.message)
         if not await until(lambda: self._enabled or not self._asked, ENABLING_TIMEOUT):
             raise NoAnswerError(self.servo_text or (
-                f'the servo still finds what segment {segment} can be bent to, for more than '
+                f'the servo has not found the bending range of segment {segment} within '
                 f'{ENABLING_TIMEOUT:g} s'))
         self._ready = self._enabled and self._asked == self.segment  # until() looks now and then
         self._asked = 0
@@ -401,7 +401,7 @@ class SteeredArm:
         others = ', '.join(sorted({  # besides one of this name that was killed a moment ago
             plain(info.node_name) for info in node.get_publishers_info_by_topic(
                 node.resolve_topic_name(EMERGENCY_STOP)) if info.node_name != node.get_name()}))
-        return others and (f'the emergency stop stays on: {others} may have it on too; end it '
+        return others and (f'the emergency stop stays on: {others} may hold it on too; stop that '
                            'first')
 
 

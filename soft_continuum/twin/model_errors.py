@@ -130,7 +130,7 @@ def read_model_errors(path: str | Path, preset: str) -> ModelErrors:
     """
     presets = read_yaml(path)
     if not isinstance(presets, dict):
-        raise TwinError(f'{path}: it must hold presets by name')
+        raise TwinError(f'{path}: it must be a mapping from names to presets')
     if preset not in presets:
         raise TwinError(f'{path} has no preset {preset}; it has: {", ".join(map(str, presets))}')
     values = presets[preset]

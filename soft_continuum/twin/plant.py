@@ -65,8 +65,8 @@ class Plant:
         mujoco.mj_forward(self._model, self._data)
         if self._data.ncon:
             touched = self._model.geom(self._data.contact.geom[0].min()).name
-            raise TwinError(f'{touched} is where the straight arm is, with which the twin begins; '
-                            'move it')
+            raise TwinError(f'{touched} overlaps the straight arm, in which the twin starts; move '
+                            'it')
         self._tendons = slice(tendons)
         self._straight = self._data.ten_length[self._tendons].copy()
         self._sliding = np.zeros(tendons)  # 1: pulled in, -1: paid out
@@ -313,10 +313,10 @@ def _stiffnesses(arm: Arm, model_errors: ModelErrors) -> Array:
     Raises TwinError for another number of factors, and for segments that are no linear springs.
     """
     if any(segment.soft_law is not None for segment in arm.segments):
-        raise TwinError('the twin knows linear springs only; the description has a measured '
+        raise TwinError('the twin supports only linear springs; the description has a measured '
                         'moment-curvature law')
     if any(segment.friction for segment in arm.segments):
-        raise TwinError('the twin knows friction of tendons only, as guide_friction of its '
+        raise TwinError('the twin supports only friction of tendons, as guide_friction of its '
                         'presets; the description has some of segments')
     factors = model_errors.stiffness_factors
     if len(factors) not in (1, len(arm.segments)):

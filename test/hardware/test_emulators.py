@@ -54,7 +54,7 @@ def test_every_command_is_listed_and_does_something(name):
 
 
 @pytest.mark.parametrize(('name', 'line', 'words'), [
-    ('grbl', 'dance', 'no command; type help'), ('grbl', 'alarm', 'takes: ALARM'),
+    ('grbl', 'dance', 'unknown command dance; type help'), ('grbl', 'alarm', 'takes: ALARM'),
     ('grbl', 'alarm 0', 'allowed: 1 to 9'), ('grbl', 'alarm 1.5', 'whole numbers'),
     ('grbl', 'late-ok nan', 'SECONDS is nan'), ('grbl', 'drop-ok -1', 'allowed'),
     ('grbl', 'drop-ok 1 2', 'takes: COUNT'), ('grbl', 'reset 1', 'takes: nothing more'),

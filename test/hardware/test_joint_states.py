@@ -90,7 +90,7 @@ def move(watch, velocity, steps=300):
 
 @pytest.mark.parametrize('factor', [57.3, 0.01, -1.0])
 def test_velocities_in_another_unit_or_sense_are_refused(factor):
-    with pytest.raises(HardwareError, match='by the velocities in the joint states'):
+    with pytest.raises(HardwareError, match='according to the velocities'):
         move(JointWatch(JOINTS), lambda _: factor)
 
 

@@ -133,7 +133,7 @@ def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
     """Drawn: tags that are off by 1 mm, standard, in an arm that is straight, then bent."""
     drawn = views.camera('ideal', tag_offset=0.001)
     driver = Driver(rig, drawn)
-    assert 'no disc was seen' in driver.tare().message
+    assert 'no disc was detected' in driver.tare().message
     driver.tare_until('parameter file: camera: {ros__parameters',
                       drawn.picture(views.poses(0.0, 0.0, 0.0)))
     bent, tared = drawn.picture(full_poses(TRUTH)), rig.observer.get_clock().now().nanoseconds
@@ -151,7 +151,7 @@ def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
     for name in ('STALE_AFTER', 'FROZEN_AFTER'):
         monkeypatch.setattr(camera, name, 0.5)
     driver = Driver(rig, drawn)
-    wait_for(rig, driver.statuses, 'no picture from /arm_under_test/camera/image_raw')
+    wait_for(rig, driver.statuses, 'no image from /arm_under_test/camera/image_raw')
     for words, how in (
             ('stamped 36', {'late': 3600.2}), ('stamped -3', {'late': -3600.2}),
             ("encoding 'bayer", {'encoding': 'bayer_rggb8'})):
@@ -187,7 +187,7 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
     rig.start('camera', ready=False, **{
         'camera.source': str(folder), 'camera.calibration': str(calibration), 'camera.rate': 5.0})
     rig.wait_for(lambda: len(tip) >= 1, 'a pose')
-    wait_for(rig, heard, 'no more pictures')
+    wait_for(rig, heard, 'no more images')
 
 
 def test_a_second_camera_of_an_arm_in_space(rig: Rig) -> None:
@@ -204,7 +204,7 @@ def test_a_second_camera_of_an_arm_in_space(rig: Rig) -> None:
     assert np.abs(error[:3]).max() < 2e-3
     assert np.diag(covariance).max() < 1e-3
     assert np.linalg.eigvalsh(covariance)[0] > 0.0
-    wait_for(rig, driver.statuses, 'all discs are seen')
+    wait_for(rig, driver.statuses, 'all discs are detected')
     driver.tare_until('is the arm straight', picture)
     driver.tare_until('camera_2: {ros__parameters: {tags: {reference_corners',
                       drawn.picture(space_views.discs(*[(0, 0)] * 3)))

@@ -34,7 +34,7 @@ FAST_OVERHEAD = 4  # bytes around the data of each servo in the reply to a fast 
 PROTOCOL_1_PING = 0x01
 TIMED_OUT = -3001  # COMM_RX_TIMEOUT of the SDK
 REASONS = {
-    1: 'the instruction failed', 2: 'it does not know the instruction',
+    1: 'the instruction failed', 2: 'it does not support the instruction',
     3: 'the request was damaged', 4: 'the value is out of range', 5: 'the data are too short',
     6: 'the value is beyond a limit', 7: 'the register cannot be written now'}
 """Errors in replies, e-Manual, Protocol 2.0, status packet."""
@@ -96,7 +96,7 @@ class DynamixelBus(Wakeable):
         try:
             self._port.set_speed(bits)
         except (OSError, ValueError) as error:
-            raise HardwareError(f'{self.name} cannot do {bits} baud ({error})') from None
+            raise HardwareError(f'{self.name} does not support {bits} baud ({error})') from None
 
     # One servo.
 
@@ -109,7 +109,7 @@ class DynamixelBus(Wakeable):
         data = self._ask(servo, 0x01, b'', 3, reply_time).data
         self._port.setPacketTimeoutMillis(1e3 * REPLY_GAP)
         if self._received():
-            raise DamagedReplyError(f'more than one reply came to the ID {servo}')
+            raise DamagedReplyError(f'more than one servo replied to the ID {servo}')
         return int.from_bytes(data[:2], 'little')
 
     def read(self, servo: int, register: Register) -> int:
@@ -238,10 +238,10 @@ class DynamixelBus(Wakeable):
         received, result = self._next_packet(fast)
         who = 'the servos' if fast else f'servo {servo}'
         if result == TIMED_OUT:
-            raise NoReplyError(f'no reply of {who} on {self.name}')
+            raise NoReplyError(f'no reply from {who} on {self.name}')
         wanted = size if fast else received[5] + 256 * received[6] + 7 if len(received) > 7 else 0
         if result != 0 or received[4] != servo or len(received) < size or wanted != size:
-            raise DamagedReplyError(f'the reply of {who} on {self.name} is damaged')
+            raise DamagedReplyError(f'the reply from {who} on {self.name} is damaged')
         return received[:size]
 
     def _next_packet(self, fast: bool = False) -> tuple[bytes, int]:

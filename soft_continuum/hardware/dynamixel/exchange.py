@@ -93,7 +93,7 @@ class Exchange:
                 self._miss(self._why_other(servo, state.written, wanted))
                 return None
             if not state.follows(before, fastest(wanted)):
-                self._miss(f'{servo} replies what cannot be: position {state.position} after '
+                self._miss(f'implausible reply from {servo}: position {state.position} after '
                            f'{before.position}, {REALTIME_TICK} {state.tick} after {before.tick}')
                 return None
         self._states, self._heard, self.missed = states, now, 0
@@ -107,18 +107,18 @@ class Exchange:
         answering = self._bus.find(self._ids) if unanswered else self._ids
         silent = [str(servo) for servo in self._servos if servo.id not in answering]
         if silent:
-            why = f'{" and ".join(silent)}: no answer any more; check its cable and supply'
+            why = f'{" and ".join(silent)}: stopped replying; check its cable and supply'
         raise HardwareError(why)
 
     def _why_other(self, servo: Servo, found: Written, written: Written) -> str:
         """Say why a servo does not have what was written to it."""
         if found.watchdog == WATCHDOG_TRIGGERED:
-            return (f'the watchdog of {servo} stopped it, because it heard nothing for '
+            return (f'the watchdog of {servo} stopped it, because it received nothing for '
                     f'{written.watchdog * WATCHDOG_UNIT:g} s; the computer is too busy')
         if found.watchdog == 0:
-            return (f'{servo} was reset or without power for a moment: its torque was off, and '
-                    'its turns are not known; check its supply')
-        return f'{servo} does not keep what was written to it ({found} instead of {written})'
+            return (f'{servo} was reset or lost power for a moment: its torque was off, and its '
+                    'turn count is lost; check its supply')
+        return f'{servo} does not keep the values written to it ({found} instead of {written})'
 
     def _explain_alert(self, servo: Servo) -> None:
         with contextlib.suppress(NoReplyError, DamagedReplyError):

@@ -64,8 +64,8 @@ def zero_within_turn(servo: str, position: int, kept: int | None, pull_per_pulse
     limits: smallest and largest pull, m.
     """
     if kept is None:
-        return Zero(position, f'{servo} was without power or was rebooted, and no zero of it is '
-                    'kept on this computer')
+        return Zero(position, f'{servo} lost power or was rebooted, and no zero of it is stored '
+                              'on this computer')
     low, high = sorted(limit / pull_per_pulse for limit in limits)
     low, high = low - TURN_MARGIN * PULSES_PER_TURN, high + TURN_MARGIN * PULSES_PER_TURN
     # position - zero is between low and high, where zero is kept and any number of turns.
@@ -74,9 +74,9 @@ def zero_within_turn(servo: str, position: int, kept: int | None, pull_per_pulse
     zeros = [kept + PULSES_PER_TURN * turn for turn in turns]
     if len(zeros) == 1:
         return Zero(zeros[0])
-    reason = f'{servo} was without power or was rebooted, so its turns are not known: '
+    reason = f'{servo} lost power or was rebooted, so its turn count is lost:  '
     if not zeros:
-        return Zero(position, reason + 'its angle fits to no pull within pull_limits')
+        return Zero(position, reason + 'its angle matches no pull within pull_limits')
     pulls = ' or '.join(f'{1e3 * pull_per_pulse * (position - zero):.1f} mm' for zero in zeros)
     return Zero(position, f'{reason}it may be at {pulls}')
 
@@ -110,8 +110,8 @@ class ZeroFile:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             write_whole(self._path, json.dumps(known, indent=1, sort_keys=True) + '\n')
         except OSError as error:
-            raise HardwareError(f'the zero cannot be kept in {self._path} ({error.strerror}); '
-                                'make that possible, and reference again') from None
+            raise HardwareError(f'the zero cannot be saved in {self._path} ({error.strerror}); '
+                                'make it writable, and reference again') from None
 
     def _all(self) -> dict[str, dict[str, int | None]]:
         try:

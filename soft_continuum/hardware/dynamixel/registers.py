@@ -147,8 +147,8 @@ HARDWARE_ERRORS = {
     0x04: ('overheating', 'let it cool down; it holds too much tension for too long'),
     0x08: ('motor encoder', 'its encoder failed: have the servo repaired'),
     0x10: ('electrical shock', 'check its wiring, and that the supply gives enough current'),
-    0x20: ('overload', 'see what caught the tendon; lower dynamixel.tension_limits if it was '
-           'only held'),
+    0x20: ('overload', 'find what blocks the tendon; lower dynamixel.tension_limits if it only '
+                       'held a load'),
 }
 """By bit of Hardware Error Status: what happened, and what to do."""
 
@@ -157,4 +157,4 @@ def explain_hardware_error(status: int) -> str:
     """Return the bits of Hardware Error Status in words, with what to do."""
     known = [f'{name} ({remedy})' for bit, (name, remedy) in HARDWARE_ERRORS.items()
              if status & bit]
-    return ', '.join(known) or f'an error that is not known (status {status})'
+    return ', '.join(known) or f'an unknown error (status {status})'

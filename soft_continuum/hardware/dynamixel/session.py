@@ -119,11 +119,11 @@ class DynamixelSession:
             self._check()
             rested = not self.busy
             if self._unknown:
-                raise HardwareError(f'the position is not known: {self._unknown}; {REFERENCE}')
+                raise HardwareError(f'the position is unknown: {self._unknown}; {REFERENCE}')
             if max(map(abs, self._path.to_pulses(pulls))) > MAX_POSITION - PULSES_PER_TURN:
                 raise HardwareError(
-                    'a servo counts 256 turns and would be beyond; with slack tendons switch the '
-                    'servos off and on, and reference again')
+                    'a servo counts at most 256 turns and would exceed them; with slack tendons '
+                    'switch the servos off and on, and reference again')
             self._target = pulls, self.link.clock() + duration
             if self.state is not State.STOPPING:
                 self._aim(self.link.clock())
@@ -288,7 +288,8 @@ class DynamixelSession:
             raise HardwareError(
                 f'{servo} is at {1e3 * self._path.to_pulls(self._positions())[at]:.2f} mm instead '
                 f'of {1e3 * wanted:.2f} mm, with about {abs(servo.tension(state.current)):.1f} N '
-                f'(dynamixel.tension_limits {servo.tension_limit:g} N): see what holds the tendon')
+                f'(dynamixel.tension_limits {servo.tension_limit:g} N): check what blocks the '
+                'tendon')
 
     def _end_take_up(self, take_up: TakeUp) -> None:
         self._take_up = None

@@ -251,7 +251,7 @@ def _table(bus: DynamixelBus, number: int, name: str) -> bytes:
             continue
     if damaged:
         raise _doubled(number, name, damaged)
-    raise HardwareError(f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0 '
+    raise HardwareError(f'{name} answers pings but not reads: its {STATUS_RETURN_LEVEL} is 0 '
                         '(switch it off and on), or its cable is bad')
 
 
@@ -278,9 +278,9 @@ def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
 
 def _doubled(number: int, name: str, damaged: int) -> HardwareError:
     return HardwareError(
-        f'{damaged} of {PINGS} replies of {name} are damaged or doubled: two servos may have the '
-        f'ID {number} (connect one of them alone and give it another ID), or the baud rate or the '
-        'line is wrong')
+        f'{damaged} of {PINGS} replies of {name} are damaged or duplicated: two servos may have '
+        f'the ID {number} (connect one of them alone and give it another ID), or the baud rate or '
+        'the line is wrong')
 
 
 def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> str:
@@ -308,8 +308,8 @@ def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) 
                         'Baud Rate (8) of the servos')
     finally:
         bus.baud_rate = baud_rate
-    return (f'{missing}, and no other one does; check dynamixel.port, dynamixel.ids, the cable '
-            'and the power of the servos')
+    return (f'{missing}, and neither does any other servo; check dynamixel.port, dynamixel.ids, '
+            'the cable and the power of the servos')
 
 
 def _model(name: str, number: int) -> Model:
@@ -320,7 +320,8 @@ def _model(name: str, number: int) -> Model:
             + ', '.join(sorted(model.name for model in MODELS.values())))
     if number not in MODELS:
         raise HardwareError(
-            f'{name} has the model number {number}, which this driver does not know; it knows: '
+            f'{name} has the model number {number}, which this driver does not support; it '
+            'supports:  '
             + ', '.join(sorted(model.name for model in MODELS.values())))
     return MODELS[number]
 
@@ -356,7 +357,7 @@ def unfit_settings(servo: Servo, speed_limit: float) -> list[RegisterMismatch]:
         *unless(SECONDARY_ID, get(SECONDARY_ID) >= DISABLED_ID, 255,
                 'none: it would obey another servo'),
         *unless(STARTUP, not get(STARTUP) & RAM_RESTORE, get(STARTUP) & ~RAM_RESTORE,
-                'or a loss of power could not be noticed'),
+                'or a loss of power could not be detected'),
         *unless(SHUTDOWN, bool(get(SHUTDOWN) & OVERHEATING), 52,
                 'or it would not protect itself from overheating'),
         *unless(PWM_LIMIT, get(PWM_LIMIT) >= MIN_PWM_LIMIT, 885,
@@ -374,8 +375,8 @@ def problems(servo: Servo, speed_limit: float) -> list[str]:
     if status := servo.get(HARDWARE_ERROR):
         found.append(
             f'{servo} has shut down, so its tendon has no tension: '
-            f'{explain_hardware_error(status)}; then pay out what pulls at it and reboot it with '
-            f'{CALIBRATE}')
+            f'{explain_hardware_error(status)}; then pay out the tendons that load it and reboot '
+            f'it with {CALIBRATE}')
     if unfit := unfit_settings(servo, speed_limit):
         found.append(f'{servo}: {"; ".join(map(str, unfit))}; with slack tendons {CALIBRATE} sets '
                      'this (EEPROM is locked while torque is on)')
@@ -409,7 +410,7 @@ def write_settings(bus: DynamixelBus, servo: Servo, unfit: Sequence[RegisterMism
         try:
             bus.write(servo.id, item.register, item.needed)
         except RefusedError as error:
-            raise HardwareError(f'{servo} does not take {item.register} {item.needed}: {error}'
+            raise HardwareError(f'{servo} does not accept {item.register} {item.needed}: {error}'
                                 ) from None
         if (value := bus.read(servo.id, item.register)) != item.needed:
             raise HardwareError(f'{servo}: {item.register} is {value} after {item.needed} was '

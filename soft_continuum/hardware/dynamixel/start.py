@@ -68,7 +68,7 @@ def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
             reason = error
             continue
         return [ServoState.from_reply(reply, asked, bus.clock()) for reply in replies]
-    raise HardwareError(f'the servos answer alone, but not together: {reason}')
+    raise HardwareError(f'the servos reply individually, but not together:  {reason}')
 
 
 def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[ServoState],
@@ -110,8 +110,8 @@ def keep_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int],
             if [SPARE.decode(reply.data) for reply in replies] == [*marks.values()]:
                 return
     raise HardwareError(
-        f'the servos do not keep their zero in {SPARE}: does another program change their '
-        'Indirect Addresses?  With slack tendons switch the servos off and on')
+        f'the servos lose their zero in {SPARE}: does another program change their Indirect '
+        'Addresses?  With slack tendons switch the servos off and on')
 
 
 def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
@@ -153,8 +153,8 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
                 (w.goal, w.current, w.velocity) for w in wanted]:
             break
     else:
-        raise HardwareError(f'the servos do not take what is written to them: {held_by} instead '
-                            f'of {wanted}; check the line')
+        raise HardwareError(f'the servos do not keep the values written to them:  {held_by} '
+                            f'instead of {wanted}; check the line')
     for servo in off:
         _switch_on(bus, servo)
     if off:  # somebody may have turned one meanwhile
@@ -169,7 +169,7 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
         if [state.written for state in found] == wanted:
             return found
     held_by = [state.written for state in found]
-    raise HardwareError(f'the servos do not take what is written to them: {held_by} instead '
+    raise HardwareError(f'the servos do not keep the values written to them:  {held_by} instead '
                         f'of {wanted}; check the line')
 
 
@@ -179,8 +179,8 @@ def _switch_on(bus: DynamixelBus, servo: Servo) -> None:
             bus.write(servo.id, TORQUE_ENABLE, 1)
             return
         except RefusedError as error:
-            raise HardwareError(f'{servo} does not switch its torque on: {error}; switch it off '
-                                'and on') from None
+            raise HardwareError(f'{servo} cannot switch its torque on: {error}; switch it off and '
+                                'on') from None
         except (NoReplyError, DamagedReplyError):
             if attempt == ATTEMPTS - 1:
                 raise

@@ -68,8 +68,8 @@ class GrblBoards:
         each = '; '.join(f'{1e3 * speed:.1f} mm/s for {", ".join(board.tendons)}'
                          for speed, board in zip(speeds, self._boards, strict=True))
         return [HardwareError(
-            'the GRBL controllers accelerate differently, so some tendons would come later than '
-            f'others: {each}; set $120 and following of all to the same acceleration')]
+            'the GRBL controllers accelerate differently, so some tendons would arrive later than '
+            f'others:  {each}; set $120 and following of all to the same acceleration')]
 
     def close(self) -> None:
         """Stop, hold and disconnect; an ``open`` under way ends with HardwareError."""

@@ -150,7 +150,7 @@ class GrblSession:
             self._check()
             if self._unreferenced:
                 raise HardwareError(
-                    f'the position is not known: {self._unreferenced}; {REFERENCE}')
+                    f'the position is unknown: {self._unreferenced}; {REFERENCE}')
             now = self.link.clock()
             self._target = add(self._zero, self._motors.from_pulls(pulls)), now + duration
             if self.state is not State.STOPPING:
@@ -365,8 +365,8 @@ class GrblSession:
         if status.state not in ('Idle', 'Jog', 'Run', 'Home') and not (
                 status.state == 'Hold' and self.state is State.STOPPING):
             raise HardwareError(
-                f'the GRBL controller went into the state {status.state}, which the driver did '
-                f'not ask for; {UNLOCK}')
+                f'the GRBL controller entered the state {status.state}, which the driver did not '
+                f'request; {UNLOCK}')
         if pins := STOP_PINS.intersection(status.pins):
             # During a jog the firmware only cancels what is queued, and would take the next one.
             raise HardwareError(

@@ -160,8 +160,8 @@ def invalid_settings(settings: Mapping[int, float], motors: Motors) -> list[str]
         13: (0.0, 0.0, 'reports are not in inches'),
         20: (0.0, 0.0, 'travel is limited by pull_limits'),
         **by_switches,
-        **{100 + i: (1.0, 1.0, 'the controller counts motor steps; grbl.steps_per_mm tells the '
-                     'driver what a step is') for i in axes},
+        **{100 + i: (1.0, 1.0, 'the controller counts motor steps; grbl.steps_per_mm defines a '
+                               'step for the driver') for i in axes},
         **{110 + i: (feed, RATE_MARGIN * feed,
                      f'speed_limit in steps/min, and at most {RATE_MARGIN:g} times that: a '
                      'damaged command is no faster') for i, feed in enumerate(feeds)},
@@ -244,7 +244,7 @@ def _status_with_offset(link: GrblLink, deadline: float) -> Status:
                         return message
     raise HardwareError(
         'the GRBL controller does not report its work offset (WCO), without which a reset of the '
-        'board could not be seen; check the cable, and $10 (grblHAL: $10=511)')
+        'board goes undetected; check the cable, and $10 (grblHAL: $10=511)')
 
 
 def _ask(link: GrblLink, line: str, deadline: float) -> list[Message]:

@@ -46,10 +46,10 @@ ECHO = ('the adapter repeats what is sent (local echo): switch its echo off, or 
         'not receive while it sends')
 OVERHEAD = 5  # bytes of a reply besides what was read: unit, function, byte count, CRC
 EXCEPTIONS = {
-    1: 'does not know the function',
+    1: 'does not support the function',
     2: 'has no such address',
     3: 'refuses the number of addresses or the value',
-    4: 'has failed inside',
+    4: 'reports an internal failure',
     6: 'is busy',
 }
 
@@ -178,7 +178,7 @@ class ModbusBus:
         answer = self._decode(frame, reply.lstrip(NOTHING), size)
         if answer is None:
             raise self._failed(
-                f'{who} sent {reply[:80].hex(" ")}, which does not answer {frame.hex(" ")}; '
+                f'{who} sent {reply[:80].hex(" ")}, which is no reply to {frame.hex(" ")}; '
                 f'{self._cause(reply)}')
         if answer.isError():
             code = answer.exception_code
@@ -239,7 +239,7 @@ class ModbusBus:
         if unrequested:
             self._paused_until = self.clock() + self._pause
         if self.clock() + self._short_pause < self._paused_until:
-            raise HardwareError(f'{self._error} (waiting until nothing is received)')
+            raise HardwareError(f'{self._error} (waiting until the line is quiet)')
         self._error = ''
         self.clock.sleep(self._used_at + self._gap - self.clock())
         return line

@@ -75,7 +75,7 @@ class RosVacuum(RosDevice):
                                   self._topics('command'))
 
     def _take_first(self) -> str:
-        return '' if self._update() else 'not every pressure and state came'
+        return '' if self._update() else 'not all pressures and states were received'
 
     def _inputs(self) -> tuple[Numbers, ...]:
         return self._pressures, self._states
@@ -213,7 +213,7 @@ class RosJamming(RosVacuum):
         self._has_pump = all(pump)
         if any(pump) and not self._has_pump:
             raise ParameterError(f'parameters {PREFIX}pump_topic and {PREFIX}pump_state_topic are '
-                                 f'{pump}; give both, or neither for a pump that runs by itself')
+                                 f'{pump}; give both, or neither for a self-controlled pump')
         self._pump: Numbers
         self._pump_commands: Commands
 

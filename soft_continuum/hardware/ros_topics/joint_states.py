@@ -176,8 +176,8 @@ class JointWatch:
         wrong = [name for name in self.joints.names if names.count(name) != 1]
         if wrong:
             raise HardwareError(
-                f'joint states have {", ".join(wrong)} not once; they have {_listed(names)}; '
-                f'correct {PREFIX}joints')
+                f'joint states must have {", ".join(wrong)} exactly once; they have '
+                f'{_listed(names)}; correct {PREFIX}joints')
         return [names.index(name) for name in self.joints.names]
 
     def _of(self, values: Sequence[float], index: Sequence[int], field: str, state: JointStates
@@ -206,8 +206,7 @@ class JointWatch:
                 raise HardwareError(
                     f'{name} jumped by {1e3 * step:.1f} mm in {stamp - self._stamp:.3f} s; '
                     f'speed_limit is {1e3 * self.joints.speed_limit:g} mm/s: its joint has lost '
-                    f'its position, or does not report in the unit of {PREFIX}scales, in which '
-                    'it takes commands')
+                    f'its position, or reports in another unit than its commands ({PREFIX}scales)')
 
     def _check_range(self, positions: tuple[float, ...]) -> None:
         joints = self.joints
@@ -239,9 +238,9 @@ class JointWatch:
             if self._unlike[i] == MAX_UNLIKE:
                 raise HardwareError(
                     f'{self.joints.tendons[i]} moved by {1e3 * moved:.2f} mm in '
-                    f'{stamp - begin[0]:.1f} s, but by {1e3 * travelled:.2f} mm by the '
-                    'velocities in the joint states; give both in one unit, or leave velocity '
-                    'empty where it is not measured')
+                    f'{stamp - begin[0]:.1f} s, but by {1e3 * travelled:.2f} mm according to the '
+                    'velocities; give both in one unit, or leave velocity empty where it is not '
+                    'measured')
         self._begin, self._travelled = (stamp, positions), [0.0] * len(positions)
 
     @property

@@ -69,7 +69,7 @@ class Stamps:
         self._last, self._received = stamp, now
         if (late := now - stamp - self._delay) > self.timeout:
             raise HardwareError(
-                f'it came {late:.2f} s later than others; allowed: {self.timeout:g} s; the '
+                f'it arrived {late:.2f} s later than others; allowed: {self.timeout:g} s; the '
                 'network or its sender is too slow')
         return True
 
@@ -139,7 +139,8 @@ class Listener:
         if age > timeout:
             raise HardwareError(
                 f'nothing new on {self.topic} ({self.parameter}) for {age:.2f} s; allowed: '
-                f'{timeout:g} s; its publisher or the network failed, or its stamps stand still')
+                f'{timeout:g} s; its publisher or the network failed, or its stamps do not '
+                'advance')
 
     @property
     def publishers(self) -> list[Any]:
@@ -154,11 +155,11 @@ class Listener:
         found = self.publishers
         where = f'{self.topic} ({self.parameter})'
         if not found:
-            return (f'nobody publishes {where}; start its node, activate its controller, or '
+            return (f'{where} has no publisher; start its node, activate its controller, or '
                     'correct the name')
         if len(found) > 1:
-            return (f'{where} is published by {names(found)}; there must be one: end the others, '
-                    'or give this device a topic of its own')
+            return (f'{where} is published by {names(found)}; only one is allowed: stop the '
+                    'others, or give this device a topic of its own')
         self.publisher = bytes(found[0].endpoint_gid)
         return _other_type(where, found, self._kind)
 
@@ -193,17 +194,17 @@ class CommandPublisher:
         where = f'{self.topic} ({self.parameter})'
         publishers = node.get_publishers_info_by_topic(self.topic)
         if len(publishers) > 1:
-            return (f'{where} is published by {names(publishers)}; a device obeys one: end the '
+            return (f'{where} is published by {names(publishers)}; only one is allowed: stop the '
                     'others')
         found = self.subscribers
         if not found:
-            return (f'nobody subscribes to {where}; start its node, configure its controller, or '
+            return (f'{where} has no subscriber; start its node, configure its controller, or '
                     'correct the name')
         if problem := _other_type(where, found, self._kind):
             return problem
         if not self._publisher.get_subscription_count():
-            return (f'{names(found)} subscribes to {where} with a QoS that no publisher of '
-                    'commands has: durability must be volatile')
+            return (f'{names(found)} subscribes to {where} with an incompatible QoS: durability '
+                    'must be volatile')
         return ''
 
 
@@ -238,8 +239,8 @@ class RosLink:
         try:
             name: str = (self._lender or self.node).resolve_topic_name(topic)
         except Exception as error:  # of rclpy, for what is no name
-            raise HardwareError(f'parameter {parameter} is {topic!r}, which is no name of a '
-                                f'topic: {str(error).splitlines()[0]}') from None
+            raise HardwareError(f'parameter {parameter} is {topic!r}, which is not a valid topic '
+                                f'name:  {str(error).splitlines()[0]}') from None
         return name
 
     def listen(self, kind: str, parameter: str, topic: str, timeout: float) -> Listener:
@@ -315,7 +316,7 @@ def message_class(kind: str) -> Any:
 def names(infos: Iterable[Any]) -> str:
     """Return the nodes that rclpy tells of, for people."""
     return ' and '.join(sorted(
-        'a node that is not known yet' if info.node_name == UNKNOWN_NODE
+        'a node not yet discovered' if info.node_name == UNKNOWN_NODE
         else plain(f'{info.node_namespace.rstrip("/")}/{info.node_name}') for info in infos))
 
 

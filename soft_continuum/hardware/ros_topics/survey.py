@@ -56,14 +56,14 @@ def survey(driver: Any, clock: Clock = STEADY) -> Iterator[Found]:
             warnings.append(f'{MIN_MESSAGES / listener.timeout:.0f} Hz or more are needed for a '
                             f'timeout of {listener.timeout:g} s')
         if abs(listener.lag) > MAX_LAG:
-            warnings.append(f'its stamps are {listener.lag:.2f} s from the time of this '
-                            'computer: the clocks differ, or it has no stamps')
+            warnings.append(f'its stamps are {listener.lag:.2f} s off the clock of this computer: '
+                            'the clocks differ, or messages have no stamps')
         yield Found(listener.parameter, f'{listener.topic} from {names(listener.publishers)} at '
                     f'{rate:.0f} Hz', '; '.join(warnings))
     for topic in topics:
         if topic not in listeners:
-            yield Found(topic.parameter, f'{topic.topic} to {names(topic.subscribers)}, '
-                        'and nobody else publishes it')
+            yield Found(topic.parameter, f'{topic.topic} to {names(topic.subscribers)}, with no '
+                        'other publisher')
     if hasattr(driver, 'describe'):
         yield Found('joints', f'{driver.describe()}; if this is not what you measure, correct the '
                     'scales')

@@ -125,7 +125,7 @@ class RosTendons(RosDevice):
     def _take_first(self) -> str:
         self._receive()
         if not self._watch.watched:
-            return f'no joint state came on {self._states.topic}'
+            return f'no joint state received on {self._states.topic}'
         self._recall()
         return ''
 
@@ -272,13 +272,13 @@ class RosTendons(RosDevice):
         """Take what came; raise HardwareError when it is wrong, stale or nobody is there."""
         with self._receiving() as link:
             if self._opened and self._watch.positions is None:
-                raise HardwareError('a joint state could not be believed; open the driver again')
+                raise HardwareError('a joint state was implausible; open the driver again')
             taken = self._states.take()
             if self._opened and self._states.publisher != self._publisher:
                 self._watch.positions = None  # nothing is sent any more, not even a stop
                 raise HardwareError(
-                    f'the publisher of {self._states.topic} was restarted: what it counts its '
-                    'positions from may have changed; open the driver again')
+                    f'the publisher of {self._states.topic} was restarted: the zero of its '
+                    'positions may have changed; open the driver again')
             for message, stamp in taken:
                 self._watch.take(message, stamp, self._now(), self._states.missed)
             if self._opened:
@@ -322,7 +322,7 @@ class RosTendons(RosDevice):
         elif self._now() > stop_by:
             raise HardwareError(
                 f'a stop was not confirmed within {STOP_TIMEOUT:g} s: the tendons may still move '
-                f'({self._watch.describe()}); cut the power of the motors if they do, then look '
-                'at the controller')
+                f'({self._watch.describe()}); cut the power of the motors if they do, then check '
+                'the controller')
         else:  # a single message may be lost
             self._commands.send(self._message(setpoint, self._period))

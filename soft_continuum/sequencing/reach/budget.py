@@ -39,7 +39,7 @@ class Budget:
     def ended_by_time(self) -> str:
         """What to say where no plan was found and the seconds ended the search; else nothing."""
         return (f'; reach.time_limit ended the search after {self.judged} of {self.states:.0f} '
-                'states: with more time it may find one') if self.late else ''
+                'states: more time may give a plan') if self.late else ''
 
     @property
     def left(self) -> tuple[float, float]:

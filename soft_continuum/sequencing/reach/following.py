@@ -115,8 +115,8 @@ class _Following:
                     yield self._result(track)
         late = self.budget.late
         if best is None:
-            why = ('the path is blocked or out of reach: no way from its first goal to its last '
-                   'was found') + self.budget.ended_by_time
+            why = ('the path is blocked or out of reach: found no path from its first goal to its '
+                   'last') + self.budget.ended_by_time
             yield Reach(None, why, (), *search.miss.errors(self.start.state), cut_short=late)
         elif late:
             yield replace(self._result(best), cut_short=True)

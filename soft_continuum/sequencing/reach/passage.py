@@ -111,7 +111,7 @@ class MotionValidator:
         """Return where plans begin; raises PlanError where that is in an obstacle."""
         near = self.scene.clearance(state)
         if near.distance <= 0.0:
-            raise PlanError(f'the arm touches {near.obstacle} where it is: it overlaps by '
+            raise PlanError(f'the arm touches {near.obstacle} already: they overlap by '
                             f'{-near.distance * 1e3:.1f} mm; move one of them away first')
         return Node(state, pulls, near)
 
@@ -228,7 +228,7 @@ class _ClearanceChecker:
         """Note a state and return how far obstacles are; raises BlockedError beyond a limit."""
         validator, settings = self.validator, self.validator.planner.settings
         if state.jumped:
-            raise BlockedError('the arm would go over to another shape by itself', limit='jump')
+            raise BlockedError('the arm would snap to another equilibrium', limit='jump')
         tension = float(np.nanmax(state.tensions, initial=0.0))
         if tension > settings.tension_limit:
             raise BlockedError(f'needs a tendon tension of {tension:.1f} N; tension_limit: '
@@ -267,7 +267,8 @@ class _ClearanceChecker:
         least, tension = self.least, self.tension
         try:
             if self.between(state, near, there, near_there) > SNAP:
-                raise BlockedError('the arm would snap over on the way', limit='jump')
+                raise BlockedError('the arm would snap to another equilibrium on the '
+                                   'way', limit='jump')
             return there, near_there
         except BlockedError:
             if part < SHORT:
@@ -282,5 +283,5 @@ class _ClearanceChecker:
 def _too_near(near: Distance, needed: float) -> BlockedError:
     far = near.distance * 1e3
     where = f'{far:.1f} mm away' if far >= 0.0 else f'the arm would be {-far:.1f} mm in it'
-    return BlockedError(f'{near.obstacle} is in the way: {where}; {needed * 1e3:.1f} mm of '
-                        'clearance are needed', obstacle=near.obstacle)
+    return BlockedError(f'{near.obstacle} is in the way: {where}; needed clearance: '
+                        f'{needed * 1e3:.1f} mm', obstacle=near.obstacle)

@@ -324,10 +324,10 @@ class Search:
         away, turn = self.miss.errors(self.nearest.state)
         left = f'{away * 1e3:.1f} mm' + (
             '' if self.goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
-        why = f'the goal is out of reach: the nearest that was found is {left} from it'
+        why = f'the goal is out of reach: the nearest tip found is {left} from it'
         if not out_of_reach:
-            why = (f'no plan was found: {self._in_the_way()}; the nearest that was found is '
-                   f'{left} from the goal')
+            why = (f'no plan was found: {self._in_the_way()}; the nearest tip found is {left} '
+                   'from the goal')
         why += self.budget.ended_by_time
         names = dict.fromkeys(name for (name, _), _ in self.blocked.most_common() if name)
         return replace(self._result(self.nearest, why), blocked_by=tuple(names),
@@ -340,9 +340,9 @@ class Search:
             if obstacle:
                 said.append(f'{obstacle} is in the way')
             elif limit in ('tension_limit', 'pull_limits', 'bending_angle_limits'):
-                said.append(f'{limit} would be passed')
+                said.append(f'{limit} would be exceeded')
             elif limit == 'jump':
-                said.append('the arm would go over to another shape by itself')
+                said.append('the arm would snap to another equilibrium')
             elif limit == 'held':
                 said.append('the tendons do not hold the arm on the way')
         return ', '.join(dict.fromkeys(said)) or (
