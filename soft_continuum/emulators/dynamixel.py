@@ -121,7 +121,7 @@ COMMANDS = {
 
 
 def execute_command(emulator: DynamixelEmulator, line: str) -> str:
-    """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
+    """Execute a typed line; return the text to print.  Raises ValueError for an invalid one."""
     servos = len(emulator.servos)
     return execute(COMMANDS, {
         **RANGES, 'N': (1, servos), 'OTHER': (1, servos), 'DEGREES': (-20.0, 150.0),

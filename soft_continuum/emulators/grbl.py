@@ -23,13 +23,13 @@ Type a fault, or help.
 
 
 def repair(emulator: GrblEmulator) -> None:
-    """End the faults that last."""
+    """Clear all lasting faults."""
     emulator.hang = emulator.firmware.race = emulator.firmware.stalled = False
     emulator.drop_ok, emulator.late_ok, emulator.garble = 0, 0.0, 0.0
 
 
 def describe(emulator: GrblEmulator) -> str:
-    """Return the state and what the motors have done, for a person to read."""
+    """Return the state and the motor positions as text."""
     x, y, _ = emulator.motors
     return (f'{emulator.port}: {emulator.firmware.state}, motors have made {x} and {y} steps, '
             f'{"holding" if emulator.energised else "without current"}, '
@@ -58,7 +58,7 @@ COMMANDS = {
 
 
 def execute_command(emulator: GrblEmulator, line: str) -> str:
-    """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
+    """Execute a typed line; return the text to print.  Raises ValueError for an invalid one."""
     return execute(COMMANDS, {**RANGES, 'ALARM': (1, 9)}, emulator, line)
 
 

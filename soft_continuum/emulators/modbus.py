@@ -89,7 +89,7 @@ COMMANDS = {
 
 
 def execute_command(emulator: ModbusEmulator, line: str) -> str:
-    """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
+    """Execute a typed line; return the text to print.  Raises ValueError for an invalid one."""
     segments = len(emulator.segments)
     return execute(COMMANDS, {**RANGES, 'RATE': (0.0, 1e6), 'CODE': (0, 255),
                               'COIL': (0, segments), 'SEGMENT': (1, segments)}, emulator, line)

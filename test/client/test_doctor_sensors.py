@@ -118,8 +118,9 @@ def test_sensors_that_send_nothing_are_a_failure_if_all_of_them_do() -> None:
 
 
 def test_the_status_of_the_camera_is_repeated_with_what_fits_badly() -> None:
-    message = DiagnosticStatus(level=DiagnosticStatus.OK, message='all discs are detected', values=[
-        KeyValue(key='tags', value='0 1 100'), KeyValue(key='deviation_px', value='1.800')])
+    message = DiagnosticStatus(
+        level=DiagnosticStatus.OK, message='all discs are detected', values=[
+            KeyValue(key='tags', value='0 1 100'), KeyValue(key='deviation_px', value='1.800')])
     camera, = list(judged({'camera/status': [(NOW, message)]}, {}, '/'))[-1:]
     assert camera.status == 'WARN'
     assert 'tags 0 1 100, corners off by 1.800 px; calibrate the lens' in camera.message

@@ -320,8 +320,8 @@ def test_a_torque_that_another_program_switched_off_is_noticed_within_a_second(t
 
 
 @pytest.mark.parametrize(('status', 'words'), [
-    (0x20, 'overload (find what blocks the tendon'), (0x04, 'overheating'), (0x01, 'input voltage'),
-    (0x10, 'electrical shock'), (0x08, 'motor encoder')])
+    (0x20, 'overload (find what blocks the tendon'), (0x04, 'overheating'),
+    (0x01, 'input voltage'), (0x10, 'electrical shock'), (0x08, 'motor encoder')])
 def test_a_hardware_error_is_explained_and_nothing_is_rebooted(tmp_path, status, words):
     with two(tmp_path) as made:
         in_motion(made)
