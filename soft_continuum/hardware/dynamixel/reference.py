@@ -1,13 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How the zero of Dynamixel servos survives, and what of it is known after a loss of power.
+How the zero of Dynamixel servos survives restarts and losses of power.
 
 A servo counts its turns while it has power.  So the zero is marked in four spare bytes of its RAM:
-whoever finds the mark, after a restart of node or computer, knows the turns and the zero.  A servo
-that was without power, or was rebooted, has no mark any more and knows its angle within one turn
-only.  For that case the zero is kept in a file of the user too; which turn it is, is known if
-just one lies within pull_limits.
+after a restart of node or computer, the mark proves that turns and zero are valid.  A servo that
+lost power, or was rebooted, has lost the mark and measures its angle only within one turn.  For
+that case the zero is also stored in a file of the user; the turn is determined if only one lies
+within pull_limits.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ ZERO_BITS = 22
 CHECK_BASE = 1021
 MAX_ZERO = 1 << ZERO_BITS - 1
 TURN_MARGIN = 0.1
-"""Turns beyond pull_limits in which a tendon may be that was left to itself without power."""
+"""Turns beyond pull_limits that a tendon may have moved without power."""
 MAX_FILE = 100_000  # bytes
 
 
@@ -58,9 +58,9 @@ class Zero:
 def zero_within_turn(servo: str, position: int, kept: int | None, pull_per_pulse: float,
                      limits: tuple[float, float]) -> Zero:
     """
-    Return the zero of a servo that was without power since its zero was kept.
+    Return the zero of a servo that lost power since its zero was stored.
 
-    position: now.  kept: the zero from the file, None if it has none.  pull_per_pulse: m.
+    position: now.  kept: the stored zero, None if there is none.  pull_per_pulse: m.
     limits: smallest and largest pull, m.
     """
     if kept is None:
@@ -101,7 +101,7 @@ class ZeroFile:
         """
         Keep zeros, None for none.
 
-        Raises HardwareError: an older one that stays would be a wrong one.
+        Raises HardwareError if it cannot, since an older stored zero would be wrong.
         """
         known = self._all()
         known[self._port] = known.get(self._port, {}) | {

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The registers of Dynamixel X servos that the driver uses, and the models that it can use.
+The registers of Dynamixel X servos that the driver uses, and the supported models.
 
 Source: the control tables and specifications of the ROBOTIS e-Manual
 (https://emanual.robotis.com/docs/en/dxl/x/, one page per model) and the model files of
@@ -24,7 +24,7 @@ WATCHDOG_UNIT = 0.02  # s
 WATCHDOG_TRIGGERED = 255
 """Bus Watchdog reads as -1 after it stopped the servo; goals are then refused until it is 0."""
 DISABLED_ID = 253
-"""Smallest Secondary ID that is none."""
+"""Smallest value of Secondary ID that disables it."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ TICK_RANGE = 32768  # ms after which the Realtime Tick begins anew
 @dataclass(frozen=True)
 class Model:
     """
-    What the data sheet says of a model with a current sensor.
+    Data sheet values of a model with a current sensor.
 
     current_unit: A of one count of current.  stall_torque: N m, with which current: A, at the
     recommended voltage.  no_load_speed: rad/s there.
@@ -150,11 +150,11 @@ HARDWARE_ERRORS = {
     0x20: ('overload', 'find what blocks the tendon; lower dynamixel.tension_limits if it only '
                        'held a load'),
 }
-"""By bit of Hardware Error Status: what happened, and what to do."""
+"""By bit of Hardware Error Status: the error and its remedy."""
 
 
 def explain_hardware_error(status: int) -> str:
-    """Return the bits of Hardware Error Status in words, with what to do."""
+    """Return the bits of Hardware Error Status as text, with remedies."""
     known = [f'{name} ({remedy})' for bit, (name, remedy) in HARDWARE_ERRORS.items()
              if status & bit]
     return ', '.join(known) or f'an unknown error (status {status})'

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How servos that were found are taken over: what of their position is known, and that they hold.
+Taking over the servos that were found: their zeros, and holding torque.
 
-Nothing moves.  Servos that hold by what this driver sent them before go on doing so.  Others with
-torque hold what they hold now, such as where their watchdog stopped them, which is a little ahead
-of where they are under load.  Those without torque hold where they are.
+Nothing moves.  Servos that hold goals of this driver keep them.  Others with torque keep their
+present goal, for example where their watchdog stopped them, which under load is a little ahead of
+their position.  Those without torque hold their position.
 """
 
 from collections.abc import Sequence
@@ -49,14 +49,14 @@ from soft_continuum.hardware.protocols import HardwareError
 
 WATCHDOG = 10  # units of WATCHDOG_UNIT
 SPEED_MARGIN = 1.5
-"""By how much servos may be faster than speed_limit, to catch up after a delay."""
+"""Factor over speed_limit that lets servos catch up after a delay."""
 MAX_LEAD_FOUND = 0.002
-"""m by which what a servo holds that was not sent to it may be ahead of where it is."""
+"""Largest lead (m) of a goal that was not set by this driver."""
 ATTEMPTS = 5  # to read all servos, and to write what they must have or keep
 
 
 def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
-    """Return the state of all servos, by the fastest way of reading that they have."""
+    """Return the state of all servos, by the fastest read instruction that they support."""
     ids = [servo.id for servo in servos]
     fast = bus.fast is not False
     for attempt in range(ATTEMPTS):
@@ -90,7 +90,7 @@ def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[Serv
 
 
 def clear_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> None:
-    """Let servos and this computer forget the zeros; raises HardwareError."""
+    """Clear the zeros in servos and on this computer; raises HardwareError."""
     zero_file.write(ids, [None] * len(ids))
     for servo in ids:
         bus.write(servo, SPARE, 0)
@@ -98,7 +98,7 @@ def clear_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> N
 
 def keep_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int],
                zero_file: ZeroFile) -> None:
-    """Mark zeros (Present Positions) in the servos, and keep them here; raises HardwareError."""
+    """Mark zeros (Present Positions) in the servos and store them here; raises HardwareError."""
     ids = [servo.id for servo in servos]
     raw = [zero - servo.homing_offset for zero, servo in zip(zeros, servos, strict=True)]
     zero_file.write(ids, raw)
@@ -119,8 +119,7 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
     """
     Let all servos hold, within their tension limits and with their watchdogs armed.
 
-    Returns their states with what was written.  Raises HardwareError for a servo that does not
-    take it.
+    Returns their states with what was written.  Raises HardwareError for a servo that rejects it.
     """
     goals, off = [], []
     for servo, state in zip(servos, states, strict=True):
