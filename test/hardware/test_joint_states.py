@@ -121,5 +121,5 @@ def test_only_what_is_newer_counts_and_only_what_comes_late_is_refused():
         assert stamps.newer(0.9995 * step - 3600.0, float(step))
     assert not stamps.newer(0.9995 * 9999 - 3600.0, 9999.5)
     assert not stamps.newer(0.9995 * 9998 - 3600.0, 9999.6)
-    with pytest.raises(HardwareError, match='came 0.50 s later than others; allowed: 0.2 s'):
+    with pytest.raises(HardwareError, match='arrived 0.50 s later than others; allowed: 0.2 s'):
         stamps.newer(0.9995 * 10000 - 3600.0, 10000.5)
