@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 ABSOLUTE, GAUGE = 'absolute', 'gauge'
 REPEAT = 0.05  # s after which a command is sent again that is not confirmed: one may be lost
 SAME_SETPOINT = 0.01
-"""Share of max_vacuum by which a set-point that is read back may differ."""
+"""Tolerance of a set-point that is read back, as a share of max_vacuum."""
 
 
 class RosVacuum(RosDevice):
-    """What valves and regulators of another node have in common."""
+    """Common base of valves and regulators of another node."""
 
     driver = 'jamming driver'
 
@@ -144,7 +144,7 @@ class RosJamming(RosVacuum):
     """
     Valves and a pump of another node; see JammingDriver for what the methods promise.
 
-    A pump without a topic runs by itself, and counts as running.
+    A pump without a topic is not switched, and counts as running.
     """
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from soft_continuum.hardware.ros_topics.link import CommandPublisher, Listener, RosLink
 
 FOLLOW_TIME = 0.3
-"""s for which a joint may be farther from its set-point than following_error."""
+"""Time for which a joint may exceed following_error, s."""
 STOP_TIMEOUT = 1.0  # s in which a stop must be confirmed, also by close()
 LONGEST_STEP, STEP = 0.2, 0.02
 """s: a motion that is to take longer is sent in steps of so long, as read() is called."""
@@ -201,7 +201,7 @@ class RosTendons(RosDevice):
                 self._go_on(*self._way)
 
     def stop(self) -> None:
-        """Send every joint to where it is, until states confirm that it rests there."""
+        """Command every joint to its present position, until states confirm that it rests."""
         with self._lock:
             self._receive()
             if self._moving():
@@ -218,7 +218,7 @@ class RosTendons(RosDevice):
             self._setpoint = None
 
     def describe(self) -> str:
-        """Return where the joints and the tendons are, for people."""
+        """Return the positions of joints and tendons as text."""
         with self._lock:
             self._receive()
             joints = ', '.join(f'{name} {position:.4g}' for name, position in zip(
@@ -269,7 +269,7 @@ class RosTendons(RosDevice):
     # States.
 
     def _receive(self) -> None:
-        """Take what came; raise HardwareError when it is wrong, stale or nobody is there."""
+        """Take new messages; raise HardwareError if wrong, stale or without a publisher."""
         with self._receiving() as link:
             if self._opened and self._watch.positions is None:
                 raise HardwareError('a joint state was implausible; open the driver again')
