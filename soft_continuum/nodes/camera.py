@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that looks at the arm: poses of the discs from printed tags."""
+"""The camera node: poses of the discs from printed tags."""
 
 from array import array
 import os
@@ -54,16 +54,16 @@ CLOSE_TIMEOUT = 2.0  # s
 
 class Camera(Node):
     """
-    Measures where the discs are in the pictures of one camera.
+    Measures poses of the discs in the images of one camera.
 
-    Subscribes to ~/image_raw (sensor_msgs/Image) and ~/camera_info (sensor_msgs/CameraInfo)
-    unless it opens a device, a file or a folder itself.  Publishes disc_N/measured_pose
-    (geometry_msgs/PoseWithCovarianceStamped), N from 0 at the base, ~/status and /diagnostics.
-    For those who look, ~/overlay/compressed (sensor_msgs/CompressedImage) is the picture with the
-    tags and the arm of disc_poses drawn over it.  Serves ~/tare (std_srvs/Trigger).  Several
-    cameras are several of these nodes, each with a name of its own.
+    Subscribes to ~/image_raw (sensor_msgs/Image) and ~/camera_info (sensor_msgs/CameraInfo) unless
+    it opens a device, a file or a folder itself.  Publishes disc_N/measured_pose
+    (geometry_msgs/PoseWithCovarianceStamped), N from 0 at the base, ~/status and /diagnostics. For
+    people, ~/overlay/compressed (sensor_msgs/CompressedImage) is the image with the tags and the
+    arm of disc_poses drawn over it.  Serves ~/tare (std_srvs/Trigger).  For several cameras, start
+    one node each, with different names.
 
-    Pictures are looked at on a thread of their own; of those that come faster, the newest.
+    Images are processed on a separate thread; if they arrive faster, only the newest.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -112,7 +112,7 @@ class Camera(Node):
         on_ros_thread(self, self.callback_failed, error)
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start to measure."""
         self._age.refresh()
         serve(self, Trigger, '~/tare', self._on_tare)
         self.status.set(WARN, 'no image received yet')
@@ -214,7 +214,7 @@ class Camera(Node):
     # What is seen.
 
     def _look(self, taken: tuple[Time, Any, bool]) -> None:
-        """Measure and publish; on the thread for it."""
+        """Measure and publish; on the separate thread."""
         stamp, picture, live = taken
         camera, sight = self._camera, None
         if camera is None:
@@ -231,7 +231,7 @@ class Camera(Node):
         self._show(stamp, picture, camera, sight)
 
     def _publish(self, stamp: Time, sight: 'TagDetections') -> None:
-        """Publish where the discs are, and what was seen."""
+        """Publish the poses of the discs, and the detections."""
         self._seen.add(monotonic(), sight)
         for n, disc in sight.discs.items():
             message = tracked_pose_to_ros(disc.pose, disc.covariance)
@@ -283,7 +283,7 @@ class Camera(Node):
         return response
 
     def _is_repeated(self, picture: Any) -> bool:
-        """Whether it is the picture before, bit by bit."""
+        """Whether it is identical to the image before."""
         before, self._last = self._last, zlib.crc32(picture)
         if self._last != before:
             self._changed = monotonic()

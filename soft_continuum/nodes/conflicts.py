@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes that must not act as one arm: of one name, of two versions, for two arms."""
+"""Detection of conflicting nodes: same name, other version, other description."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +25,7 @@ from soft_continuum_interfaces.msg import Heartbeat
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
 MAX_AHEAD = 0.2
-"""s by which the clock of another computer may be ahead: as much more motion may be queued."""
+"""Largest advance of another computer's clock, s; it adds to the queued motion."""
 GRAPH_PERIOD = 1.0  # s: another publisher is discovered no sooner
 MAX_NAMES = 5  # of publishers that are listed
 MAX_PROCESSES = 8  # of one name that are told apart
@@ -39,15 +39,15 @@ DIFFERENCES = (
     ('description', 'a description of the arm with digest', 'start every node with the same '
      'description; `soft_continuum doctor --network` names the parameters that differ'),
 )
-"""Of NodeInfo: what must be the same, how it is said, and the remedy."""
+"""Attributes of NodeInfo that must be equal: attribute, its name in messages, remedy."""
 
 
 @dataclass
 class Heard:
     """
-    A process of a node that was heard of.
+    A process of a node whose heartbeat was received.
 
-    ahead: s by which its clock is, by its last two messages: in one, a clock may have been set.
+    ahead: advance of its clock, s, in its last two messages: one may precede a clock change.
     """
 
     info: NodeInfo
@@ -57,12 +57,12 @@ class Heard:
 
 class Conflicts:
     """
-    Notices whatever would make two nodes act as one, or two arms be taken for one.
+    Detects nodes that conflict by name, version, description, topics or clocks.
 
-    The graph alone would not do: a node that was killed stays in it for many seconds.  So every
-    node publishes on ~/heartbeat that it runs, by which version and for which arm, and this
-    receives it of every node of the arm.  Two processes of one name run if one of them is heard
-    again after the other: of a node that was started again the first one is not.
+    The ROS graph is not sufficient: a killed node stays in it for many seconds.  So every node
+    publishes its version and arm on ~/heartbeat, and this class subscribes to those of all nodes
+    of the arm.  Two processes of one name run if heartbeats of both alternate: after a restart
+    those of the first process have ended.
     """
 
     def __init__(self, node: Any, segments: int, parameters: Mapping[str, Any]) -> None:
@@ -113,7 +113,7 @@ class Conflicts:
             self._check_now()
 
     def lost(self, name: str, timeout: float) -> bool:
-        """Return whether one of the other nodes was heard of, but not for ``timeout`` s."""
+        """Return whether the heartbeat of another node is older than ``timeout`` s."""
         return timeout < min((one.age.seconds for one in self._heard[name].values()),
                              default=inf) < inf
 
@@ -143,7 +143,7 @@ class Conflicts:
         node.status.alarm('conflict', self.problem)
 
     def _look_at_the_graph(self) -> list[str]:
-        """Return which topics have more than one publisher, or are those of another version."""
+        """Return conflicts of topics: several publishers, or another version."""
         found = [
             f'{topic} is also of type {plain(kind)}: that node runs another version of '
             'soft_continuum; install one version on every computer'
@@ -158,7 +158,7 @@ class Conflicts:
         return found
 
     def _clocks(self) -> list[str]:
-        """Return whose clock is ahead of that of this node: a late message is no sign of that."""
+        """Return nodes whose clock is ahead of this one; a late message does not indicate that."""
         found = {one.info.host: (name, min(one.ahead)) for name, one in self._others()
                  if min(one.ahead) > MAX_AHEAD}
         return [
@@ -168,7 +168,7 @@ class Conflicts:
             for host, (name, ahead) in found.items()]
 
     def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
-        """Return how the nodes that run differ from this one in an attribute of NodeInfo."""
+        """Return how running nodes differ from this one in an attribute of NodeInfo."""
         own, found = self.node_info.own, defaultdict(list)
         for name, one in self._others():
             if self._differs(one.info, attribute):
@@ -182,10 +182,10 @@ class Conflicts:
 
 class SharedJoints:
     """
-    Notices that another node publishes joints of this arm on joint_states.
+    Detects that another node publishes joints of this arm on joint_states.
 
-    Other joints there, such as those of a base that carries the arm, are no conflict: every robot
-    publishes its own.  A message does not say who sent it, so our own are kept for a while.
+    Other joints, such as those of a base that carries the arm, are no conflict.  A message does
+    not identify its sender, so our own messages are kept for a while.
     """
 
     def __init__(self, node: Any, names: Sequence[str], conflicts: Conflicts) -> None:

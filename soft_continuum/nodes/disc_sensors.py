@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that takes in what trackers and IMUs say of the discs: measured poses of them."""
+"""The node that converts data of trackers and IMUs into measured poses of the discs."""
 
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -41,7 +41,7 @@ MAX_PROBLEMS = 4  # that the status lists
 
 class DiscSensors(Node):
     """
-    Turns what other sensors say of the discs into measured poses.
+    Converts data of other sensors on the discs into measured poses.
 
     Subscribes to disc_N/pose (geometry_msgs/PoseStamped), N from 0 at the base,
     tracker/disc_poses (geometry_msgs/PoseArray, all discs, base first) and disc_N/imu
@@ -76,7 +76,7 @@ class DiscSensors(Node):
         self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Create the subscriptions."""
         subscribe(self, PoseArray, ALL_POSES, self._on_all_poses, SENSOR)
         for n in range(len(self._heights)):
             subscribe(self, PoseStamped, f'disc_{n}/pose', partial(self._on_pose, n), SENSOR)
@@ -245,7 +245,7 @@ class _Feed:
         self.count = 0  # of messages since the last report
 
     def take(self, function: Any, *arguments: Any) -> None:
-        """Call a function; what it finds wrong is the problem of this feed."""
+        """Call a function; a SensorError becomes the problem of this feed."""
         self.heard.refresh()
         self.count += 1
         try:
@@ -272,7 +272,7 @@ class _Feed:
 
 @lru_cache(maxsize=64)
 def _covariance(data: bytes, what: str) -> Any:
-    """Return a covariance (3, 3) of an Imu message, zero where it is not known."""
+    """Return a covariance (3, 3) of an Imu message, zero if unknown."""
     matrix = np.frombuffer(data).reshape(3, 3)
     if matrix[0, 0] == -1.0:
         raise SensorError(f'its {what}_covariance marks {what} as not measured (-1)')

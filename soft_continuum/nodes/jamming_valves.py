@@ -30,7 +30,7 @@ from soft_continuum_interfaces.srv import SetVacuum
 
 class JammingValves(ManagedNode):
     """
-    Switches segments soft or stiff and reports, from the pressure, which they are.
+    Switches segments soft or stiff and reports their state from the pressures.
 
     Publishes segment_N/stiff (std_msgs/Bool, latched), segment_N/pressure
     (sensor_msgs/FluidPressure), ~/state (soft_continuum_interfaces/JammingValvesState, latched),
@@ -38,10 +38,10 @@ class JammingValves(ManagedNode):
     ~/segment_N/set_stiff and ~/set_all_stiff (std_srvs/SetBool), and ~/segment_N/set_vacuum
     (soft_continuum_interfaces/SetVacuum), which valves refuse.  N counts from 1 at the base.
 
-    While a device does not answer nobody knows whether its segments are stiff: segment_N/stiff is
-    false, and ~/state calls them unknown.
+    While a device does not reply the stiffness of its segments is unknown: segment_N/stiff is
+    false, and ~/state reports unknown.
 
-    Three threads: those of a ManagedNode, of which the one of control owns a JammingControl.
+    Three threads: those of a ManagedNode; the control thread owns a JammingControl.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -108,7 +108,7 @@ class JammingValves(ManagedNode):
         self._control.deactivate()
 
     def lost(self) -> bool:
-        """Return False: the driver itself connects again to boards that did not answer."""
+        """Return False: the driver itself reconnects to boards that did not reply."""
         return False
 
     def not_connected(self, error: str) -> None:
@@ -172,7 +172,7 @@ class JammingValves(ManagedNode):
 
     def _command(self, names: str, doing: str, topic: str, softens: bool, response: Any,
                  command: Callable[..., Any], *arguments: Any) -> None:
-        """Carry out a command on the thread of control, unless it is refused; answer it."""
+        """Execute a command on the control thread, unless it is refused; fill in the response."""
         if self._emergency.on:
             response.message = (f'{names}: not switched: emergency_stop is on; valves and '
                                 'set-points stay as they are until it is published as false')
@@ -195,7 +195,7 @@ class JammingValves(ManagedNode):
 
 
 def _switched(state: JammingValvesState) -> dict[str, str]:
-    """Return what a device does beside the stiffness of its segments, for people."""
+    """Return the states of regulators or of the pump, for people."""
     if state.vacuums:
         return {'set to (kPa)': ' '.join(f'{vacuum / 1e3:g}' for vacuum in state.vacuums)}
     return {'pump': 'on' if state.pump else 'off'}

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that knows the shape of the arm: from tendons, stiffness, model and measurements."""
+"""The node that computes the shape of the arm from tendons, stiffness, model and measurements."""
 
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -78,7 +78,7 @@ ESTIMATION = ('scipy.linalg', 'scipy.special')  # what the first measurement nee
 
 class Kinematics(Node):
     """
-    Follows the arm's shape by the rigid multibody model under gravity, and by measurements.
+    Tracks the arm's shape by the rigid multibody model under gravity, and by measurements.
 
     Subscribes to tendon_states (sensor_msgs/JointState), tendon_actuation/state,
     jamming_valves/state, segment_N/pressure and disc_N/measured_pose (PoseWithCovarianceStamped).
@@ -89,9 +89,8 @@ class Kinematics(Node):
     robot_description (std_msgs/String, latched), ~/status and /diagnostics.  Serves ~/reset
     (std_srvs/Trigger).
 
-    The shape of a stiff segment is known only by having followed it, or by seeing it.  A node that
-    starts on an arm with pulled tendons says that the shape is unknown, and publishes none, until
-    every disc is measured, or ~/reset.
+    The shape of a stiff segment depends on its history.  A node that starts on an arm with pulled
+    tendons reports an unknown shape, and publishes none, until every disc is measured, or ~/reset.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -168,7 +167,7 @@ class Kinematics(Node):
         """Nothing to do: this node moves nothing."""
 
     def start(self) -> None:
-        """Load the model; then the node works as soon as the others publish."""
+        """Load the model; the node works once the others publish."""
         load_model(self, self._arm, self._on_model, ESTIMATION)
 
     def _on_model(self) -> None:
@@ -219,7 +218,7 @@ class Kinematics(Node):
             self.status.alarm('accuracy', str(error), ACCURACY_PERIOD)
 
     def _lose_shape(self) -> None:
-        """Forget it: the position of the tendons is lost, or counts from another zero."""
+        """Discard the shape: the position of the tendons is lost, or counts from another zero."""
         self._shape.lose(bent(self._shape.state, self.parameters['arm.jamming']))
         self._pulls = self._next_pulls = None
         self._follows = False
@@ -278,7 +277,7 @@ class Kinematics(Node):
 
     def _measure(self, time: float, measurements: Sequence[Measurement], refusals: Refusals
                  ) -> None:
-        """Correct the shape by what was measured at ``time`` (s), if it can be."""
+        """Correct the shape by measurements of ``time`` (s), if possible."""
         try:
             known, used = self._shape.state, self._shape.measure(time, measurements)
         except StaticsError as error:
@@ -298,7 +297,7 @@ class Kinematics(Node):
                                      'times what their uncertainties explain')
 
     def _follow(self) -> None:
-        """Follow what was reported last, but not more often than the model can."""
+        """Follow the last reports, at most as often as the model can."""
         if STEADY() - self._followed >= MIN_PERIOD:
             self._follow_now()
         else:
@@ -425,7 +424,7 @@ class Kinematics(Node):
         return True
 
     def _source(self) -> str:
-        """Return where the shape comes from, for the status."""
+        """Return the source of the shape, for the status."""
         estimator = self._shape.estimate
         if estimator is None:
             return ''

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The service that plans shapes and moves nothing."""
+"""The service that plans shapes without motion."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -24,7 +24,7 @@ Answer = Callable[[PlanShapes.Response], None]
 
 
 class PlanService:
-    """Answers one request at a time: a newer one, or a goal of the action, ends the one before."""
+    """Handles one request at a time: a newer one, or a goal of the action, aborts it."""
 
     def __init__(self, node: Node, planning: Planning, busy: Callable[[], str],
                  shapes_of: Callable[[Sequence[ShapeMessage]], list[Shape]]) -> None:
