@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that follows a moving target with one segment: that which is soft, or is chosen."""
+"""The node that follows a moving target with one segment."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -53,14 +53,14 @@ class Servo(Node):
     """
     Follows a moving target with the segment that is soft, while it is enabled.
 
-    Of an arm without jamming it is the segment that servo.segment names.  Subscribes to
-    ~/target_angle (std_msgs/Float64), ~/target_bending (geometry_msgs/Vector3), ~/target_tip
+    Without jamming, servo.segment selects the segment.  Subscribes to ~/target_angle
+    (std_msgs/Float64), ~/target_bending (geometry_msgs/Vector3), ~/target_tip
     (geometry_msgs/PointStamped), ~/hold (std_msgs/Empty), tendon_states, segment_N/pressure and
     the ~/state of the nodes of an arm.  Publishes tendon_actuation/tendon_trajectory, ~/enabled
     (std_msgs/Bool, latched), ~/status and /diagnostics.  Serves ~/enable (std_srvs/SetBool).
 
-    It moves nothing unless it is enabled, and whatever interferes disables it.  All happens on the
-    thread that spins the node; but what a segment can be bent to is found on a thread of its own,
+    It moves nothing unless enabled; a stop, a sequence or a change of stiffness disables it.
+    Everything runs on the thread that spins the node, except the computation of the bending range
     when the servo is enabled.
     """
 
@@ -106,7 +106,7 @@ class Servo(Node):
         self._compiled = True
 
     def quit(self) -> None:
-        """Hold the tendons before the process ends, if it moves them."""
+        """Hold the tendons before the process ends, if they move."""
         self._hold('the node ended', OK)
         self._report()
         self._worker.close(CLOSE_TIMEOUT)
@@ -187,7 +187,7 @@ class Servo(Node):
         return ''
 
     def _choice_problem(self) -> str:
-        """Return why there is no segment that could follow; empty if there is one."""
+        """Return why no segment can follow; empty if one can."""
         observed, chosen = self._observed, self.parameters['servo.segment']
         if not self._jamming:
             return '' if chosen <= self._segments else (

@@ -45,7 +45,7 @@ from soft_continuum.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory
 
 MAX_HOLD_BYTES = 1000
-"""Of a trajectory that is looked into at once, because it may ask to hold."""
+"""Size of a trajectory that is parsed at once, because it may request a hold."""
 PAUSE = 4.0  # after the conversion of a long trajectory, over the time that it took
 REFUSAL_PAUSE = 0.01  # s after a refusal: a flood of them would keep other threads waiting
 AGREE_PERIOD = 0.01  # s between two looks whether kinematics has the segments stiff that are
@@ -58,7 +58,7 @@ Kind = type[JointTrajectory] | type[TendonTrajectory]
 
 class TendonActuation(ManagedNode):
     """
-    Moves the tendons along trajectories, as far as the arm may be moved.
+    Moves the tendons along trajectories, within limits and interlocks.
 
     Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), ~/tendon_trajectory
     (TendonTrajectory: the same with an id), jamming_valves/state, segment_N/pressure,
@@ -66,12 +66,11 @@ class TendonActuation(ManagedNode):
     tendon_states (sensor_msgs/JointState), ~/state (TendonActuationState, latched), ~/status and
     /diagnostics.  Serves ~/stop, ~/resume and ~/reference (std_srvs/Trigger).
 
-    Four threads: those of a ManagedNode, of which the one of control owns a TendonControl, and one
-    that judges trajectories, because the model takes its time.  A stop that comes while a
-    trajectory is judged wins.
+    Four threads: those of a ManagedNode, with a TendonControl on the control thread, and one that
+    validates trajectories, because the model is slow.  A stop during the validation wins.
 
-    A device that fails counts as lost: it is connected to again as soon as it answers, and then
-    nothing moves before ~/resume.
+    A device that fails counts as lost: the node reconnects as soon as it replies, and then nothing
+    moves before ~/resume.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -174,7 +173,7 @@ class TendonActuation(ManagedNode):
         self._loop.post(self._control.not_connected, error)
 
     def start(self) -> None:
-        """Load the model, then connect if ``autostart`` asks for it."""
+        """Load the model, then connect if ``autostart`` is set."""
         self.status.set(OK, loading())
         load_model(self, self._prediction.chain.arm, self._on_model)
 
@@ -188,7 +187,7 @@ class TendonActuation(ManagedNode):
         self._judging.close(CLOSE_TIMEOUT)
 
     def destroy_node(self) -> None:
-        """Take down the action server before the node, as rclpy needs it."""
+        """Destroy the action server before the node, as rclpy requires."""
         if self._action is not None:
             self._action.destroy()
         super().destroy_node()

@@ -25,8 +25,8 @@ def message_class(kind: str) -> Any:
     """
     Return the class of a type, pkg/msg/Name; raises DefinitionError.
 
-    The name comes from the network, or from a file: what is imported is an installed package of
-    ROS that has a definition of that name, and nothing else.
+    The name comes from the network or a file: only installed ROS packages that define this type
+    are imported.
     """
     definition(kind)
     package, _, name = kind.split('/')
