@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a Runner sees of the arm, and how it acts on it."""
+"""The interface between a Runner and the arm."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,7 +13,7 @@ from soft_continuum.sequencing.progress import Code
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a run cannot go on."""
+    """Why a run cannot continue."""
 
     code: Code
     message: str
@@ -24,7 +24,7 @@ class Observation:
     """
     The state of the arm at one tick.
 
-    pulls: (tendons,) m.  moving: whether a tendon moves or may still move to what it was sent.
+    pulls: (tendons,) m.  moving: whether a tendon moves or may still move to its set-point.
     stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  regulators:
     whether the vacuum of each segment is held by one, in place of valves.  stopped:
     why tendon motion is stopped.  fault: why the arm cannot be operated, such as a stale node.

@@ -1,15 +1,15 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Setting shapes by measurements: soften, move, measure, correct, stiffen, make up for what that did.
+Closed-loop shape setting: soften, move, measure, correct, stiffen, compensate.
 
-Each correction is a Newton step on the pulls, with the arm as it is estimated to be.  The paper
-asks for it as future work (VI).
+Each correction is a Newton step on the pulls, with the estimated arm.  The paper mentions it as
+future work (VI).
 
-A shape with vacuums is set to what it is to give way from, and measured once they are lowered.
-Where it is off, every segment is stiffened and it is planned and set again, by what the estimate
-has learned of the arm.  What measurably makes a shape worse is said, and not done once more; of a
-shape without vacuums it is taken back.
+A shape with vacuums is set with an offset for its relaxation, and measured once they are lowered.
+If it is off, every segment is stiffened and the shape is planned and set again with the updated
+estimate.  A correction that makes a shape worse is reported and not repeated; for shapes without
+vacuums it is undone.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -36,11 +36,11 @@ GROWS = 1e-3  # rad: nor is a change this small expected to shrink
 @dataclass(frozen=True)
 class Loop:
     """
-    What a ClosedLoopRunner asks for; each begins to plan from the present state of the arm.
+    Planning functions of a ClosedLoopRunner; each plans from the present state of the arm.
 
-    aim: of a shape.  step: the next step with segments (0-based) that are still to be locked, of
-    which the first is soft.  again: which of the segments are worth setting again, if softening
-    one may move the tip by so many m.  state: of the arm now; None where it is not known.
+    aim: of a shape.  step: the next step with segments (0-based) still to be locked, the first one
+    soft.  again: the segments worth setting again, if softening one may move the tip by so many m.
+    state: of the arm now; None if unknown.
     """
 
     aim: 'Callable[[Shape], Future[Aim]]'
@@ -54,7 +54,7 @@ class _LostError(Exception):
 
 
 class ClosedLoopRunner(Runner):
-    """A Runner that looks at what it does, as long as there are measurements."""
+    """A Runner that corrects shapes while measurements are available."""
 
     def __init__(self, shapes: Sequence[Shape], plan: Plan, loop: Loop, port: ArmPort,
                  settings: RunnerSettings, loop_settings: LoopSettings, tendons: Sequence[str]
@@ -67,7 +67,7 @@ class ClosedLoopRunner(Runner):
         self._corrections, self._measured = 0, False
         self._lost_since = ''  # the arm is as predicted, though it was measured; for people
         self.aim: Aim | None = None
-        """Of the last shape, if it was set by measurements."""
+        """Aim of the last shape, if it was set by measurements."""
 
     def _outcome(self, code: Code, message: str) -> Outcome:
         return replace(super()._outcome(code, message), measured=self._measured,
@@ -261,7 +261,7 @@ class ClosedLoopRunner(Runner):
         self._report(index, 1.0, Phase.HOLDING, segment=0)
 
     def _lost(self) -> None:
-        """End the run when measurements have stopped, or go on as predicted, and say so."""
+        """End the run when measurements have stopped, or continue on predictions with a warning."""
         self._measured, self.aim = False, None
         measured = self._observed.measured
         since = self._now if measured is None else self._now - measured
@@ -368,7 +368,7 @@ class ClosedLoopRunner(Runner):
 
 
 def _worse(aim: Aim, before: float, error: float) -> str:
-    """Return what to say where an arm that was set again is farther off than before."""
+    """Return the text for a correction that increased the error."""
     return '' if error <= before else (
         f'; correcting it made it worse, it was {aim.text(before)} off')
 
