@@ -295,7 +295,7 @@ class TendonControl:
             self.report()
 
     def resume(self) -> tuple[bool, str]:
-        """Accept motion again, from where the tendons are; return success and the answer."""
+        """Accept motion again, from where the tendons are; return success and a message."""
         if self._emergency:
             return False, ('emergency_stop is on; the program that turned it on must first '
                            'publish false, as the only publisher')
@@ -309,7 +309,7 @@ class TendonControl:
 
     def reference(self) -> tuple[bool, str]:
         """
-        Take the position as zero pull, or begin to home; return success and the answer.
+        Take the position as zero pull, or begin to home; return success and a message.
 
         If the arm was last known to be bent, the request must be repeated.
         """

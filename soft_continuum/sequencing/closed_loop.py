@@ -261,7 +261,7 @@ class ClosedLoopRunner(Runner):
         self._report(index, 1.0, Phase.HOLDING, segment=0)
 
     def _lost(self) -> None:
-        """End the run when measurements have stopped, or continue on predictions with a warning."""
+        """End the run when measurements have stopped, or continue as predicted and warn."""
         self._measured, self.aim = False, None
         measured = self._observed.measured
         since = self._now if measured is None else self._now - measured

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Goals of plans, shapes and tip goals, and the parts of plans."""
+"""Shapes and tip goals, and the plans made for them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -22,16 +22,16 @@ LOCK_IN_STDDEV = 0.006  # rad
 @dataclass(frozen=True)
 class LoopSettings:
     """
-    When a measurement counts, and how often is corrected.
+    Timing of measurements, and limits of corrections.
 
     settling_time: s after a motion or a switch until the arm rests.  measuring_time: s for which
-    it is measured then.  sensor_timeout: s without a measurement, after which there is none.
+    it is then measured.  sensor_timeout: s after which measurements have stopped.
     max_corrections: of one segment before it is stiffened.  max_passes: over all segments.
-    abort_when_lost: end the run when measurements stop; otherwise it goes on as predicted.
-    on_anomaly: what to do when measurements say that something is wrong with the arm; one of
-    ON_ANOMALY.  tip_tolerance, angle_tolerance: m and rad, of the aim, beyond which is warned of
-    what was not reached, and of what drifts while it is held.  correct_drift: set segments again
-    then.  release_limit: m by which the tip may move when one of those is softened for that.
+    abort_when_lost: end the run when measurements stop; otherwise it continues as predicted.
+    on_anomaly: reaction to an anomaly of the arm; one of ON_ANOMALY.  tip_tolerance,
+    angle_tolerance: m and rad, error or drift of the aim that causes a warning.  correct_drift:
+    set segments again after a drift.  release_limit: m by which the tip may move when one of them
+    is softened for that.
     """
 
     settling_time: float = 1.2
@@ -52,15 +52,14 @@ class RunnerSettings:
     """
     Deadlines and tolerances.
 
-    jamming_timeout, settle_timeout: s.  settle_tolerance: m, or more where a tendon
-    cannot come so near.  soft_vacuum: Pa below ambient up to which a segment is soft.
-    full_vacuum: Pa, that regulators hold in a stiff segment.  vacuum_tolerance: Pa by which a
-    vacuum may differ from what its regulator is told.  horizon: s of motion sent ahead; the
-    tendons stop by themselves that soon after the sequencer ended.  retry: s between repeated
-    requests.  jamming: whether segments are switched.  piece_period: s between two pieces of a
-    motion, each of which tendon_actuation has to judge.  on_obstacle: what to do about an obstacle
-    that comes into the way; one of ON_OBSTACLE.  max_replans: plans of one shape that are made
-    again.
+    jamming_timeout, settle_timeout: s.  settle_tolerance: m, or more if a tendon cannot reach it.
+    soft_vacuum: Pa below ambient up to which a segment is soft.
+    full_vacuum: Pa, that regulators hold in a stiff segment.  vacuum_tolerance: Pa, of a vacuum
+    from its set-point.  horizon: s of motion sent ahead, after which the tendons stop if the
+    sequencer ends.  retry: s between repeated requests.  jamming: whether segments are switched.
+    piece_period: s between two pieces of a motion, each of which tendon_actuation validates.
+    on_obstacle: reaction to an obstacle in the way; one of ON_OBSTACLE.  max_replans: of one
+    shape.
     """
 
     jamming_timeout: float = 10.0
@@ -150,13 +149,13 @@ REACH_PARAMETERS = (
 
 
 def loop_from_parameters(parameters: Mapping[str, Any]) -> LoopSettings:
-    """Return the settings that parameters ``loop.*`` ask for."""
+    """Return the settings in parameters ``loop.*``."""
     return LoopSettings(**{
         field.name: parameters[f'loop.{field.name}'] for field in fields(LoopSettings)})
 
 
 def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':
-    """Return the settings of plans by tip; raises ParameterError for weights that are none."""
+    """Return the settings of plans by tip; raises ParameterError for invalid weights."""
     from soft_continuum.sequencing.reach import ReachSettings
     weights = tuple(values['reach.weights'])
     if len(weights) not in (1, 3) or (len(weights) == 1) != (not any(weights)):

@@ -56,7 +56,7 @@ class Exchange:
         self._bus.sync_write(register, dict(zip(self._ids, values, strict=True)))
 
     def send(self, wanted: Sequence[Written]) -> None:
-        """Write values that the servos have not confirmed; goals first, against jumps of current."""
+        """Write values that the servos have not confirmed; goals first: no current jumps."""
         known, repeat = [state.written for state in self._states], self._repeat
         self._repeat = False
         if repeat or any(a.goal != b.goal for a, b in zip(wanted, known, strict=True)):

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plans that lead the tip through goals one after the other.
+Plans that move the tip through several goals.
 
-A segment that stays soft leads the tip along a curve.  So shapes are looked for from which one
-segment alone comes near to all goals; where it does not, others take over on the way.  What is
-between two goals is compared with the straight line between them.
+A segment that stays soft moves the tip along a curve.  So the search looks for shapes from which
+one segment alone passes near all goals; otherwise others take over on the way.  The path between
+two goals is compared with the straight line between them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -50,9 +50,9 @@ def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequ
 
     The others are those of ``reach``.  tip_error of a plan is the largest distance of the tip from
     the line through the goals, from the first of them on, and of each goal from the tip;
-    turn_error that of its orientation at the goals.  A plan is better with less of what is beyond
-    the tolerances, then with fewer softenings, then if it is faster.  Neighbouring moves of one
-    segment are one, with a short rest at each goal.
+    turn_error that of its orientation at the goals.  Plans are compared by their excess over the
+    tolerances, then by softenings, then by duration.  Successive moves of one segment are joined,
+    with a short rest at each goal.
     """
     settings = settings or ReachSettings()
     if not 2 <= len(goals) <= MAX_GOALS:

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The search for plans to a goal of the tip: arcs propose, the statics decide.
+The search for plans to a tip goal: arcs propose, the statics verify.
 
-Candidates with one softening come first, then those with two, and so on.  Each is looked at by
-constant curvature, then corrected and followed by the statics; what many have in common is looked
-at once.
+Candidates with one softening come first, then those with two, and so on.  Each is evaluated by
+constant curvature, then corrected and followed by the statics; common beginnings are evaluated
+once.
 """
 
 from collections import Counter
@@ -53,8 +53,8 @@ def reach(planner: MovePlanner, state: Any, pulls: Sequence[float], goal: TipGoa
     Yield plans to a goal of the tip, each better than the one before it; the last is the best.
 
     state: of the arm at rest, with all segments stiff if it has jamming.  pulls: (tendons,) m of
-    its motors.  Where no plan is found, one Reach says why, with the plan that comes nearest.
-    Raises PlanError for a start or a goal that is none, or when the plan is abandoned.
+    its motors.  If no plan is found, one Reach has the reason and the nearest plan.  Raises
+    PlanError for an invalid start or goal, or when the plan is abandoned.
     """
     settings = settings or ReachSettings()
     goal.check(planner.statics.chain.arm)
@@ -171,7 +171,7 @@ class Search:
     # One candidate.
 
     def planned(self, candidate: Candidate, anyway: bool = False) -> Node:
-        """Return where the settings of a candidate lead; anyway: also if that is not the goal."""
+        """Return the node after the settings of a candidate; anyway: even off the goal."""
         if not anyway:
             self._look(candidate)
         movers, first = candidate.movers, len(candidate.movers) - candidate.fitted
@@ -320,7 +320,7 @@ class Search:
             self.nearest = node
 
     def _nearest(self, out_of_reach: bool) -> Reach:
-        """Return the plan that comes nearest, and why none arrives."""
+        """Return the nearest plan, and why none reaches the goal."""
         away, turn = self.miss.errors(self.nearest.state)
         left = f'{away * 1e3:.1f} mm' + (
             '' if self.goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
@@ -334,7 +334,7 @@ class Search:
                        cut_short=self.budget.late)
 
     def _in_the_way(self) -> str:
-        """Say what stopped the candidates, the most frequent first."""
+        """Return what blocked the candidates, the most frequent first."""
         said = []
         for (obstacle, limit), _ in self.blocked.most_common(3):
             if obstacle:
