@@ -144,7 +144,7 @@ class DynamixelEmulator(EmulatedDevice):
     def _duration(size: int, baud_rate: int) -> float:
         return size * BITS_PER_BYTE / baud_rate if baud_rate else 0.0
 
-    # Who hears, and who answers
+    # Reception and replies
 
     def _carry_out(self, packet: Packet, protocol: int, baud_rate: int) -> None:
         hearing = [servo for servo in self.servos if servo.answering

@@ -136,7 +136,7 @@ class PacketReader:
         return bool(self._buffer)
 
     def feed(self, data: bytes) -> Iterator[Packet]:
-        """Return the packets that end in these bytes; of a damaged one what it seems to be."""
+        """Return the packets that end in these bytes; damaged ones as far as parsed."""
         buffer = self._buffer
         buffer += data
         while True:

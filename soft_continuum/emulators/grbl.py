@@ -9,7 +9,7 @@ from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import Clock
 
 STEPS_PER_MM = 200
-"""Of the emulated motors and drums; the board itself counts steps."""
+"""Steps per mm of the emulated motors and drums; the board itself counts steps."""
 CONFIGURATION = """\
 Put this into the parameter file of tendon_actuation:
 /**:

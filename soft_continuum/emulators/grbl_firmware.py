@@ -48,7 +48,7 @@ class GrblFirmware:
         """
         Switch on; ``settings`` are ``$`` numbers that are not as usual.
 
-        say, acknowledge: take the lines that are sent by themselves, and those that answer a line.
+        say, acknowledge: called with unsolicited lines, and with acknowledgements.
         switches: where the limit switches of X and Y close, from where the motors now are, in the
         unit of the settings.
         """
@@ -164,7 +164,7 @@ class GrblFirmware:
         self._restart()
 
     def _restart(self) -> None:
-        """Forget what every reset makes the firmware forget; the position is none of that."""
+        """Clear the state that every reset clears; not the position."""
         self.buffer.clear()
         self._critical = self._cancelling = False
         self.planner.clear()

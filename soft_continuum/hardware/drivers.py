@@ -107,7 +107,7 @@ def _load(group: str, name: str) -> Any:
     entry = _available(group)[name]
     try:
         return entry.load()
-    except Exception as error:  # whatever goes wrong in somebody's package
+    except Exception as error:  # any failure in another package
         raise HardwareError(
             isinstance(error, ImportError) and remedy(error)
             or f'the driver {name} ({entry.value}) cannot be loaded: '

@@ -19,7 +19,7 @@ RESPONSE_TIME = 10.0
 FOLLOW_TIME, FOLLOW_DROP = 0.3, 5e3
 """s of venting, at once or in parts, and Pa that a sensor must have lost by then."""
 REFILL_TIME = 3.0
-"""s with the pump running that restore what a shorter venting took, whatever the sensor says."""
+"""Pump time that restores the loss of a shorter venting, whatever the sensor shows, s."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class PressureWatch:
         name, kilopascals = f'segment {i + 1}', f'{vacuum / 1e3:.1f} kPa of vacuum'
         if not isfinite(vacuum):
             return f'{name}: no pressure; check the wire and the supply of its pressure sensor'
-        # A sensor that did not notice the venting is believed again when it shows it.
+        # A sensor that missed the venting is trusted again once it shows it.
         if vacuum < self._settings.release_vacuum:
             self._distrusted[i] = False
         elif overdue and not evacuated:

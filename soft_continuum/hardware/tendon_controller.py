@@ -102,7 +102,7 @@ class TendonController:
         reading, tensions = self._driver.read(), self._tensions()
         if tensions is None:
             return reading
-        # How well the driver knows tensions says nothing of load cells.
+        # The accuracy of the driver's tensions does not apply to load cells.
         return replace(reading, tensions=tensions,
                        accuracy=Accuracy(reading.accuracy.pull_tolerances))
 
@@ -269,7 +269,7 @@ class TendonController:
             try:
                 self._driver.move(tuple(float(pull) for pull in self._setpoint), interval)
             except HardwareError:
-                self._times = np.zeros(0)  # nothing moves by itself when the device is back
+                self._times = np.zeros(0)  # nothing moves automatically when the device is back
                 raise
             if ahead >= self._times[-1]:
                 self._times = np.zeros(0)

@@ -28,7 +28,7 @@ MAX_AHEAD = 0.2
 """Largest advance of another computer's clock, s; it adds to the queued motion."""
 GRAPH_PERIOD = 1.0  # s: another publisher is discovered no sooner
 MAX_NAMES = 5  # of publishers that are listed
-MAX_PROCESSES = 8  # of one name that are told apart
+MAX_PROCESSES = 8  # of one name that are distinguished
 JOINTS = 'joint_states'
 HEARTBEAT_TYPE = 'soft_continuum_interfaces/msg/Heartbeat'
 OWN_JOINTS = 500  # messages of our own that may still be on their way back

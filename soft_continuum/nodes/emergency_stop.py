@@ -17,7 +17,7 @@ from soft_continuum.text import plain
 
 TOPIC = 'emergency_stop'
 PERIOD = 0.1  # s between two looks at who publishes it
-TELEOP_TIMEOUT = 0.5  # s; teleop says every 0.05 s that it has the emergency stop on
+TELEOP_TIMEOUT = 0.5  # s; teleop repeats its emergency stop every 0.05 s
 DEPTH = 100
 """Queue length over all publishers: a false of one must not displace a true."""
 ANY = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -63,7 +63,7 @@ class EmergencyStop:
         profiles, profile = present.values(), ANY
         if present and all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles):
             latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
-            # What somebody latched before it was turned on would come again, and turn it off.
+            # A message latched before it was turned on would arrive again, and turn it off.
             outdated = (self.on and self._profile is not LATCHED
                         and not self._known.isdisjoint(present))
             profile = LATCHED if latched and not outdated else RELIABLE
@@ -85,7 +85,7 @@ class EmergencyStop:
             self._on_change(self.on)
 
     def _may_be_of_others(self) -> bool:
-        """Return whether another than who says false may have it on, and log that."""
+        """Return whether a publisher other than the sender of false may hold it on, and log it."""
         names = [info.node_name for info in self._publishers()]
         others = sorted(plain(name) for name in names if name != TELEOP)
         if TELEOP in names and monotonic() - self._true_time < TELEOP_TIMEOUT:

@@ -70,8 +70,8 @@ MIN_PERIOD = 0.005  # s between two shapes at least
 ORDER_TIMEOUT = 0.5  # s for which a change of stiffness waits for the pulls at which it happened
 CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 COVARIANCE_PERIOD = 0.1  # s between two covariances, which cost more than the shape
-REFUSAL_PERIOD = 1.0  # s for which it is shown why a pose is none that can be used
-ACCURACY_PERIOD = 3.0  # s for which it is shown that what a device tells of itself is not used
+REFUSAL_PERIOD = 1.0  # s for which the reason for an unusable pose is shown
+ACCURACY_PERIOD = 3.0  # s for which an unusable accuracy of a device is shown
 UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that most are not used
 ESTIMATION = ('scipy.linalg', 'scipy.special')  # what the first measurement needs: 0.4 s
 
@@ -139,7 +139,7 @@ class Kinematics(Node):
         self._measured_tensions.expect_accuracy()
         self._refused_poses, self._refused_tensions = Refusals('poses'), Refusals('tensions')
         self._follows = False  # whether the state is that of the last pulls
-        self._unknown = ''  # why nobody knows how far the tendons are pulled
+        self._unknown = ''  # why the pulls are unknown
         self._question = Question()
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
         subscribe(self, TendonActuationState, f'{TENDON_ACTUATION}/state',
@@ -387,7 +387,7 @@ class Kinematics(Node):
         return found, parameters
 
     def _update(self) -> bool:
-        """Bring the shape up to date; False when there is none that can be published."""
+        """Update the shape; return False if there is none to publish."""
         assert self._pulls is not None
         jumped = self._shape.state is not None and self._shape.state.jumped
         try:

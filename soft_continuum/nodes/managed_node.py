@@ -127,7 +127,7 @@ class ManagedNode(LifecycleNode):
         if error:
             self.not_connected(error)
         elif self._opened is None:
-            return  # somebody configured the node meanwhile
+            return  # the node was configured meanwhile
         elif not self._wants_device():
             self._release(self._take())
         elif self._state == 'unconfigured':
@@ -157,7 +157,7 @@ class ManagedNode(LifecycleNode):
         return not self._quitting and on_ros_thread(self, function, *arguments)
 
     def in_loop(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what ``function`` returns on the thread of control, or raise what it raises."""
+        """Call ``function`` on the control thread; return its result or raise its exception."""
         assert self.loop is not None
         return self.loop.call(function, *arguments)
 

@@ -42,7 +42,7 @@ class MeasuredTensions:
 
     def receive(self, state: TendonActuationState) -> None:
         """Store the accuracy of tensions; raises ValueError, and keeps the earlier one."""
-        if state.connected:  # what it told before it was lost holds when it is back
+        if state.connected:  # its last accuracy remains valid after a reconnection
             self._accuracy = accuracy_from_ros(state, self._tendons)
 
     def _stddevs(self) -> tuple[Sequence[float], Sequence[float]]:

@@ -42,7 +42,7 @@ class PlanGuard:
             return '', '', False
         if self._look is not None and self._look.done():
             look, self._look = self._look, None
-            look.result()  # what it raises ends the run; it is not raised again while that is left
+            look.result()  # its exception ends the run, and is not raised again meanwhile
         if around is not self._seen and self._look is None:
             self._seen, self._look = around, self._thread.submit(watch.look, around)
         planned = bool(plan and plan.shape.tips) or bool(around.obstacles)

@@ -126,7 +126,7 @@ class Planning:
     def _searched(self, planner: Any, state: Any, pulls: Sequence[float], shapes: Sequence[Shape],
                   around: CollisionScene, settings: ReachSettings, first: bool = False
                   ) -> Iterator[Reach]:
-        """As plan_shapes; says which search the time has ended."""
+        """As plan_shapes; warns of searches that the time limit ended."""
         for shape, found in zip(shapes, plan_shapes(
                 planner, state, pulls, shapes, around, settings, first), strict=False):
             if found.cut_short:

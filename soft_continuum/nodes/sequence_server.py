@@ -73,7 +73,7 @@ class SequenceServer(ActionServer):
             goal_service_qos_profile=GOALS, result_timeout=RESULT_TIMEOUT)
 
     async def _execute_goal_request(self, request: Any) -> None:
-        """Leave the answer to whoever takes the request."""
+        """Leave the answer to the handler of the request."""
         message = request[1]
         try:
             self._on_request(GoalRequest(

@@ -45,7 +45,7 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 MAX_TARGET_BYTES = 1000
 SEQUENCE_TIMEOUT = 3.0  # s after its last state for a sequence to count as ended
 CLOSE_TIMEOUT = 5.0  # s
-SOON = 0.5  # s: what takes longer to prepare is told when it is done
+SOON = 0.5  # s: longer preparations are reported when done
 REFUSAL_PERIOD = 5.0  # s for which a refused target is reported
 
 
@@ -379,7 +379,7 @@ class Servo(Node):
 
 
 def _made(make: Callable[[], AngleServo]) -> tuple[AngleServo | None, str]:
-    """Return a servo, or why there is none."""
+    """Return a servo, or why it cannot be made."""
     try:
         return make(), ''
     except StaticsError as error:

@@ -124,7 +124,7 @@ class ShapeSequencer(Node):
         self._ghost = Ghost(self, self._arm, self.parameters['frame_id'])
         self._states = StatePublisher(self, ShapeSequencerState)
         self._obstacles = KnownObstacles(self, self._arm, self.parameters, self._report)
-        reach_from_parameters(self.parameters)  # raises for what is none
+        reach_from_parameters(self.parameters)  # raises for invalid weights
         self._planning = Planning(
             self._arm, self.parameters, self._observed, lambda: self._obstacles.scene,
             self.get_logger().warning)

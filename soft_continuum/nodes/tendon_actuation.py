@@ -87,7 +87,7 @@ class TendonActuation(ManagedNode):
             lambda: self.parameters['tension_limit'],
             Newest(self.on_ros_thread, self._publish).put, self._release_driver)
         self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
-        self._unread_age = Age()  # since a trajectory that nobody read was reported as refused
+        self._unread_age = Age()  # since an unread trajectory was reported as refused
         self._holds = Newest(self._to_loop, lambda _: self._control.hold(
             Reason.HELD, 'a trajectory without points requested a hold'))
         self._refusals = Newest(self._to_loop, lambda refusal: self._control.refuse(*refusal))
@@ -298,7 +298,7 @@ class TendonActuation(ManagedNode):
         if reading is not None and (last is None or reading is not last.reading):
             message = JointState(
                 name=list(self._tendons),
-                # A number that means nothing would be taken for a pull by whoever reads it.
+                # Subscribers would take an invalid number for a pull.
                 position=list(reading.pulls) if reading.referenced else [],
                 velocity=list(reading.speeds), effort=list(reading.tensions or ()))
             message.header.stamp = self.ros_time.stamp(report.time)
@@ -357,7 +357,7 @@ class TendonActuation(ManagedNode):
     def _on_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._answer(response, self._control.reference)
         if response.success and self._report is not None:
-            # Pulls before and after count from two zeros: nobody must take one for the other.
+            # Pulls before and after count from different zeros and must not be mixed.
             self._arm.clear_shape()
             state = copy(self._report.state)
             state.referenced = False

@@ -380,7 +380,7 @@ class TendonControl:
         return None
 
     def _end(self, controller: TendonController, interlock: Interlock) -> None:
-        """Brake and hold, for a reason that nobody asked for."""
+        """Brake and hold, for a reason other than a request."""
         controller.hold()
         self._revoke(interlock.reason, interlock.message)
         self._ended = f'motion ended: {interlock.message}'

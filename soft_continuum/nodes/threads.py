@@ -92,7 +92,7 @@ class _Request:
     """
     Something that another thread is to do, and its result.
 
-    ``failed`` is called with what it raised, unless somebody waits for the result.
+    ``failed`` is called with its exception, unless a caller waits for the result.
     """
 
     def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...],

@@ -134,7 +134,7 @@ class BagReader:
         self._file.close()
 
     def messages(self) -> Iterator[Message]:
-        """Yield every message of ROS 2 in the order of the file; raises BagError if it is none."""
+        """Yield every message of ROS 2 in the order of the file; raises BagError."""
         from mcap.exceptions import EndOfFile, InvalidMagic, McapError
         from mcap.records import Attachment, Chunk, Header, Metadata
         from mcap.stream_reader import breakup_chunk
@@ -216,7 +216,7 @@ class BagReader:
             if len(message.data) > MAX_DECODED:
                 raise ValueError(f'{len(message.data)} bytes; at most {MAX_DECODED} are read')
             return self._decoders[message.channel](message.data)
-        except Exception as error:  # of a definition or of data that is none
+        except Exception as error:  # of an invalid definition or invalid data
             raise BagError(f'{self._path}: a message of {printable(topic.name, MAX_NAME)} cannot '
                            f'be read as {printable(topic.kind, MAX_NAME)}: '
                            f'{printable(str(error), MAX_NAME)}') from None
@@ -226,7 +226,7 @@ def _unpacked(chunk: Any) -> Any:
     """Return a chunk without compression; raises ValueError for one that is too large."""
     if chunk.compression == 'zstd':
         from zstandard import ZstdDecompressor
-        # What a frame says of its size cannot be believed.
+        # The size in a frame header is not trustworthy.
         data = ZstdDecompressor().stream_reader(chunk.data).read(MAX_RECORD + 1)
     elif chunk.compression == 'lz4':
         from lz4.frame import LZ4FrameDecompressor

@@ -32,7 +32,7 @@ from soft_continuum.ros.qos import EVERY_STATE, STREAM
 
 PERIOD = 0.04  # s
 CLOSE_TIMEOUT = 10.0  # s
-BEGIN = 0.5  # s, within which every topic was heard for the first time
+BEGIN = 0.5  # s, within which every topic has its first message
 REPEAT_PERIOD = 1.0  # s, after which what stands still is published again
 MAX_BYTES = 1_000_000_000  # of messages, which are kept in memory
 COMMANDS = ('joint_trajectory', 'tendon_trajectory', 'emergency_stop')
@@ -132,7 +132,7 @@ class Playback:
         """End the stand-ins."""
         self._open = False
         self._thread.join(CLOSE_TIMEOUT)
-        if self._thread.is_alive():  # what it uses must not be taken away
+        if self._thread.is_alive():  # its resources must stay
             print(f'the replay did not end within {CLOSE_TIMEOUT:g} s; its nodes are left '
                   'running', file=sys.stderr)
             return

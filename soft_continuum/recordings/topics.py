@@ -128,7 +128,7 @@ class TopicRecorder:
                 continue
             publishers = self._node.get_publishers_info_by_topic(name)
             if not publishers:
-                continue  # somebody listens; nobody speaks yet
+                continue  # there are subscribers, but no publisher yet
             try:
                 self._subscribe(name, publishers)
             except Exception as error:  # names and types come from the network

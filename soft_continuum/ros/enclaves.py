@@ -27,6 +27,6 @@ def with_enclave(arguments: Sequence[str], name: str, namespace: str = '') -> li
     words = list(arguments)
     if not {*ENCLAVE} & {*words}:
         path = full_name_of(words, name, namespace)
-        if NAME.fullmatch(path):  # else ROS says what is wrong with the namespace
+        if NAME.fullmatch(path):  # else ROS reports the invalid namespace
             words += ['--ros-args', ENCLAVE[0], path]
     return words

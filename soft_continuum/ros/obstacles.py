@@ -74,7 +74,7 @@ def obstacle_from_ros(marker: Marker, frame: str) -> Obstacle:
             f'{number} ({kind})' for number, kind in KINDS.items()))
     pose = pose_from_ros(marker.pose)
     x, y, z, *turn = pose
-    a, b, c, d = turn if any(turn) else UPRIGHT  # as views take what nobody has set
+    a, b, c, d = turn if any(turn) else UPRIGHT  # as views interpret an unset quaternion
     shape = _shape_from_ros(marker)
     return Obstacle(name_of((marker.ns, marker.id)), shape, (x, y, z), (a, b, c, d))
 

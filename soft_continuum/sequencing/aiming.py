@@ -33,7 +33,7 @@ LIMIT_SHARE = 0.999  # of the bending angle limit
 FARTHEST = 0.5  # rad from a wanted angle: only a wrong model asks for more to get there
 MIN_DURATION = 0.5  # s: a motion that is over before it arrives would be too fast
 MIN_IMPROVEMENT = 0.7  # of the present error: what would not be less than that is left
-LEAST_RATIO = 8.0  # of a jam: one that seems softer yields, and loses again what it is set to
+LEAST_RATIO = 8.0  # of a jam: a softer estimate means that it yields, and loses its setting again
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Aim:
         return f'{error * 1e3:.1f} mm' if self.on_tip else f'{np.degrees(error):.1f} degrees'
 
     def error(self, state: Equilibrium) -> float:
-        """Return how far a state is off: m of the tip, or rad of the worst segment."""
+        """Return the error of a state: m of the tip, or rad of the worst segment."""
         if self.on_tip:
             return self.tip_error(state)
         return float(np.linalg.norm(state.bending - self.bending, axis=1).max())
@@ -65,7 +65,7 @@ class Aim:
         return replace(self, bending=state.bending, tip=state.backbone[-1])
 
     def tip_error(self, state: Equilibrium) -> float:
-        """Return how far the tip of a state is off, m."""
+        """Return the tip error of a state, m."""
         return float(np.linalg.norm(state.backbone[-1] - self.tip))
 
     def residuals(self, state: Equilibrium) -> Array:
@@ -202,7 +202,7 @@ def next_step(planner: Planner, state: Any, pulls: Sequence[float],
 
 
 def _change(goal: Array, now: Array, segment: int) -> float:
-    """Return by how much a segment, or the worst of WHOLE_ARM, is to turn, rad."""
+    """Return the angle by which a segment, or the worst of WHOLE_ARM, must turn, rad."""
     turns = np.linalg.norm(goal - now, axis=1)
     return float(turns.max() if segment == WHOLE_ARM else turns[segment])
 
@@ -241,7 +241,7 @@ def segments_worth_correcting(planner: Planner, state: Any, pulls: Sequence[floa
 
 
 def _released(planner: Planner, state: Any, pulls: Sequence[float], segment: int) -> float:
-    """Return by how much the tip moves when a segment is softened, m; inf where nobody knows."""
+    """Return the motion of the tip when a segment is softened, m; inf if unknown."""
     try:
         there = planner.softened(state, pulls, segment)
     except StaticsError:
@@ -250,7 +250,7 @@ def _released(planner: Planner, state: Any, pulls: Sequence[float], segment: int
 
 
 def _lever(state: Equilibrium, segments: Sequence[int], aim: Aim) -> float:
-    """Return by how much the error grows with the angles of segments that are locked."""
+    """Return the derivatives of the error by the angles of locked segments."""
     if not aim.on_tip:
         return 1.0
     # What the first ones do is made up for by the later ones, but for one direction.

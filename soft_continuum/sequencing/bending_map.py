@@ -97,7 +97,7 @@ class BendingMap:
         return self.limit_reasons[int(np.abs(np.angle(WAYS / (away or 1.0))).argmin())]
 
     def _limit(self, away: complex) -> float:
-        """Return how far it is to the edge, a polygon, in a direction from the middle, rad."""
+        """Return the distance to the edge, a polygon, in a direction from the middle, rad."""
         if not away:
             return float(np.inf)
         towards, count = away / abs(away), len(WAYS)

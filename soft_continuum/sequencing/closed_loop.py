@@ -96,7 +96,7 @@ class ClosedLoopRunner(Runner):
         yield from super()._set(index, shape)
 
     def _set_to_relax(self, index: int, shape: Shape) -> Iterator[None]:
-        """Set a shape with vacuums to what it is to give way from, as it is planned."""
+        """Set a shape with vacuums to the state from which it relaxes, as planned."""
         self.aim = None
         yield from self._set_segments(index, shape)
         self.aim = None
@@ -140,7 +140,7 @@ class ClosedLoopRunner(Runner):
                 yield from self._set_to_relax(index, shape)
             except EndError as end:
                 if end.code is not Code.MODEL_FAILURE or self.plan is not None:
-                    raise  # an arm that is set by halves gives way as nobody planned
+                    raise  # the relaxation of a partly set arm is not planned
                 why = f'; it cannot be corrected: {end}'
                 yield from self._wind_down()
                 yield from self._all_stiff()
@@ -237,7 +237,7 @@ class ClosedLoopRunner(Runner):
         yield from super()._hold(index, replace(shape, hold_time=max(0.0, until - self._now)))
 
     def _correct_drift(self, index: int, shape: Shape, aim: Aim) -> Iterator[None]:
-        """Set segments again; where that cannot be, say so and hold what there is."""
+        """Set segments again; if that fails, warn and hold the present shape."""
         try:
             worse = yield from self._set_again(
                 index, shape, aim, self.loop_settings.release_limit)
@@ -279,7 +279,7 @@ class ClosedLoopRunner(Runner):
         return settings.tip_tolerance if aim.on_tip else settings.angle_tolerance
 
     def _error(self, aim: Aim) -> float:
-        """Return how far the arm is from its aim, and report it; nan where it is not known."""
+        """Return the error of the arm from its aim, and report it; nan if unknown."""
         state = self._loop.state()
         error = None if state is None else aim.error(state)
         self.progress = replace(self.progress, error=error)
@@ -347,9 +347,9 @@ class ClosedLoopRunner(Runner):
 
     def _pause(self, soft: int | None) -> Generator[None, None, bool]:
         """
-        Wait if something is said to be wrong with the arm, as long as the settings say so.
+        Wait during an anomaly of the arm, if the settings request it.
 
-        It does not end by itself: somebody may be at the arm.  Returns whether it waited.
+        It does not end automatically: a person may be at the arm.  Returns whether it waited.
         """
         self._check_anomaly()
         if not self._observed.anomaly or self.loop_settings.on_anomaly != PAUSE:

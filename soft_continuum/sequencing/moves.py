@@ -143,7 +143,7 @@ class MovePlanner:
         return [(i, goal, f'{text}: ') for i, text in enumerate(texts)]
 
     def away(self, state: Any, segment: int, goal: Array) -> float:
-        """Return how far a segment, or the worst of WHOLE_ARM, is from its goal, rad."""
+        """Return the error of a segment, or of the worst of WHOLE_ARM, from its goal, rad."""
         left = np.linalg.norm(goal - state.bending, axis=1)
         return float(left[self._soft(segment)].max())
 
@@ -187,7 +187,7 @@ class MovePlanner:
         return self.statics.hold(state, goal, self._soft(segment), sliding=sliding).state
 
     def _change(self, state: Any, segment: int, goal: Array) -> Array:
-        """Return by how much what is soft bends on the way to a goal, as State.bending."""
+        """Return the change of bending of soft segments to a goal, as State.bending."""
         chosen = self.statics.chain.arm.bending_axes & np.array(self._soft(segment))[:, None]
         return np.where(chosen, goal - state.bending, 0.0)
 

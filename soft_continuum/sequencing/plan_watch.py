@@ -51,7 +51,7 @@ class PlanWatch:
             (way, scene.clearances(way)) for way in self._plan.ways)]
 
     def _onward(self, way: Sequence[Any], clear: Sequence[Clearance]) -> Iterator[Clearance]:
-        """Yield how near obstacles are between each state and the next, and at the last one."""
+        """Yield the clearance between each state and the next, and at the last one."""
         for (one, near), (other, there) in pairwise(zip(way, clear, strict=True)):
             nearest = min(near, there, key=lambda found: found.distance)
             yield Clearance(between(one, near.distance, other, there.distance, self._radius)[0],
@@ -110,7 +110,7 @@ class PlanWatch:
                 f'{_millimetres(allowed)}')
 
     def _away(self, move: int, state: Any) -> Array:
-        """Return how far the arm is from each state of a move, m."""
+        """Return the deviation of the arm from each state of a move, m."""
         away: Array = np.linalg.norm(self._points[move] - state.backbone, axis=2).max(axis=1)
         return away
 

@@ -208,7 +208,7 @@ class Runner:
             self.warning = self.plan.warning
 
     def _settle(self) -> Iterator[None]:
-        """Wait until no vacuum changes any more, as the arm gives way meanwhile."""
+        """Wait until no vacuum changes any more, since the arm relaxes meanwhile."""
         begin, since, before = self._now, self._now, self._observed.vacuum
         while self._now < min(since + SETTLED[0], begin + self._settings.settle_timeout):
             if any(abs(a - b) > SETTLED[1]

@@ -282,7 +282,7 @@ class AngleServo:
                 return None
             self._motion = self._begin(now, np.asarray(pulls, dtype=float))
         motion = self._motion
-        while motion.last.time < now:  # the tendons went on as the last piece says
+        while motion.last.time < now:  # the tendons followed the last piece
             motion.go_to(self._ahead.pop(0) if self._ahead else
                          replace(motion.last, time=motion.last.time + self.settings.period))
         self._correct()
@@ -329,7 +329,7 @@ class AngleServo:
         return _Motion(begin, past=deque([begin]))
 
     def _offset_at(self, followed: float) -> Array:
-        """Return by how much the pulls are not yet those of the map, (tendons,), m."""
+        """Return the remaining difference of the pulls from those of the map, (tendons,), m."""
         t = min(followed / self._offset_time, 1.0)
         offset: Array = self._offset * (1.0 - minimum_jerk.progress(t))
         return offset

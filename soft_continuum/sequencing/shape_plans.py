@@ -150,7 +150,7 @@ def _ordered(validator: MotionValidator, start: Node, shape: Shape, blocked_by: 
     """
     Return what comes of the first order of segments that is clear of obstacles.
 
-    blocked_by: is told the obstacles that stopped orders.  ended: of where an order leads; may
+    blocked_by: receives the obstacles that blocked orders.  ended: of where an order leads; may
     raise BlockedError too.  shift: as of Planner.moves.  Raises BlockedError.
     """
     planner, why = validator.planner, ''

@@ -59,7 +59,7 @@ class Teleop(Node):
         self._enable_button = EnableButton(
             self.parameters['teleop.timeout'], self.parameters['teleop.unchanged_timeout'])
         self._arm = SteeredArm(self, self.parameters)
-        self._device_problem = ''  # why nobody can steer: two devices, or two of this node
+        self._device_problem = ''  # why steering is impossible: two devices, or two of this node
         self._pressed: frozenset[str] | None = None  # by the last message; None: not known
         self._refusal = ''  # why a button did nothing, as long as the enable button is held
         self._actions = {
@@ -136,7 +136,7 @@ class Teleop(Node):
             arm.rest()
         elif problem := self._device_problem or arm.problem() or interruption:
             arm.rest()
-            self._enable_button.end(problem)  # when it is gone, nothing moves by itself
+            self._enable_button.end(problem)  # afterwards nothing moves automatically
         else:
             arm.move(stick)
 

@@ -108,7 +108,7 @@ class Pad:
         return axes, buttons
 
     def _beyond(self, value: float) -> float:
-        """Return by how much a deflection is beyond the dead zone, -1 to 1."""
+        """Return the deflection beyond the dead zone, -1 to 1."""
         beyond = max(0.0, min(abs(value), 1.0) - self.dead_zone) / (1.0 - self.dead_zone)
         return copysign(beyond, value) if beyond else 0.0
 

@@ -109,7 +109,7 @@ class SteeredArm:
             self._actuated = fully_actuated(self._arm)
             self._jamming = await self._requests.has_jamming()
         except ClientError:
-            return  # what is known stays; problem() tells what does not run
+            return  # known values stay; problem() reports missing nodes
         for name in (f'{SERVO}/enable', *(
                 f'{JAMMING_VALVES}/segment_{n}/set_stiff'
                 for n in range(1, self.segments * self._jamming + 1))):
@@ -341,7 +341,7 @@ class SteeredArm:
             if other != segment and self._observed.stiff(other) is not True:
                 await self._requests.set_stiff(other, True)
         await self._requests.set_stiff(segment, False)
-        # Who is told to move it does so at once: a servo that has just started has to be known.
+        # Wait for the discovery of a servo that has just started, since motion may begin at once.
         servo = await until(lambda: running_nodes(self._node, [SERVO])[SERVO], ANSWER_TIMEOUT)
         return f'segment {segment} is soft: {MOVE if servo else NO_SERVO}'
 
@@ -385,7 +385,7 @@ class SteeredArm:
     def reset(self) -> None:
         """Turn the emergency stop off; if it is off, allow motion again."""
         if self._emergency and self._other_stops():
-            return  # problem() says so
+            return  # problem() reports it
         if self._emergency:
             self._emergency, self._silent_time = False, monotonic() + OFF_TIME
             self._emergency_stop.publish(Bool(data=False))

@@ -58,7 +58,7 @@ class Webcam(ABC):
 
     def picture(self, discs: Array, time: float = 0.0) -> Picture:
         """
-        Return what it sees.
+        Return its image.
 
         discs: (discs, 7), pose of the bottom of each, position (m) and quaternion x, y, z, w.
         time: s, for moving occluders.

@@ -20,7 +20,7 @@ SHORT, SHARE = 1.5e-4, 0.15
 MEMORY = 1.0  # s in which the way is looked at
 MOTOR_TIME, MAX_MOTOR_TIME = 0.015, 0.03
 """s in which a motor follows a voltage, est, and of one with much inertia, by its current."""
-MAX_LATE = 0.005  # s between request and reply after which nobody knows which goal was in force
+MAX_LATE = 0.005  # s between request and reply after which the goal in force is unknown
 CYCLE, STEP = 0.01, 1e-3  # s
 
 

@@ -18,7 +18,7 @@ MAX_STEP = 0.03
 LEAD_RATE = 8.0  # 1/s with which the lead removes an error at rest
 MAX_LEAD = 0.01  # m
 SATURATED = 0.95  # of the current that a servo may use: a lead would only wind up
-MIN_COUNTS = 5  # of current, from which on it tells the lead
+MIN_COUNTS = 5  # of current, above which it determines the lead
 PATH_RESOLUTION = 1e-9  # m
 
 
@@ -89,7 +89,7 @@ class HeldPath:
         return [round(a + b) for a, b in zip(self.wanted, self.lead, strict=True)]
 
     def errors(self, positions: Sequence[int]) -> list[float]:
-        """Return how far servos are short of where they should be, pulses."""
+        """Return the position errors of servos, pulses."""
         return [a - b for a, b in zip(self.wanted, positions, strict=True)]
 
     @property

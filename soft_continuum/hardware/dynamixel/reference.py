@@ -49,7 +49,7 @@ def _check(servo: int, bits: int) -> int:
 
 @dataclass(frozen=True)
 class Zero:
-    """The zero of a servo, pulses without Homing Offset; unknown: why it is none, else empty."""
+    """The zero of a servo, pulses without Homing Offset; unknown: why it is unknown."""
 
     position: int
     unknown: str = ''
@@ -93,7 +93,7 @@ class ZeroFile:
         self._path, self._port = path, port
 
     def read(self, servo: int) -> int | None:
-        """Return the zero of a servo; None if there is none that can be read."""
+        """Return the zero of a servo; None without a readable one."""
         zero = self._all().get(self._port, {}).get(str(servo))
         return zero if isinstance(zero, int) else None
 

@@ -19,7 +19,7 @@ RADIANS_PER_PULSE = 2.0 * pi / PULSES_PER_TURN
 VELOCITY_UNIT = 0.229 * 2.0 * pi / 60.0  # rad/s
 CURRENT_BASED_POSITION = 5
 P_GAIN_UNIT, FULL_PWM = 1.0 / 128.0, 885
-"""Of Position P Gain, steps of PWM for each pulse of position error; PWM at the full voltage."""
+"""Unit of Position P Gain, PWM steps per pulse of position error; PWM at full voltage."""
 WATCHDOG_UNIT = 0.02  # s
 WATCHDOG_TRIGGERED = 255
 """Bus Watchdog reads as -1 after it stopped the servo; goals are then refused until it is 0."""
@@ -90,7 +90,7 @@ Four bytes of RAM without a function of their own, 0 after the servo was switche
 Indirect Data 1 to 4, in the XL330 and XC330 Indirect Data 17 to 20, as long as the Indirect
 Addresses that belong to them are not changed.
 """
-TICK_RANGE = 32768  # ms after which the Realtime Tick begins anew
+TICK_RANGE = 32768  # ms after which the Realtime Tick wraps around
 
 
 @dataclass(frozen=True)

@@ -235,7 +235,7 @@ class DynamixelSession:
                              self._written, goals, currents, strict=True)]
 
     def _receive(self) -> None:
-        """Read all servos; take what they reply if all of it can be believed."""
+        """Read all servos; use their replies if all of them are valid."""
         missed = self._exchange.missed
         states = self._exchange.receive(self._written)
         if states is not None:

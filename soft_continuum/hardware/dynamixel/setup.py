@@ -189,7 +189,7 @@ class Servo:
     @property
     def stop_time(self) -> float:
         """
-        Return how far ahead of a turning servo the goal is at which it rests soonest, as time, s.
+        Return the lead of the goal at which a turning servo stops soonest, as time, s.
 
         It lags behind a moving goal by its speed over the gain of its position loop.  Half of that
         leaves the least swing, whatever the delay of the motor; with some more none comes back.

@@ -156,7 +156,7 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
                             f'instead of {wanted}; check the line')
     for servo in off:
         _switch_on(bus, servo)
-    if off:  # somebody may have turned one meanwhile
+    if off:  # one may have been turned by hand meanwhile
         for i, state in enumerate(read_states(bus, servos)):
             if servos[i] in off:
                 goals[i] = state.position

@@ -75,7 +75,7 @@ class ServoState:
 
     @classmethod
     def from_reply(cls, reply: Reply, asked: float, time: float) -> 'ServoState':
-        """Return what a reply to a sync read of BLOCK says."""
+        """Return the state in a reply to a sync read of BLOCK."""
         def get(register: Register) -> int:
             return register.decode(reply.data, BLOCK[0])
 

@@ -49,7 +49,7 @@ PROGRESS_TIMEOUT = 0.5  # s without a step while motion is queued
 MIN_REPORTS = 4
 """Reports or attempts that a timeout also needs, since this computer may have been late."""
 CERTAIN_REPORTS = 2
-"""Reports in succession: a jog that came late can be queued while one report says Idle."""
+"""Required successive reports: a late jog can be queued while one report shows Idle."""
 HOMING_TIMEOUT = 60.0  # s
 HOMING_SPEED = 0.005
 """m/s at which tendons are pulled from the switches to zero."""

@@ -111,7 +111,7 @@ class RosVacuum(RosDevice):
 
     @abstractmethod
     def _reported(self) -> tuple[float, ...]:
-        """Return what every segment reports, as is sent; raises HardwareError for what is none."""
+        """Return the reports of all segments, as sent; raises HardwareError for invalid ones."""
 
     def _set(self, segment: int, value: float, same: Callable[[float], bool], what: str) -> None:
         """Send a value for a segment until its state is the ``same``; raises HardwareError."""

@@ -194,7 +194,7 @@ class JointWatch:
     def _scaled(self, values: tuple[float, ...] | None, scales: tuple[float, ...]
                 ) -> tuple[float, ...] | None:
         if values is None or not all(map(isfinite, values)):
-            return None  # ros2_control has nan where the hardware does not tell
+            return None  # ros2_control has nan for values that the hardware does not report
         return tuple(s * v for s, v in zip(scales, values, strict=True))
 
     def _check_step(self, positions: tuple[float, ...], stamp: float) -> None:
@@ -253,7 +253,7 @@ class JointWatch:
         """Return whether no joint moved in states of REST_TIME, all after ``since`` (s)."""
         if not self._window:
             return False
-        last = self._window[-1][0]  # while no state comes nobody knows whether they rest
+        last = self._window[-1][0]  # without new states rest is unknown
         if last - since < REST_TIME or not self.watched:
             return False
         columns = zip(*(positions for _, positions in self._window), strict=True)

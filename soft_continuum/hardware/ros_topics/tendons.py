@@ -104,7 +104,7 @@ class RosTendons(RosDevice):
         self._stop_by: float | None = None  # s, by when a stop must be confirmed
         self._near = 0.0  # s, when every joint was last where it was sent
         self._way: tuple[tuple[float, ...], tuple[float, ...], float] | None = None
-        """Of a motion in steps: positions from and to, and s that it takes."""
+        """Motion in steps: positions from and to, and its duration, s."""
         self._passed = 0.0  # s of that
 
     @staticmethod
@@ -252,7 +252,7 @@ class RosTendons(RosDevice):
         from builtin_interfaces.msg import Duration
         from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-        # Without a stamp it begins when it arrives, whatever the clocks of two computers say.
+        # Without a stamp it begins on arrival, independently of the clocks of two computers.
         return JointTrajectory(joint_names=list(self._joints.names), points=[JointTrajectoryPoint(
             positions=list(positions),
             time_from_start=Duration(nanosec=max(1, min(999_999_999, int(1e9 * duration)))))])
@@ -286,7 +286,7 @@ class RosTendons(RosDevice):
                 self._states.check()
 
     def _now(self) -> float:
-        """Return the time of the last look, s: in what nobody looked at nothing was missed."""
+        """Return the time of the last look, s."""
         return self.link.looks() if self.link is not None else 0.0
 
     def _moving(self) -> bool:

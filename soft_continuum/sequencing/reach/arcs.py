@@ -56,7 +56,7 @@ class TipResidual:
         return there
 
     def errors(self, state: Equilibrium) -> tuple[float, float]:
-        """Return how far the tip of a state is away, m, and how far it is turned, rad."""
+        """Return the errors of the tip of a state, m and rad."""
         miss = self.of_state(state)
         return (float(np.linalg.norm(miss[:3])) * self.goal.position_tolerance,
                 float(np.linalg.norm(miss[3:])) * self.goal.angle_tolerance)
@@ -141,7 +141,7 @@ class Arcs:
 
     def _change(self, bending: Array, left: Array, columns: NDArray[np.intp], damping: Array,
                 miss: TipResidual) -> Array:
-        """Return by how much bendings (m, ...) are too large for what is left (m, k)."""
+        """Return the Levenberg-Marquardt step to subtract from bendings (m, ...); left: (m, k)."""
         count, jacobian = len(columns), self.jacobian(bending, columns, miss)
         square = jacobian.swapaxes(1, 2) @ jacobian
         scale = np.trace(square, axis1=1, axis2=2) / count + 1e-12

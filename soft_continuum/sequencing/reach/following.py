@@ -68,7 +68,7 @@ def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequ
 
 @dataclass(frozen=True, eq=False)
 class _Track:
-    """A plan up to a goal: how far its tip was off, m and rad, and beyond the tolerances."""
+    """A plan up to a goal: errors of its tip, m and rad, and excess over the tolerances."""
 
     node: Node
     away: float = 0.0
@@ -140,7 +140,7 @@ class _Following:
                     continue
 
     def _fitted(self, mover: int) -> list[tuple[float, Array]]:
-        """Return shapes from which a segment comes near to all goals, and what it misses."""
+        """Return shapes from which a segment passes near all goals, and the remaining errors."""
         arcs, goals = self.arcs, [TipResidual(goal) for goal in self.goals]
         own = arcs.columns([mover])
         others = np.setdiff1d(arcs.columns(self.movers), own)
@@ -229,7 +229,7 @@ class _Following:
 
 
 def _farthest(points: Array, one: Array, other: Array) -> float:
-    """Return how far the farthest of points (m, 3) is from the line between two others, m."""
+    """Return the largest distance of points (m, 3) from the line between two others, m."""
     along = other - one
     part = np.clip((points - one) @ along / max(float(along @ along), 1e-18), 0.0, 1.0)
     return float(np.linalg.norm(points - one - part[:, None] * along, axis=1).max(initial=0.0))

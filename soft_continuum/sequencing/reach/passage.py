@@ -29,7 +29,7 @@ AWAY = 0.8
 """Share of a too small clearance at the start that the first move keeps."""
 VACUUM_STEPS = 5
 """Smallest number of states while a vacuum is lowered, as jams may yield."""
-BEYOND = 2e-3  # rad by which a segment may be beyond its bending angle limit, as it gives way
+BEYOND = 2e-3  # rad beyond its bending angle limit, for the compliance of a segment
 
 
 class BlockedError(Exception):

@@ -32,7 +32,7 @@ from soft_continuum.sequencing.reach.passage import (
 )
 
 ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is, at least
-ARC_FACTOR = 1.5  # of how far arcs are off in one shape: in others they may be more
+ARC_FACTOR = 1.5  # on the error of arcs in one shape: it may be larger in others
 PULL_ERROR = 0.003  # m by which tendons of arcs may be pulled in or paid out too far
 FINE = 0.004  # m: points of arcs that move by less are not looked at in between
 CORRECTIONS = 8  # of bendings, by the statics
@@ -100,7 +100,7 @@ class Search:
         if self.start.near.distance < inf:
             self._arc_error = self._found_arc_error(every[0])
         out_of_reach = every[0].near > 1.0
-        if out_of_reach:  # of arcs; the statics may say otherwise
+        if out_of_reach:  # of arcs; the statics may differ
             yield from self._tried(iter(every), anyway=True)
         if self.best is not None or not out_of_reach:
             for count in range(1, self.settings.max_softenings + 1):
@@ -247,7 +247,7 @@ class Search:
     # A look at arcs.
 
     def _found_arc_error(self, candidate: Candidate) -> float:
-        """Return how far the arm may be from its arcs, m, by the statics of one candidate."""
+        """Return the possible error of the arcs, m, by the statics of one candidate."""
         try:
             state = self._predicted(self.start, candidate.movers, candidate.shapes[-1])[-1]
         except (BlockedError, PlanError):
