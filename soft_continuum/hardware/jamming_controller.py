@@ -247,7 +247,7 @@ class JammingController:
             raise ValueError('the rig has valves, not regulators: switch the segment stiff or '
                              'soft (set_stiff)')
         if not 0.0 <= vacuum <= self._driver.max_vacuum:  # nan neither
-            raise ValueError(f'vacuum refused: {vacuum:g} Pa; allowed:  0 to '
+            raise ValueError(f'vacuum refused: {vacuum:g} Pa; allowed: 0 to '
                              f'{self._driver.max_vacuum:g} Pa (the largest set-point of the '
                              'regulators)')
         self._note(segment, vacuum >= self._settings.release_vacuum)

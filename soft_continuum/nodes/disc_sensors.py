@@ -204,7 +204,7 @@ class DiscSensors(Node):
 
     def _nothing(self) -> str:
         topics = ', '.join(map(self.resolve_topic_name, (ALL_POSES, 'disc_0/pose', 'disc_0/imu')))
-        return (f'publish on {topics} and so on, or remap these to the topics of the sensors:  -r '
+        return (f'publish on {topics} and so on, or remap these to the topics of the sensors: -r '
                 'disc_0/imu:=/my_imu/data')
 
     def _report(self) -> None:

@@ -337,7 +337,7 @@ def test_a_unit_or_a_coil_that_is_not_there_is_named(emulator, changes, words):
 
 @pytest.mark.parametrize('code, words', [
     (1, 'does not support the function'), (2, 'has no such address'), (3, 'refuses the number'),
-    (4, 'failed'), (6, 'busy'), (99, 'exception 99')])
+    (4, 'internal failure'), (6, 'busy'), (99, 'exception 99')])
 def test_a_refusal_says_why_and_is_no_reading(emulator, driver, code, words):
     emulator.refuse = code
     assert words in fail(driver.set_evacuated, 0, True)
@@ -383,7 +383,7 @@ WRONG_REPLIES = {
 def test_a_wrong_reply_is_never_taken(emulator, driver, change):
     emulator.transform = change
     words = fail(driver.read)
-    assert 'does not answer' in words
+    assert 'is no reply to' in words
     assert ('local echo' in words) == (change is WRONG_REPLIES['the echo of a request'])
     emulator.transform = None
     assert eventually(emulator, driver.read).pressures == (AMBIENT,) * 3

@@ -247,5 +247,5 @@ def test_a_picture_that_is_none_is_refused(change: dict[str, Any]) -> None:
     message = grey_message(np.zeros((3, 4), dtype=np.uint8))
     for name, value in change.items():
         setattr(message, name, value)
-    with pytest.raises(ValueError, match='picture'):
+    with pytest.raises(ValueError, match='image'):
         grey_picture(message)

@@ -154,7 +154,7 @@ def test_a_regulator_that_does_not_follow_ends_the_run():
     rig.run(until=lambda rig: rig.runner.move == 1)
     rig.broken.add(0)
     outcome = rig.run()
-    assert outcome.code is Code.TIMEOUT and 'told 30.0 kPa' in outcome.message
+    assert outcome.code is Code.TIMEOUT and 'set to 30.0 kPa' in outcome.message
 
 
 def test_a_vacuum_that_is_lost_while_a_shape_is_held_ends_the_run():

@@ -74,7 +74,7 @@ def zero_within_turn(servo: str, position: int, kept: int | None, pull_per_pulse
     zeros = [kept + PULSES_PER_TURN * turn for turn in turns]
     if len(zeros) == 1:
         return Zero(zeros[0])
-    reason = f'{servo} lost power or was rebooted, so its turn count is lost:  '
+    reason = f'{servo} lost power or was rebooted, so its turn count is lost: '
     if not zeros:
         return Zero(position, reason + 'its angle matches no pull within pull_limits')
     pulls = ' or '.join(f'{1e3 * pull_per_pulse * (position - zero):.1f} mm' for zero in zeros)

@@ -322,7 +322,7 @@ def _model(name: str, number: int) -> Model:
     if number not in MODELS:
         raise HardwareError(
             f'{name} has the model number {number}, which this driver does not support; it '
-            'supports:  '
+            'supports: '
             + ', '.join(sorted(model.name for model in MODELS.values())))
     return MODELS[number]
 

@@ -68,7 +68,7 @@ def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
             reason = error
             continue
         return [ServoState.from_reply(reply, asked, bus.clock()) for reply in replies]
-    raise HardwareError(f'the servos reply individually, but not together:  {reason}')
+    raise HardwareError(f'the servos reply individually, but not together: {reason}')
 
 
 def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[ServoState],
@@ -152,7 +152,7 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
                 (w.goal, w.current, w.velocity) for w in wanted]:
             break
     else:
-        raise HardwareError(f'the servos do not keep the values written to them:  {held_by} '
+        raise HardwareError(f'the servos do not keep the values written to them: {held_by} '
                             f'instead of {wanted}; check the line')
     for servo in off:
         _switch_on(bus, servo)
@@ -168,7 +168,7 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
         if [state.written for state in found] == wanted:
             return found
     held_by = [state.written for state in found]
-    raise HardwareError(f'the servos do not keep the values written to them:  {held_by} instead '
+    raise HardwareError(f'the servos do not keep the values written to them: {held_by} instead '
                         f'of {wanted}; check the line')
 
 

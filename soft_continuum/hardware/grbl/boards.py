@@ -69,7 +69,7 @@ class GrblBoards:
                          for speed, board in zip(speeds, self._boards, strict=True))
         return [HardwareError(
             'the GRBL controllers accelerate differently, so some tendons would arrive later than '
-            f'others:  {each}; set $120 and following of all to the same acceleration')]
+            f'others: {each}; set $120 and following of all to the same acceleration')]
 
     def close(self) -> None:
         """Stop, hold and disconnect; an ``open`` under way ends with HardwareError."""

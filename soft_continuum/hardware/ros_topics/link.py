@@ -238,7 +238,7 @@ class RosLink:
             name: str = (self._lender or self.node).resolve_topic_name(topic)
         except Exception as error:  # of rclpy, for what is no name
             raise HardwareError(f'parameter {parameter} is {topic!r}, which is not a valid topic '
-                                f'name:  {str(error).splitlines()[0]}') from None
+                                f'name: {str(error).splitlines()[0]}') from None
         return name
 
     def listen(self, kind: str, parameter: str, topic: str, timeout: float) -> Listener:
