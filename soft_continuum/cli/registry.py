@@ -32,7 +32,7 @@ class Verb:
     @property
     def completes(self) -> bool:
         """Whether TAB may call the function: it builds a Parser before it does anything."""
-        return self.target.startswith(('cli.', 'emulators.'))
+        return self.target.startswith(('cli.', 'commissioning.', 'emulators.'))
 
 
 def _operate(name: str, text: str) -> Verb:
@@ -82,16 +82,16 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
     ),
     'set up a rig, while no nodes run': (
         Verb('new-arm', 'describe an arm interactively', 'cli.new_arm:main'),
-        Verb('doctor', 'check a rig step by step; nothing moves', 'cli.doctor:main'),
+        Verb('doctor', 'check a rig step by step; nothing moves', 'commissioning.doctor:main'),
         Verb('calibrate', 'measure a rig: vacuum, signs, steps, zero; set up servos',
-             'cli.calibrate:main'),
+             'commissioning.calibrate:main'),
         Verb('emulate', 'emulate a device: grbl, dynamixel or modbus', 'cli.emulate:main'),
         Verb('twin', 'simulate a rig: the arm in MuJoCo behind both devices', 'cli.twin:main'),
         Verb('twin_camera', 'simulate a camera of that rig', 'cli.twin_camera:main'),
         Verb('tags', 'write the tags for discs and board, to print', 'cli.tags:main'),
         Verb('policy', 'write a policy for SROS 2: who may do what over DDS', 'cli.policy:main'),
         Verb('install-service', 'start the nodes at boot, by systemd',
-             'cli.install_service:main'),
+             'commissioning.install_service:main'),
     ),
     'analyse measurements': (
         Verb('characterize', 'fit the bending stiffness to force-displacement curves',

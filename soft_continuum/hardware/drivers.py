@@ -31,10 +31,10 @@ _OWN = {
     TENDON_DRIVERS: {'simulated': f'{_HERE}.simulated_tendons:SimulatedTendons',
                      'grbl': f'{_HERE}.grbl.tendons:GrblTendons',
                      'dynamixel': f'{_HERE}.dynamixel.tendons:DynamixelTendons',
-                     'ros_topics': f'{_HERE}.ros_topics.tendons:RosTendons'},
+                     'ros_topics': 'soft_continuum.ros_topics.tendons:RosTendons'},
     JAMMING_DRIVERS: {'simulated': f'{_HERE}.simulated_jamming:SimulatedJamming',
                       'modbus': f'{_HERE}.modbus.jamming:ModbusJamming',
-                      'ros_topics': f'{_HERE}.ros_topics.jamming:RosJamming'},
+                      'ros_topics': 'soft_continuum.ros_topics.jamming:RosJamming'},
 }
 _PARAMETERS: Mapping[str, Mapping[str, tuple[Parameter, ...]]] = {
     TENDON_DRIVERS: {'grbl': OF_GRBL, 'dynamixel': OF_DYNAMIXEL},

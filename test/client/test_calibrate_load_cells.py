@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from sensor_msgs.msg import JointState
 
-from soft_continuum.cli import calibrate, calibrate_load_cells
+from soft_continuum.commissioning import calibrate, calibrate_load_cells
 from soft_continuum.parameters.files import load_description
 from support.ros_rig import Rig, STREAM
 

@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 import pytest
 
 from soft_continuum import version
-from soft_continuum.cli.doctor_network import Answers, judged
+from soft_continuum.commissioning.doctor_network import Answers, judged
 from soft_continuum_interfaces.srv import GetNodeInfo
 
 DIGEST = '0123456789abcdef'

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from soft_continuum.cli import calibrate
+from soft_continuum.commissioning import calibrate
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.parameters.files import load_rig

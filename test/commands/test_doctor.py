@@ -11,9 +11,8 @@ import sys
 import pytest
 import serial
 
-from soft_continuum.cli import doctor
-from soft_continuum.hardware import checks
-from soft_continuum.hardware.checks import check_jamming, check_tendons
+from soft_continuum.commissioning import checks, doctor
+from soft_continuum.commissioning.checks import check_jamming, check_tendons
 from soft_continuum.parameters.files import load_rig
 from support.emulated_rig import emulated_rig, reference, TIMEOUT
 

@@ -20,7 +20,7 @@ TIMEOUT = 120  # s
 MOVE = """
 import sys, time
 from pathlib import Path
-from soft_continuum.hardware.checks import check_tendons
+from soft_continuum.commissioning.checks import check_tendons
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.files import load_rig

@@ -16,9 +16,15 @@ from typing import Any
 
 import pytest
 
-from soft_continuum.cli import install_service
-from soft_continuum.cli.install_service import Board, boards_of, ports_of, udev_rules, units
 from soft_continuum.cli.main import main
+from soft_continuum.commissioning import install_service
+from soft_continuum.commissioning.install_service import (
+    Board,
+    boards_of,
+    ports_of,
+    udev_rules,
+    units,
+)
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.logs import choose_log_folder, discard_old_logs, require_log_folder
 from soft_continuum.ros.names import NODES

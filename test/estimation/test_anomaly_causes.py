@@ -169,6 +169,22 @@ def test_a_tendon_that_is_off_after_a_motion_is_of_a_motor_that_lost_steps(bent)
     assert bent.named[0].tendon == bent.arm.tendon_names[tendon]
 
 
+def test_what_happened_just_before_a_segment_became_stiff_is_named(bent):
+    tendon = bent.carrier
+    bent.longer[tendon] = 4e-3
+    bent.run(0.2)
+    bent.soft = STIFF
+    bent.run(8.0)
+    assert bent.causes == [Cause.TENDON_SLIPPED]
+    assert bent.named[0].tendon == bent.arm.tendon_names[tendon]
+
+
+def test_an_offset_as_of_friction_and_backlash_is_no_anomaly(bent):
+    bent.longer[bent.carrier] = 1.5e-3
+    bent.run(4.0)
+    assert bent.causes == []
+
+
 def test_a_segment_that_does_not_become_soft_is_named(rig):
     rig.really_soft = STIFF
     rig.bend(-0.6)

@@ -12,7 +12,7 @@ import threading
 
 import pytest
 
-from soft_continuum.hardware.calibration import (
+from soft_continuum.commissioning.calibration import (
     assess_vacuum,
     CalibrationError,
     MAX_MOVE,
@@ -22,10 +22,10 @@ from soft_continuum.hardware.calibration import (
     SPEED,
     TendonBench,
 )
-from soft_continuum.hardware.drives import corrected_steps
+from soft_continuum.commissioning.drives import corrected_steps
+from soft_continuum.commissioning.regulator_calibration import assess_regulator, measure_regulator
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.regulator_calibration import assess_regulator, measure_regulator
 from soft_continuum.hardware.simulated_jamming import (
     JammingPlant,
     SimulatedJamming,

@@ -8,13 +8,13 @@ import random
 
 import pytest
 
-from soft_continuum.cli.calibrate import main as calibrate
-from soft_continuum.cli.calibrate_servos import main as calibrate_servos
+from soft_continuum.commissioning.calibrate import main as calibrate
+from soft_continuum.commissioning.calibrate_servos import main as calibrate_servos
+from soft_continuum.commissioning.checks import check_servos, FAIL, OK, WARN
+from soft_continuum.commissioning.drives import clear_zero
 from soft_continuum.emulators.dynamixel_packets import crc, Instruction, packet, STATUS
-from soft_continuum.hardware.checks import check_servos, FAIL, OK, WARN
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.drives import clear_zero
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus, NoReplyError
 from soft_continuum.hardware.dynamixel.reference import (
     mark,

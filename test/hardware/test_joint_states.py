@@ -8,9 +8,9 @@ from math import pi
 import pytest
 
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.ros_topics.joint_states import Joints, JointWatch
-from soft_continuum.hardware.ros_topics.link import Stamps
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros_topics.joint_states import Joints, JointWatch
+from soft_continuum.ros_topics.link import Stamps
 
 JOINTS = Joints(('right_tendon', 'left_tendon'), ('a', 'b'), (0.01, -0.02), (1.0, 2.0), False,
                 (0.0,), (-0.06, 0.06), 0.03)

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from sensor_msgs.msg import JointState
 
-from soft_continuum.cli import calibrate, doctor
+from soft_continuum.commissioning import calibrate, doctor
 from soft_continuum.hardware.drivers import driver_topics
-from soft_continuum.hardware.ros_topics import survey as topic_survey
 from soft_continuum.parameters.files import load_rig, write_parameters
+from soft_continuum.ros_topics import survey as topic_survey
 from support.ros2_control import Controllers, JOINTS, OtherNodes
 from support.ros_valves import VALVES, Valves
 

@@ -13,9 +13,9 @@ import io
 from pathlib import Path
 import tempfile
 
-from soft_continuum.cli.install_service import units
 from soft_continuum.cli.main import main as run_verb
 from soft_continuum.cli.reference import cells, markdown_table, tables
+from soft_continuum.commissioning.install_service import units
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.urdf import arm_urdf
 

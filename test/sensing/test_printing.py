@@ -7,7 +7,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import numpy as np
 import pytest
 
-from soft_continuum.cli import calibrate, tags
+from soft_continuum.cli import tags
+from soft_continuum.commissioning import calibrate
 from soft_continuum.sensing import printing
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.lens_calibration import board

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from soft_continuum.hardware.calibration import CalibrationError
+from soft_continuum.commissioning.calibration import CalibrationError
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
 from soft_continuum.hardware.dynamixel.reference import ZeroFile
 from soft_continuum.hardware.dynamixel.setup import Spools

@@ -18,8 +18,7 @@ from soft_continuum.arguments import (
     number_in,
     Parser,
 )
-from soft_continuum.extras import missing, remedy, requirements, USES
-from soft_continuum.hardware.checks import (
+from soft_continuum.commissioning.checks import (
     Check,
     check_jamming,
     check_ports,
@@ -29,6 +28,7 @@ from soft_continuum.hardware.checks import (
     OK,
     WARN,
 )
+from soft_continuum.extras import missing, remedy, requirements, USES
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.text import printable
 
@@ -81,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
     try:
-        from soft_continuum.cli.doctor_sensors import sensor_checks
+        from soft_continuum.commissioning.doctor_sensors import sensor_checks
     except ImportError as error:
         yield Check('sensors', FAIL, remedy(error) or str(error))
         return
@@ -90,7 +90,7 @@ def _sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
 
 def _network_checks(namespace: str) -> Iterator[Check]:
     try:
-        from soft_continuum.cli.doctor_network import network_checks
+        from soft_continuum.commissioning.doctor_network import network_checks
     except ImportError as error:
         yield Check('network', FAIL, remedy(error) or str(error))
         return

@@ -9,8 +9,9 @@ from typing import Any, ClassVar, TYPE_CHECKING
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError, JammingReading
-from soft_continuum.hardware.ros_topics.device import POLL_INTERVAL, RosDevice
-from soft_continuum.hardware.ros_topics.numbers import (
+from soft_continuum.parameters.parameter import Parameter, ParameterError, spread, TOPIC_NAME
+from soft_continuum.ros_topics.device import POLL_INTERVAL, RosDevice
+from soft_continuum.ros_topics.numbers import (
     ARRAY,
     BOOL,
     Commands,
@@ -19,10 +20,9 @@ from soft_continuum.hardware.ros_topics.numbers import (
     PREFIX,
     PRESSURE,
 )
-from soft_continuum.parameters.parameter import Parameter, ParameterError, spread, TOPIC_NAME
 
 if TYPE_CHECKING:
-    from soft_continuum.hardware.ros_topics.link import RosLink
+    from soft_continuum.ros_topics.link import RosLink
 
 ABSOLUTE, GAUGE = 'absolute', 'gauge'
 REPEAT = 0.05  # s after which a command is sent again that is not confirmed: one may be lost

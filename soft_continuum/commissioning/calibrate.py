@@ -14,16 +14,16 @@ from typing import Any
 
 from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
-from soft_continuum.cli import (
+from soft_continuum.cli.common import run_verb
+from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
+from soft_continuum.commissioning import (
     calibrate_camera,
     calibrate_load_cells,
     calibrate_servos,
     calibrate_vacuum,
 )
-from soft_continuum.cli.calibrate_job import Job, MM
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
-from soft_continuum.hardware.calibration import (
+from soft_continuum.commissioning.calibrate_job import Job, MM
+from soft_continuum.commissioning.calibration import (
     assess_vacuum,
     CalibrationError,
     MARK_TIME,
@@ -32,14 +32,14 @@ from soft_continuum.hardware.calibration import (
     SegmentVacuum,
     TendonBench,
 )
-from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.drives import (
+from soft_continuum.commissioning.drives import (
     clear_zero,
     corrected_scale,
     corrected_steps,
     DRIVES,
 )
+from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import (
     HardwareError,
     JammingDriver,

@@ -135,7 +135,7 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
 def _check_topics(driver: Any) -> Iterator[Check]:
     """Yield what is heard on the topics of a driver that has any."""
     if hasattr(driver, 'link'):
-        from soft_continuum.hardware.ros_topics.survey import (
+        from soft_continuum.ros_topics.survey import (
             survey,  # needs ROS, as the driver does
         )
 

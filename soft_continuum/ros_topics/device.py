@@ -13,7 +13,7 @@ from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.protocols import HardwareError
 
 if TYPE_CHECKING:
-    from soft_continuum.hardware.ros_topics.link import RosLink
+    from soft_continuum.ros_topics.link import RosLink
 
 OPEN_TIMEOUT = 4.0
 """Time limit (s) of discovery and of the first states."""
@@ -53,7 +53,7 @@ class RosDevice(ABC):
         """Find the topics and read the present state; raises HardwareError.  Nothing is sent."""
         self._closing.clear()
         with needed(HardwareError):
-            from soft_continuum.hardware.ros_topics.link import RosLink
+            from soft_continuum.ros_topics.link import RosLink
         try:
             with self._lock:
                 link = self.link = RosLink(self.node, self._clock)

@@ -8,7 +8,7 @@ from typing import Any, TYPE_CHECKING
 from soft_continuum.hardware.protocols import HardwareError
 
 if TYPE_CHECKING:
-    from soft_continuum.hardware.ros_topics.link import CommandPublisher, Listener, RosLink
+    from soft_continuum.ros_topics.link import CommandPublisher, Listener, RosLink
 
 PREFIX = 'ros_jamming.'
 BOOL, NUMBER, ARRAY = 'std_msgs/Bool', 'std_msgs/Float64', 'std_msgs/Float64MultiArray'
@@ -56,7 +56,7 @@ class Commands:
 
     def __init__(self, link: 'RosLink', name: str, kind: str, topics: Sequence[str]) -> None:
         """Create publishers; name: of the parameter.  Nothing is sent."""
-        from soft_continuum.hardware.ros_topics.link import message_class
+        from soft_continuum.ros_topics.link import message_class
 
         self._message, self._array = message_class(kind), kind == ARRAY
         self._of: Callable[[float], Any] = bool if kind == BOOL else float

@@ -9,7 +9,7 @@ from typing import Any
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.ros_topics.link import Listener, names
+from soft_continuum.ros_topics.link import Listener, names
 
 LISTENING = 2.0  # s
 READ_INTERVAL = 0.02  # s

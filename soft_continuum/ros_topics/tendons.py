@@ -19,12 +19,12 @@ from soft_continuum.hardware.protocols import (
     HardwareError,
     TendonReading,
 )
-from soft_continuum.hardware.ros_topics.device import POLL_INTERVAL, RosDevice
-from soft_continuum.hardware.ros_topics.joint_states import Joints, JointWatch, PREFIX
 from soft_continuum.parameters.parameter import Parameter, TOPIC_NAME
+from soft_continuum.ros_topics.device import POLL_INTERVAL, RosDevice
+from soft_continuum.ros_topics.joint_states import Joints, JointWatch, PREFIX
 
 if TYPE_CHECKING:
-    from soft_continuum.hardware.ros_topics.link import CommandPublisher, Listener, RosLink
+    from soft_continuum.ros_topics.link import CommandPublisher, Listener, RosLink
 
 FOLLOW_TIME = 0.3
 """Time for which a joint may exceed following_error, s."""

@@ -15,7 +15,7 @@ from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.arguments import FAILED, FOR_ANALYSIS, NO_NODES, number_in, Parser
 from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number
-from soft_continuum.hardware.calibration import CalibrationError
+from soft_continuum.commissioning.calibration import CalibrationError
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.ros.names import LOAD_CELLS

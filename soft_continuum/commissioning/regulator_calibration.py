@@ -7,7 +7,7 @@ from functools import partial
 from math import inf, isfinite
 from statistics import fmean
 
-from soft_continuum.hardware.calibration import POLL_INTERVAL, retry
+from soft_continuum.commissioning.calibration import POLL_INTERVAL, retry
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver

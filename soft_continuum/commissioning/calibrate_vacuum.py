@@ -8,15 +8,15 @@ from statistics import fmean
 from typing import Any
 
 from soft_continuum.analysis.results import text_table
-from soft_continuum.hardware.calibration import SegmentVacuum
-from soft_continuum.hardware.jamming_controller import JammingSettings
-from soft_continuum.hardware.protocols import RegulatorDriver
-from soft_continuum.hardware.regulator_calibration import (
+from soft_continuum.commissioning.calibration import SegmentVacuum
+from soft_continuum.commissioning.regulator_calibration import (
     assess_regulator,
     LEVELS,
     measure_regulator,
     RegulatorResponse,
 )
+from soft_continuum.hardware.jamming_controller import JammingSettings
+from soft_continuum.hardware.protocols import RegulatorDriver
 
 HEAD = ('segment', 'to stiff s', 'reaches kPa', 'evacuates s', 'loses Pa/s', 'vents s', 'is')
 

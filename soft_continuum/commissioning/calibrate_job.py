@@ -6,8 +6,8 @@ import argparse
 from dataclasses import dataclass, field
 from typing import Any
 
-from soft_continuum.hardware.calibration import CalibrationError
-from soft_continuum.hardware.drives import Drive, DRIVES
+from soft_continuum.commissioning.calibration import CalibrationError
+from soft_continuum.commissioning.drives import Drive, DRIVES
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.scalars import as_yaml
 
