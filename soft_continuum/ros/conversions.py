@@ -85,7 +85,7 @@ def measured_pose_from_ros(message: PoseWithCovarianceStamped, axes: NDArray[np.
     Return a measured pose (7,) and its covariance (6, 6), in m and rad.
 
     axes: as pose_axes of the arm; other coordinates are ignored.  frame: required frame.  A
-    coordinate with a variance of MAX_VARIANCE or more is not measured. Raises ValueError for
+    coordinate with a variance of MAX_VARIANCE or more is not measured.  Raises ValueError for
     another frame, for numbers that are not finite, an invalid quaternion or covariance, and an
     orientation out of the plane of a planar arm.
     """

@@ -5,10 +5,10 @@ The arm as a dynamic plant in MuJoCo.
 
 It only uses the description of the arm from soft_continuum.mechanics: closing a loop on the
 suite's own statics would prove nothing.  The chain is the described one, springs between rigid
-bodies. A jam adds a spring to each joint, about its angle when the vacuum was applied, in series
+bodies.  A jam adds a spring to each joint, about its angle when the vacuum was applied, in series
 with dry friction: beyond the yield moment that angle creeps.  A tendon is an upper limit of a
 length.  Friction at its guides (Capstan) is a force along each span that follows the tension, in
-the direction in which its motor moved last: MuJoCo's own dry friction lets go at rest. The arm
+the direction in which its motor moved last: MuJoCo's own dry friction lets go at rest.  The arm
 touches obstacles, without friction, but not itself.
 """
 

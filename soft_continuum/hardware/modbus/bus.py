@@ -8,7 +8,7 @@ nothing is sent twice, and a request succeeds only when exactly its reply is rec
 unit, function, length, echo and CRC.  After anything else the line is not used until it has been
 quiet for a while; ``out_of_step`` then indicates that late replies may still arrive.  Zeros around
 a reply are ignored: lines without bias add some.  A write is acknowledged by its repetition, which
-an adapter with a local echo also produces, so writes are only sent after an answered read. Frames
+an adapter with a local echo also produces, so writes are only sent after an answered read.  Frames
 and CRC are pymodbus's (frames.py); its client is not used, as it accepts a late reply.
 """
 

@@ -62,7 +62,7 @@ class ModbusJamming:
 
     A call makes one to four requests, each bounded by ``modbus.timeout`` (0.1 s by default, 1 s at
     most), and raises after the first unanswered one: a board that does not reply blocks its caller
-    for one timeout at a time, with increasing pauses in which calls raise at once. Only
+    for one timeout at a time, with increasing pauses in which calls raise at once.  Only
     set_evacuated and set_pump switch anything; open, close and reconnection do not.
     """
 
