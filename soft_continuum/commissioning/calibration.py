@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How a rig is measured: small, slow tendon motions, and evacuating one segment after the other.
+Calibration of a rig: small, slow tendon motions, and evacuation of one segment at a time.
 
-Everything goes through the driver protocols.  Whatever ends a procedure early, Ctrl-C included,
-ends its motion and stops its pump.
+Everything goes through the driver protocols.  If a procedure ends early, also by Ctrl-C, its
+motion ends and its pump stops.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,10 +29,10 @@ from soft_continuum.hardware.protocols import (
 from soft_continuum.hardware.tendon_controller import TendonLimits
 
 SPEED = 2e-3
-"""m/s of every motion here."""
+"""Speed of every calibration motion, m/s."""
 MAX_MOVE = 0.01  # m
 POSITION_TOLERANCE = 2e-4
-"""m; a motor that stops further from its target has failed, if its driver allows for no more."""
+"""Largest position error at rest, m, unless the driver reports a larger tolerance."""
 REST_TIME = 0.2  # s without motion that count as rest
 TIMEOUT = 10.0  # s that anything may take longer than it should
 POLL_INTERVAL = 0.01  # s
@@ -40,7 +40,7 @@ RETRY_TIME = 3.0  # s for which a reading or a switch is tried again when a repl
 MARK_TIME = 1.0  # s for a driver to mark the reference in the controller
 
 PLATEAU_TIME, PLATEAU_RISE, MIN_EVACUATION_TIME = 1.0, 0.01, 3.0
-"""s over which the vacuum rises by less than this share at its end; s before that is judged."""
+"""A vacuum that rises by less than this share in so many s has settled; first checked after s."""
 MAX_EVACUATION_TIME = 30.0  # s
 PUMP_STOP_TIME, VENT_TIME = 0.5, 2.0
 """s for the pump to stop, and for a soft segment to lose the rest of its vacuum."""
@@ -57,7 +57,7 @@ class CalibrationError(ValueError):
 
 
 class TendonBench:
-    """Tendons that may move a little, slowly, and only while some segments are soft."""
+    """Tendons that may only make short, slow motions, while some segments are soft."""
 
     def __init__(self, tendons: TendonDriver, jamming: JammingDriver | RegulatorDriver | None,
                  segments: Sequence[int], limits: TendonLimits, soft_pressure: float,
@@ -113,8 +113,8 @@ class TendonBench:
         tendons = self._limits.tendons
         if not all(abs(d) <= MAX_MOVE for d in distances):
             raise CalibrationError(
-                f'{describe_pulls(tendons, distances)} were asked for; allowed: '
-                f'{_mm([MAX_MOVE])} to either side at a time')
+                f'requested: {describe_pulls(tendons, distances)}; allowed: {_mm([MAX_MOVE])} in '
+                'either direction at a time')
         start = self._tendons.read()
         target = tuple(a + b for a, b in zip(start.pulls, distances, strict=True))
         low, high = self._limits.pull_limits
@@ -188,7 +188,7 @@ class SegmentVacuum:
 
 
 def assess_vacuum(result: SegmentVacuum, settings: JammingSettings) -> tuple[str, ...]:
-    """Say what is wrong with a segment or the pump, and what to do; empty when nothing is."""
+    """Return faults of a segment or the pump, each with a remedy; empty for none."""
     if result.time_to_stiff == inf:
         return (f'never stiff: {result.ultimate_vacuum / 1e3:.1f} kPa of vacuum, stiff_vacuum is '
                 f'{settings.stiff_vacuum / 1e3:g} kPa; look for a leak, check valve and pump',)
@@ -198,7 +198,7 @@ def assess_vacuum(result: SegmentVacuum, settings: JammingSettings) -> tuple[str
                         'tubes, a clogged filter, a weak pump')
     if result.ultimate_vacuum < settings.pump_stop_vacuum:
         problems.append(
-            f'the pump would never rest: it reaches {result.ultimate_vacuum / 1e3:.1f} kPa, '
+            f'the pump would never stop: it reaches {result.ultimate_vacuum / 1e3:.1f} kPa, '
             f'pump_stop_vacuum is {settings.pump_stop_vacuum / 1e3:g} kPa; lower that or use '
             'another pump')
     rest = settings.pump_stop_vacuum - settings.pump_start_vacuum
@@ -218,7 +218,7 @@ def vent(jamming: JammingDriver | RegulatorDriver, segment: int) -> None:
 
 
 def retry(action: Callable[[], T], clock: Clock = STEADY) -> T:
-    """Return the result of an action that may be repeated, in spite of a missed reply."""
+    """Return the result of an action, repeated after a missed reply."""
     deadline = clock() + RETRY_TIME
     while True:
         try:
@@ -233,7 +233,7 @@ def rest_all(jamming: JammingDriver, segments: int, clock: Clock = STEADY) -> No
     """
     Switch the pump off and vent all segments, trying again where the line was disturbed.
 
-    What fails for good does not keep the rest from being switched; then raises HardwareError.
+    A lasting failure does not prevent the other switches; HardwareError is raised at the end.
     """
     deadline = clock() + TIMEOUT
     due: list[Callable[[], None]] = [
@@ -270,8 +270,8 @@ def measure_segment(jamming: JammingDriver, segment: int, segments: int,
     def vent() -> None:
         jamming.set_evacuated(segment, False)
 
-    stuck = (f'segment {segment + 1} keeps its vacuum though it is vented; check its vent, valve '
-             'and pressure sensor')
+    stuck = (f'segment {segment + 1} keeps its vacuum after venting; check its vent, valve and '
+             'pressure sensor')
     try:
         rest_all(jamming, segments, clock)
         _record(clock, vacuum, lambda samples: samples[-1][1] < soft_vacuum, vent, stuck)

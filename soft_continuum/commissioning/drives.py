@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What calibration corrects of the drivers of tendons: signs, scales, zeros that were an aid."""
+"""Tendon driver settings that calibration corrects: signs, scales, temporary zeros."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.user_files import dynamixel_zeros
 
 MAX_STEPS_FACTOR = 10.0
-"""By which a scale may be wrong; beyond, the measured value counts as a typing error."""
+"""Largest error factor of a scale; beyond it the measured value counts as a typing error."""
 
 
 @dataclass(frozen=True)
 class Drive:
     """
-    What a driver calls signs and scale of the tendons; inverse: more of it is less turning.
+    Parameter names of signs and scale in a driver; inverse: a larger scale turns less.
 
-    zeros: what it calls the positions at zero pull, where it knows them only from a parameter.
+    zeros: name of the positions at zero pull, if they are only set by a parameter.
     """
 
     signs: str
@@ -54,9 +54,9 @@ def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> f
     low, high = commanded / MAX_STEPS_FACTOR, commanded * MAX_STEPS_FACTOR
     if not (isfinite(measured) and low <= measured <= high):
         raise CalibrationError(
-            f'{_mm(measured)} measured for {_mm(commanded)} commanded; allowed: '
-            f'{_mm(low)} to {_mm(high)}. Give mm; if it is really so, '
-            'correct the steps/mm of controller and configuration roughly first')
+            f'{_mm(measured)} measured for {_mm(commanded)} commanded; allowed: {_mm(low)} to '
+            f'{_mm(high)}. Give mm; if the value is right, first correct steps/mm roughly in '
+            'controller and configuration')
     return round(steps_per_mm * commanded / measured, 3)  # as many digits as GRBL keeps
 
 
@@ -69,7 +69,7 @@ def corrected_scale(drive: Drive, scale: float, commanded: float, measured: floa
 
 
 def clear_zero(values: Mapping[str, Any]) -> None:
-    """Let the device of the tendons forget its zero, which was only an aid; nothing moves."""
+    """Clear the temporary zero of the tendon device; nothing moves."""
     if values['tendon_driver'] == 'grbl':
         for port in values['grbl.port'].split():
             clear_reference(port, values['grbl.baud_rate'])
@@ -84,7 +84,7 @@ def clear_zero(values: Mapping[str, Any]) -> None:
 
 def clear_reference(port: str, baud_rate: int) -> None:
     """
-    Let a GRBL controller at rest forget its zero, which was only an aid: nothing moves.
+    Clear the temporary zero of a GRBL controller at rest; nothing moves.
 
     Raises HardwareError when it cannot be reached.
     """

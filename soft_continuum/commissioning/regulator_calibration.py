@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What ``calibrate vacuum`` measures of a vacuum regulator: its speed, and how true it is."""
+"""Measurements of ``calibrate vacuum`` on a vacuum regulator: its speed and its accuracy."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -24,7 +24,7 @@ class RegulatorResponse:
     How a segment (0-based) follows its regulator.
 
     rise, fall: s from 0 to near the full vacuum, and from there to soft; inf: never.  errors: at
-    each of LEVELS, vacuum that is measured less what the regulator is told, Pa.
+    each of LEVELS, measured vacuum minus set-point, Pa.
     """
 
     segment: int
@@ -39,7 +39,7 @@ def measure_regulator(driver: RegulatorDriver, segment: int, segments: int,
     """
     Give one segment (0-based) of ``segments`` the full vacuum, then less, then none.
 
-    soft_vacuum: Pa.  Before and after, also when it fails, all are told 0.  Raises HardwareError
+    soft_vacuum: Pa.  Before and after, also when it fails, all are set to 0.  Raises HardwareError
     when a device fails.
     """
     def vacuum() -> float:
@@ -50,7 +50,7 @@ def measure_regulator(driver: RegulatorDriver, segment: int, segments: int,
         return value
 
     def arrival(told: float, near: float) -> float:
-        """Return how long it takes to come so near (Pa) to what is told; inf: never."""
+        """Return the time until a vacuum is so close (Pa) to its set-point; inf: never."""
         begin = clock()
         retry(partial(driver.set_vacuum, segment, told), clock)
         while abs(vacuum() - told) > near:
@@ -83,13 +83,13 @@ def measure_regulator(driver: RegulatorDriver, segment: int, segments: int,
 
 
 def release_all(driver: RegulatorDriver, segments: int, clock: Clock = STEADY) -> None:
-    """Tell every regulator 0, trying again where the line was disturbed."""
+    """Set every regulator to 0, with retries if the line is disturbed."""
     for segment in range(segments):
         retry(partial(driver.set_vacuum, segment, 0.0), clock)
 
 
 def assess_regulator(result: RegulatorResponse, settings: JammingSettings) -> tuple[str, ...]:
-    """Say what is wrong with a regulator, and what to do; empty when nothing is."""
+    """Return faults of a regulator, each with a remedy; empty for none."""
     problems = []
     if result.fall == inf:
         problems.append('never soft: the regulator does not vent, its vent is blocked, or the '
@@ -102,7 +102,7 @@ def assess_regulator(result: RegulatorResponse, settings: JammingSettings) -> tu
     worst = max(result.errors, key=abs)
     if not abs(worst) <= settings.vacuum_tolerance:
         problems.append(
-            f'{worst / 1e3:+.1f} kPa off what it is told; vacuum_tolerance: '
+            f'{worst / 1e3:+.1f} kPa off its set-point; vacuum_tolerance: '
             f'{settings.vacuum_tolerance / 1e3:g} kPa; compare modbus.output_range, '
             'modbus.output_vacuums and modbus.vacuum_at_20_ma with both devices')
     return tuple(problems)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the command lines of the emulators share: serve, execute typed commands, end cleanly."""
+"""Shared by the command lines of the emulators: serve, execute typed commands, end cleanly."""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -18,15 +18,15 @@ Emulator = TypeVar('Emulator')
 Ranges = Mapping[str, tuple[float, float]]
 RANGES: Ranges = {
     'SECONDS': (0.0, 3600.0), 'SHARE': (0.0, 1.0), 'COUNT': (0, 1000000), 'BYTES': (1, 4096)}
-"""The numbers that commands of several emulators take; whole numbers have bounds of type int."""
+"""Ranges of arguments that several emulators share; integer arguments have int bounds."""
 
 
 @dataclass(frozen=True)
 class Command:
     """
-    A line that may be typed: the names of its numbers, its help and its function.
+    A command that may be typed: the names of its arguments, its help and its function.
 
-    The function takes the emulator and the numbers, and may return what to print.
+    The function takes the emulator and the arguments, and may return a text to print.
     """
 
     arguments: str
@@ -35,15 +35,15 @@ class Command:
 
 
 def set_to(name: str, value: object = None) -> Callable[..., None]:
-    """Return the function of a command that sets an attribute, to its number without a value."""
+    """Return the function of a command that sets an attribute, by default to its argument."""
     return lambda emulator, number=value: setattr(emulator, name, number)
 
 
 def device_parser(device: str, description: str, *, timed: bool = True) -> Parser:
-    """Return a parser of the options that emulators share; timed: whether their time may run."""
+    """Return a parser of shared options; timed: whether the speed of time can be chosen."""
     parser = Parser(f'emulate {device}', description)
     parser.add_argument('--link', type=os.path.expanduser, metavar='PATH', default='',
-                        help='a symbolic link to make, as a port name that stays the same')
+                        help='symbolic link to create, as a stable port name')
     if timed:
         parser.add_argument('--time-factor', type=number_in(1e-6, 1000.0, ''), default=1.0,
                             metavar='FACTOR', help='emulated seconds per second (default: 1)')
@@ -52,20 +52,19 @@ def device_parser(device: str, description: str, *, timed: bool = True) -> Parse
 
 def execute(commands: Mapping[str, Command], ranges: Ranges, emulator: Any, line: str) -> str:
     """
-    Carry out a typed line; return what to print.
+    Execute a typed line; return the text to print.
 
-    ranges: smallest and largest value of each argument.  Raises ValueError for a line that is
-    wrong.
+    ranges: smallest and largest value of each argument.  Raises ValueError for an invalid line.
     """
     if line.strip() == 'help':
         return '\n'.join([*(f'{name + " " + c.arguments:<20} {c.help}'
                             for name, c in commands.items()), f'{"quit":<20} end'])
     name, *words = line.split()
     if name not in commands:
-        raise ValueError(f'{name} is no command; type help')
+        raise ValueError(f'unknown command {name}; type help')
     arguments = commands[name].arguments.split()
     if len(words) != len(arguments):
-        raise ValueError(f'{name} takes: {" ".join(arguments) or "nothing more"}')
+        raise ValueError(f'{name} takes: {" ".join(arguments) or "no arguments"}')
     values = []
     for argument, word in zip(arguments, words, strict=True):
         low, high = ranges[argument]

@@ -21,7 +21,7 @@ T = TypeVar('T')
 
 class EmulatedDevice:
     """
-    A device that is served by a thread between ``with`` and its end; times are s on ``clock``.
+    A device that a thread serves inside a ``with`` statement; times are s on ``clock``.
 
     The port appears under a new ``name`` whenever it is plugged in, as a real one might.  No other
     thread changes the device while ``lock`` is held.
@@ -39,7 +39,7 @@ class EmulatedDevice:
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def __enter__(self) -> Self:
-        """Plug in and begin to answer; raises OSError when there is something else at the link."""
+        """Plug in and start to reply; raises OSError if another file exists at the link."""
         self.plug()
         self._thread.start()
         return self
@@ -72,10 +72,11 @@ class EmulatedDevice:
                     self.link.symlink_to(self.name)
                 except FileExistsError:
                     raise FileExistsError(
-                        f'{self.link} is there and no symbolic link; give another path') from None
+                        f'{self.link} exists and is not a symbolic link; give another '
+                        'path') from None
 
     def unplug(self) -> None:
-        """Pull out the cable: the port is gone; motors, pump and valves go on as they are."""
+        """Unplug the cable: the port disappears; motors, pump and valves keep their state."""
         with self.lock:
             if self._master < 0:
                 return
@@ -85,7 +86,7 @@ class EmulatedDevice:
             self._remove_link()
 
     def send(self, data: bytes) -> None:
-        """Put bytes on the line; what nothing reads is lost, as on a wire."""
+        """Put bytes on the line; bytes that nothing reads are lost, as on a wire."""
         with self.lock:
             if self._master >= 0:
                 with suppress(OSError):
@@ -96,7 +97,7 @@ class EmulatedDevice:
             self.link.unlink()
 
     def read(self, value: Callable[[], T]) -> T:
-        """Return a value of this moment, or change something between two moments."""
+        """Return a consistent value, or make a change, while the device stands still."""
         with self.lock:
             self._advance()
             return value()

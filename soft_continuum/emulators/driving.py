@@ -12,13 +12,13 @@ from soft_continuum.emulators.grbl import STEPS_PER_MM
 from soft_continuum.parameters.scalars import as_yaml, Value
 
 AXES = 3
-"""Of an emulated board; arms with more tendons have several, which share them evenly."""
+"""Axes of an emulated board; boards share the tendons of larger arms evenly."""
 BAUD_RATE = 1000000
 SPOOL_RADIUS = 0.01
 """m, of an emulated servo."""
 SERVO_MODEL = 'XM430-W350'
 TENSION_LIMIT, STALL_SHARE = 60.0, 0.5
-"""N of a tendon, but no more than this share of the tension at which its servo stalls."""
+"""N, limited to this share of the stall tension of the servo."""
 MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 
 
@@ -35,7 +35,7 @@ def grbl_parameters(ports: str | Path, tendons: int) -> dict[str, Value]:
 
 
 def tension_limit(model: str) -> float:
-    """Return the tension (N) that a servo on an emulated spool may pull with."""
+    """Return the tension limit (N) of a servo on an emulated spool."""
     return min(TENSION_LIMIT, STALL_SHARE * MODELS[model].stall_torque / SPOOL_RADIUS)
 
 
@@ -60,7 +60,7 @@ def modbus_parameters(port: str | Path) -> dict[str, Value]:
 def driving_parameters(grbl: str | Path = '', modbus: str | Path = '', tendons: int = 2, *,
                        dynamixel: str | Path = '') -> dict[str, Value]:
     """
-    Return what the nodes have to be given for boards at these ports.
+    Return the node parameters for boards at these ports.
 
     grbl: of the tendons, with spaces between; or dynamixel: of servos.  tendons: how many.
     """

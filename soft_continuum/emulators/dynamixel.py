@@ -78,21 +78,21 @@ def _supply(emulator: DynamixelEmulator, volts: float) -> None:
 
 
 COMMANDS = {
-    'unplug': Command('', 'pull out the adapter', DynamixelEmulator.unplug),
+    'unplug': Command('', 'unplug the adapter', DynamixelEmulator.unplug),
     'plug': Command('', 'put it back', DynamixelEmulator.plug),
     'power-cycle': Command('', 'switch the supply of all servos off and on',
                            DynamixelEmulator.power_cycle),
     'cycle': Command('N', 'switch one servo off and on',
                      lambda e, n: e.power_cycle(n - 1)),
-    'off': Command('N', 'pull the cable of one servo: no power, no bus',
+    'off': Command('N', 'unplug one servo: no power, no bus',
                    _servo(DynamixelServo.power_off)),
     'on': Command('N', 'put it back', _servo(DynamixelServo.power_on)),
-    'hang': Command('N', 'let one servo answer nothing',
+    'hang': Command('N', 'make one servo stop replying',
                     _servo(lambda s: setattr(s, 'hang', True))),
-    'drop': Command('COUNT', 'lose the next answers', set_to('drop')),
-    'deaf': Command('COUNT', 'lose the next instructions', set_to('deaf')),
-    'late': Command('SECONDS', 'answer late', set_to('late')),
-    'garble': Command('SHARE', 'damage this share of the answers', set_to('garble')),
+    'drop': Command('COUNT', 'drop the next replies', set_to('drop')),
+    'deaf': Command('COUNT', 'drop the next instructions', set_to('deaf')),
+    'late': Command('SECONDS', 'reply late', set_to('late')),
+    'garble': Command('SHARE', 'damage this share of the replies', set_to('garble')),
     'garble-in': Command('SHARE', 'damage this share of the instructions', set_to('garble_in')),
     'noise': Command('BYTES', 'send this many bytes without an instruction',
                      lambda e, count: e.send(random.randbytes(count))),
@@ -102,25 +102,26 @@ COMMANDS = {
                         _servo(lambda s: s.fail(OVERLOAD_ERROR))),
     'shock': Command('N', 'electrical shock: the motor switches off',
                      _servo(lambda s: s.fail(SHOCK_ERROR))),
-    'encoder': Command('N', 'break the encoder',
+    'encoder': Command('N', 'fail the encoder',
                        _servo(lambda s: setattr(s, 'broken', ENCODER_ERROR))),
-    'heat': Command('N DEGREES', 'bring the motor to this temperature',
+    'heat': Command('N DEGREES', 'set the temperature of the motor',
                     _servo(lambda s, degrees: setattr(s, 'temperature', degrees))),
-    'voltage': Command('VOLTS', 'change the supply of all servos', _supply),
-    'weight': Command('N NEWTON', 'hang this on the tendon',
+    'voltage': Command('VOLTS', 'set the supply voltage of all servos', _supply),
+    'weight': Command('N NEWTON', 'pull at the tendon with this force',
                       _servo(lambda s, force: setattr(s.motor.tendon, 'weight', force))),
-    'catch': Command('N', 'let nothing turn the spool',
+    'catch': Command('N', 'block the spool',
                      _servo(lambda s: setattr(s.motor, 'caught', True))),
     'mode': Command('N MODE', 'set an operating mode, as another program might',
                     _servo(lambda s, mode: s.set_up('Operating Mode', mode))),
-    'repair': Command('', 'end every fault but a pulled cable and what only a reboot ends',
+    'repair': Command('', 'clear all faults, but for unplugged cables and those that need a '
+                          'reboot',
                       DynamixelEmulator.repair),
-    'state': Command('', 'print what the servos really do', describe),
+    'state': Command('', 'print the true state of the servos', describe),
 }
 
 
 def execute_command(emulator: DynamixelEmulator, line: str) -> str:
-    """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
+    """Execute a typed line; return the text to print.  Raises ValueError for an invalid one."""
     servos = len(emulator.servos)
     return execute(COMMANDS, {
         **RANGES, 'N': (1, servos), 'OTHER': (1, servos), 'DEGREES': (-20.0, 150.0),
@@ -139,13 +140,13 @@ def main(argv: Sequence[str] | None = None) -> int:
                         f'{", ".join(map(str, BAUD_RATES[:-1]))} (default: %(default)s)')
     parser.add_argument('--mode', type=int, default=CURRENT_POSITION, metavar='MODE',
                         choices=MODELS['XM430-W350'].modes, help='operating mode of servos that '
-                        'have it: 0, 1, 3 (as they are delivered), 4, 5 or 16 (default: 5, '
+                        'have it: 0, 1, 3 (factory setting), 4, 5 or 16 (default: 5, '
                         'current-based position control)')
     parser.add_argument('--protocol-1', action='store_true',
-                        help='servos that speak the old Protocol 1.0 (XM and XL430 can)')
+                        help='servos with the old Protocol 1.0 (XM and XL430 only)')
     arguments = parser.parse_args(argv)
     if arguments.protocol_1 and not MODELS[arguments.model].old_protocol:
-        parser.error(f'{arguments.model} cannot speak Protocol 1.0')
+        parser.error(f'{arguments.model} does not support Protocol 1.0')
     servos = make_servos(arguments.tendons, arguments.model, arguments.baud_rate, arguments.mode)
     for servo in servos:
         servo.values['Protocol Type'] = 1 if arguments.protocol_1 else 2

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Servos on one bus, behind a pseudo-terminal: who hears, who answers, when, and what is lost.
+Servos on one bus, behind a pseudo-terminal: reception, replies, their timing and losses.
 
-A pseudo-terminal has no baud rate, but it can be asked which one the computer has set: servos hear
-only what comes at theirs.  Bytes take their time on the wire, at 10 bits each.
+A pseudo-terminal has no baud rate, but reports the one that the computer has set: servos receive
+only packets at their own.  Bytes take their time on the wire, at 10 bits each.
 """
 
 from collections.abc import Callable, Sequence
@@ -61,7 +61,7 @@ class DynamixelEmulator(EmulatedDevice):
         self.servos = list(servos)
         self.transform: Callable[[bytes], bytes] | None = None
         self.packets: list[Packet] = []
-        """Every intact instruction packet that servos could hear."""
+        """Every intact instruction packet that servos could receive."""
         self.random = random.Random(seed)
         self._readers = {2: PacketReader(), 1: OldPacketReader()}
         self._free = 0.0  # when the last byte of request or answer has passed
@@ -74,7 +74,7 @@ class DynamixelEmulator(EmulatedDevice):
 
     @property
     def pulls(self) -> tuple[float, ...]:
-        """By how much each tendon has been pulled in since the beginning, m."""
+        """Pull of each tendon since the start, m."""
         return self.read(lambda: tuple(servo.motor.pull for servo in self.servos))
 
     @property
@@ -85,7 +85,7 @@ class DynamixelEmulator(EmulatedDevice):
     # Faults
 
     def power_cycle(self, number: int | None = None) -> None:
-        """Take the power from one servo (0 is the first), or from all, for a moment."""
+        """Switch one servo (0 is the first), or all, off and on."""
         def cycle() -> None:
             for servo in self.servos if number is None else [self.servos[number]]:
                 servo.power_off()
@@ -98,7 +98,7 @@ class DynamixelEmulator(EmulatedDevice):
             self.servos[number].values['ID'] = self.servos[other].values['ID']
 
     def repair(self) -> None:
-        """End all faults but a pulled plug and what only a reboot ends."""
+        """Clear all faults except an unplugged adapter and those that need a reboot."""
         with self.lock:
             self.drop = self.deaf = 0
             self.late = self.garble = self.garble_in = 0.0
@@ -144,7 +144,7 @@ class DynamixelEmulator(EmulatedDevice):
     def _duration(size: int, baud_rate: int) -> float:
         return size * BITS_PER_BYTE / baud_rate if baud_rate else 0.0
 
-    # Who hears, and who answers
+    # Reception and replies
 
     def _carry_out(self, packet: Packet, protocol: int, baud_rate: int) -> None:
         hearing = [servo for servo in self.servos if servo.answering

@@ -6,8 +6,8 @@ Models of the Dynamixel X series, and their control tables.
 Addresses, ranges, initial values and what a model can do are from its page of the ROBOTIS e-Manual
 (https://emanual.robotis.com/docs/en/dxl/x/, files docs/en/dxl/x/*.md and _includes/en/dxl/x/*.md
 of github.com/ROBOTIS-GIT/emanual), model numbers also from param/dxl_model of
-github.com/ROBOTIS-GIT/dynamixel_hardware_interface.  This is the emulator's own reading of them:
-the driver has another one, so that each checks the other.
+github.com/ROBOTIS-GIT/dynamixel_hardware_interface.  The emulator and the driver interpret them
+independently, so that each checks the other.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from functools import cache
 from math import pi
 
 PULSES = 4096
-"""Of a turn of the output."""
+"""Pulses per turn of the output."""
 PULSE = 2.0 * pi / PULSES  # rad
 VELOCITY_UNIT = 0.229 * PULSES / 60.0  # pulses/s: 0.229 rev/min
 ACCELERATION_UNIT = 214.577 * PULSES / 3600.0  # pulses/s^2: 214.577 rev/min^2
@@ -62,7 +62,7 @@ class Model:
 
     @property
     def torque_constant(self) -> float:
-        """Torque for each A, N m/A: that of the stalled servo."""
+        """Torque per current, N m/A, of the stalled servo."""
         return self.stall_torque / self.stall_current
 
     @property

@@ -34,11 +34,11 @@ LOAD_FRICTION = 0.1  # of the load torque, est
 OWN_FRICTION = 0.01  # of the stall torque, est
 OFF_DAMPING = 0.1  # of the damping of the powered motor, est
 STICTION, STANDSTILL = 1.2, 1e-3
-"""By how much friction is larger once the speed (rad/s) is below this, est."""
+"""Factor of friction below this speed (rad/s), est."""
 P_UNIT, I_UNIT, D_UNIT = 1.0 / 128.0, 1.0 / 65536.0, 1.0 / 16.0
 LOOP_TIME = 1e-3  # s of one step of the sums of the integral and the derivative; assumed
 STEP, RECTANGULAR, TRIANGULAR, TRAPEZOIDAL = range(4)
-"""As bits 4 and 5 of Moving Status have them."""
+"""Profile types, bits 4 and 5 of Moving Status."""
 NEAR = 0.01  # pulses
 
 
@@ -48,8 +48,8 @@ class Tendon:
     A tendon on a spool, as a spring that cannot push.
 
     radius: m.  sign: 1 if positive angles pull it in.  stiffness: N/m.  slack: m that must be
-    pulled in before it is taut.  weight: N that hang on it besides.  tension: N, from the plant of
-    a twin, which then replaces all these.
+    pulled in before it is taut.  weight: additional load, N.  tension: N, from the plant of a
+    twin, which then replaces all these.
     """
 
     radius: float = 0.01
@@ -60,7 +60,7 @@ class Tendon:
     tension: float | None = None
 
     def pull(self, angle: float) -> float:
-        """Return how much is pulled in (m) when the spool has turned by an angle (rad)."""
+        """Return the pull (m) at an angle (rad) of the spool."""
         return self.sign * self.radius * angle
 
     def tension_at(self, angle: float) -> float:
@@ -75,7 +75,7 @@ class Motor:
     A motor, its gears and its spool; positive torque and angle have the same direction.
 
     angle: rad since the beginning.  speed: rad/s.  torque: N m, of the motor before the gears rub.
-    caught: nothing can turn it.
+    caught: it is blocked.
     """
 
     def __init__(self, model: Model, tendon: Tendon) -> None:
@@ -89,7 +89,7 @@ class Motor:
 
     @property
     def pull(self) -> float:
-        """By how much the tendon is pulled in, m."""
+        """Pull of the tendon, m."""
         return self.tendon.pull(self.angle)
 
     @property
@@ -99,7 +99,7 @@ class Motor:
 
     def step(self, time: float, voltage: float, limit: float) -> None:
         """
-        Let a little time (s) pass.
+        Advance by a short time (s).
 
         voltage: part of the full one, -1 to 1.  limit: largest torque, N m; 0 is switched off.
         """
@@ -159,7 +159,7 @@ class Control:
                                values['Profile Acceleration'] * ACCELERATION_UNIT)
 
     def step(self, time: float, position: float) -> None:
-        """Let a little time (s) pass; position: as the servo counts it, pulses."""
+        """Advance by a short time (s); position: as the servo counts it, pulses."""
         values, model = self._values, self._model
         if not values['Torque Enable']:
             self.profile.hold(position)
@@ -216,7 +216,7 @@ class Profile:
     """
     A desired position (pulses) and speed (pulses/s) on the way to ``goal``.
 
-    A new goal begins with the speed that there is.
+    A new goal starts from the present speed.
     """
 
     def __init__(self, position: float) -> None:

@@ -16,14 +16,14 @@ MARK, STUFFED = b'\xff\xff\xfd', b'\xff\xff\xfd\xfd'
 BROADCAST = 0xFE
 MAX_ID = 252
 MAX_LENGTH = 1024
-"""Of what follows the length field; more is no packet.  The buffers of the maker's SDK."""
+"""Largest value of the length field.  The buffers of the maker's SDK."""
 STATUS = 0x55
 ALERT = 0x80
-"""In the error of a status packet: the Hardware Error Status is not 0."""
+"""Bit in the error of a status packet: the Hardware Error Status is not 0."""
 
 
 class Instruction(IntEnum):
-    """What a packet asks for."""
+    """Instructions of packets."""
 
     PING = 0x01
     READ = 0x02
@@ -120,14 +120,14 @@ def fast_blocks(answers: Iterable[tuple[int, int, bytes]], length: int) -> list[
 
 
 class PacketReader:
-    """Takes bytes as they come and finds the packets of Protocol 2.0 in them."""
+    """Extracts packets of Protocol 2.0 from a stream of bytes."""
 
     def __init__(self) -> None:
         """Begin with nothing."""
         self._buffer = bytearray()
 
     def clear(self) -> None:
-        """Drop the beginning of a packet whose rest did not come in time."""
+        """Drop an incomplete packet whose rest was not received in time."""
         self._buffer.clear()
 
     @property
@@ -136,7 +136,7 @@ class PacketReader:
         return bool(self._buffer)
 
     def feed(self, data: bytes) -> Iterator[Packet]:
-        """Return the packets that end in these bytes; of a damaged one what it seems to be."""
+        """Return the packets that end in these bytes; damaged ones as far as parsed."""
         buffer = self._buffer
         buffer += data
         while True:

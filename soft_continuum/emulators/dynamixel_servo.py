@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The firmware of a servo of the X series: what it keeps, what it allows, what it does.
+The firmware of a servo of the X series: its registers, their checks, its behaviour.
 
-After the pages of the models and _includes/en/dxl/x/ of the ROBOTIS e-Manual.  What those leave
-open is marked 'assumed', and is what asks most of a driver.
+After the pages of the models and _includes/en/dxl/x/ of the ROBOTIS e-Manual.  Behaviour that
+those leave open is marked 'assumed'; the choice is the hardest one for a driver.
 """
 
 from math import floor
@@ -40,15 +40,15 @@ ROOM_TEMPERATURE = 30  # degrees C
 ANSWERED_AT_LEVEL: dict[int, int] = {
     Instruction.PING: 0, Instruction.READ: 1, Instruction.SYNC_READ: 1,
     Instruction.FAST_SYNC_READ: 1, Instruction.BULK_READ: 1, Instruction.FAST_BULK_READ: 1}
-"""The lowest Status Return Level at which there is an answer; 2 for all others."""
+"""The lowest Status Return Level at which a servo replies; 2 for all others."""
 
 
 class DynamixelServo:
     """
     A servo; times are s.
 
-    motor: the truth about spool and tendon.  values: the control table by names.  supply: V.
-    temperature: degrees C.  hang: it answers nothing, and goes on.  powered: it has power.
+    motor: ground truth of spool and tendon.  values: the control table by names.  supply: V.
+    temperature: degrees C.  hang: it does not reply, but goes on.  powered: it has power.
     """
 
     def __init__(self, model: Model, device: int = 1, tendon: Tendon | None = None, *,
@@ -83,7 +83,7 @@ class DynamixelServo:
 
     @property
     def answering(self) -> bool:
-        """Whether it hears and answers."""
+        """Whether it receives and replies."""
         return self.powered and not self.hang and self.time >= self._ready
 
     @property
@@ -93,7 +93,7 @@ class DynamixelServo:
 
     @property
     def resting(self) -> bool:
-        """Whether time changes nothing but what the tendon does."""
+        """Whether only the tendon changes with time."""
         return (self.motor.speed == 0.0 and not self._control.profile.ongoing
                 and self.time >= self._ready)
 
@@ -107,7 +107,7 @@ class DynamixelServo:
         self._boot()
 
     def repair(self) -> None:
-        """End the faults that last; a motor that was switched off stays so until a reboot."""
+        """Clear lasting faults; a motor that was switched off stays off until a reboot."""
         self.hang, self.broken, self.motor.caught = False, 0, False
         self.supply, self.temperature = self.model.voltage, ROOM_TEMPERATURE
         self.motor.tendon.weight = 0.0
@@ -135,7 +135,7 @@ class DynamixelServo:
 
     @property
     def position(self) -> float:
-        """What Present Position would be with decimals, pulses."""
+        """Present Position with decimals, pulses."""
         return self._raw() + self._turns + self._offset()
 
     def _raw(self) -> float:
@@ -169,7 +169,7 @@ class DynamixelServo:
     # Time
 
     def advance(self, time: float) -> None:
-        """Let a little time (s) pass."""
+        """Advance by a short time (s)."""
         self.time += time
         if not self.powered:
             self.motor.step(time, 0.0, 0.0)
@@ -183,7 +183,7 @@ class DynamixelServo:
         self._control.step(time, self.position)
 
     def expire(self) -> None:
-        """Let the Bus Watchdog end all motion: the torque stays on."""
+        """Stop all motion, as the Bus Watchdog does: the torque stays on."""
         self.values['Bus Watchdog'] = WATCHDOG_ERROR
         self.values['Profile Velocity'] = self.values['Profile Acceleration'] = 0
         self._control.stop(self.position)

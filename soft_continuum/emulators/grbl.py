@@ -9,7 +9,7 @@ from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import Clock
 
 STEPS_PER_MM = 200
-"""Of the emulated motors and drums; the board itself counts steps."""
+"""Steps per mm of the emulated motors and drums; the board itself counts steps."""
 CONFIGURATION = """\
 Put this into the parameter file of tendon_actuation:
 /**:
@@ -23,13 +23,13 @@ Type a fault, or help.
 
 
 def repair(emulator: GrblEmulator) -> None:
-    """End the faults that last."""
+    """Clear all lasting faults."""
     emulator.hang = emulator.firmware.race = emulator.firmware.stalled = False
     emulator.drop_ok, emulator.late_ok, emulator.garble = 0, 0.0, 0.0
 
 
 def describe(emulator: GrblEmulator) -> str:
-    """Return the state and what the motors have done, for a person to read."""
+    """Return the state and the motor positions as text."""
     x, y, _ = emulator.motors
     return (f'{emulator.port}: {emulator.firmware.state}, motors have made {x} and {y} steps, '
             f'{"holding" if emulator.energised else "without current"}, '
@@ -39,26 +39,26 @@ def describe(emulator: GrblEmulator) -> str:
 COMMANDS = {
     'reset': Command('', 'reset the board, as opening the port of an Arduino does',
                      GrblEmulator.reset),
-    'unplug': Command('', 'pull out the cable', GrblEmulator.unplug),
+    'unplug': Command('', 'unplug the cable', GrblEmulator.unplug),
     'plug': Command('', 'put it back', GrblEmulator.plug),
-    'hang': Command('', 'answer nothing', set_to('hang', True)),
-    'drop-ok': Command('COUNT', 'lose the next acknowledgements', set_to('drop_ok')),
+    'hang': Command('', 'stop answering', set_to('hang', True)),
+    'drop-ok': Command('COUNT', 'drop the next acknowledgements', set_to('drop_ok')),
     'late-ok': Command('SECONDS', 'acknowledge late', set_to('late_ok')),
     'garble': Command('SHARE', 'damage this share of the lines', set_to('garble')),
     'alarm': Command('ALARM', 'lock the board with this alarm', GrblEmulator.alarm),
     'hold': Command('', 'press the feed hold button', GrblEmulator.hold),
     'door': Command('', 'open the safety door', GrblEmulator.door),
-    'stall': Command('', 'report motion, but make no step',
+    'stall': Command('', 'report motion without making steps',
                      lambda e: setattr(e.firmware, 'stalled', True)),
     'race': Command('', 'run the next jog as a program',
                     lambda e: setattr(e.firmware, 'race', True)),
-    'repair': Command('', 'end hang, drop-ok, late-ok, garble, stall and race', repair),
-    'state': Command('', 'print the state and what the motors have really done', describe),
+    'repair': Command('', 'clear hang, drop-ok, late-ok, garble, stall and race', repair),
+    'state': Command('', 'print the state and the true motor positions', describe),
 }
 
 
 def execute_command(emulator: GrblEmulator, line: str) -> str:
-    """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
+    """Execute a typed line; return the text to print.  Raises ValueError for an invalid one."""
     return execute(COMMANDS, {**RANGES, 'ALARM': (1, 9)}, emulator, line)
 
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What GRBL 1.1 firmware does with bytes: lines, real-time commands, states, settings, offsets.
+The GRBL 1.1 firmware: lines, real-time commands, states, settings, offsets.
 
-As much of it as moves three axes: jogs, G0 and G1, holds, resets, alarms, homing.
+Only what moves three axes: jogs, G0 and G1, holds, resets, alarms, homing.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -39,8 +39,8 @@ class GrblFirmware:
     The firmware and its motors, without a wire; times are emulated s.
 
     ``time`` is now and ``stood_since`` the end of the last motion.  ``race``: the next jog runs as
-    a program.  ``stalled``: the motors make no step, whatever the state.  ``greeting``: what a
-    reset says; forks of the firmware have their own.
+    a program.  ``stalled``: the motors make no step, whatever the state.  ``greeting``: sent after
+    a reset; forks of the firmware have their own.
     """
 
     def __init__(self, settings: Mapping[int, float], say: Callable[[str], None],
@@ -48,7 +48,7 @@ class GrblFirmware:
         """
         Switch on; ``settings`` are ``$`` numbers that are not as usual.
 
-        say, acknowledge: take the lines that are sent by themselves, and those that answer a line.
+        say, acknowledge: called with unsolicited lines, and with acknowledgements.
         switches: where the limit switches of X and Y close, from where the motors now are, in the
         unit of the settings.
         """
@@ -78,7 +78,7 @@ class GrblFirmware:
 
     @property
     def resting(self) -> bool:
-        """Whether time changes nothing: no motion, nothing to do, no state that ends by itself."""
+        """Whether nothing changes with time: no motion, no pending work, no temporary state."""
         return (self.planner.standing and not self._cancelling and b'\n' not in self.buffer
                 and self.state not in ('Jog', 'Run', 'Home')
                 and self._off_for <= 0.0 and self._pressed_for <= 0.0)
@@ -96,7 +96,7 @@ class GrblFirmware:
         self._work()
 
     def reset(self, banner: bool) -> None:
-        """Do what a reset at the board does: the position is zero wherever the motors are."""
+        """Reset, as at the board: the position becomes zero wherever the motors are."""
         self._place([0, 0])
         self._switch_on()
         if banner:
@@ -164,7 +164,7 @@ class GrblFirmware:
         self._restart()
 
     def _restart(self) -> None:
-        """Forget what every reset makes the firmware forget; the position is none of that."""
+        """Clear the state that every reset clears; not the position."""
         self.buffer.clear()
         self._critical = self._cancelling = False
         self.planner.clear()

@@ -20,7 +20,7 @@ FINE = 0.001  # s; the speed is constant over this
 
 Steps = tuple[int, ...]
 Coordinates = tuple[float, ...]
-"""Of X, Y and Z."""
+"""X, Y and Z."""
 
 
 @dataclass
@@ -57,7 +57,7 @@ class MachineSettings:
 
 
 class Planner:
-    """Blocks, segments and motors; ``motors`` are the steps that were really made."""
+    """Blocks, segments and motors; ``motors``: the steps that were made."""
 
     def __init__(self, settings: MachineSettings, motors: Steps = (0, 0, 0)) -> None:
         """Stand at ``motors``."""

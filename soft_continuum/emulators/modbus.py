@@ -55,21 +55,21 @@ def describe(emulator: ModbusEmulator) -> str:
 
 
 COMMANDS = {
-    'unplug': Command('', 'pull out the adapter', ModbusEmulator.unplug),
+    'unplug': Command('', 'unplug the adapter', ModbusEmulator.unplug),
     'plug': Command('', 'put it back', ModbusEmulator.plug),
-    'hang': Command('', 'answer nothing', set_to('hang', True)),
-    'late': Command('SECONDS', 'answer everything late', set_to('late')),
-    'drop': Command('SHARE', 'lose this share of the replies', set_to('drop')),
+    'hang': Command('', 'stop replying', set_to('hang', True)),
+    'late': Command('SECONDS', 'reply late', set_to('late')),
+    'drop': Command('SHARE', 'drop this share of the replies', set_to('drop')),
     'garble': Command('SHARE', 'damage this share of the replies', set_to('garble')),
     'echo': Command('', 'the adapter receives what it sends', set_to('echo', True)),
     'zeros': Command('BYTES', 'every reply ends with this many zeros, as on a line without bias',
                      set_to('zeros')),
-    'refuse': Command('CODE', 'answer everything by a Modbus exception; 0: no longer',
+    'refuse': Command('CODE', 'reply to everything with this Modbus exception; 0: stop that',
                       set_to('refuse')),
     'noise': Command('BYTES', 'send this many bytes without a request',
                      lambda e, count: e.send(random.randbytes(count))),
-    'power-cycle': Command('', 'let every relay fall off, or every output to 4 mA, as when the '
-                           'board loses power', ModbusEmulator.power_cycle),
+    'power-cycle': Command('', 'release every relay, or set every output to 4 mA, as in a loss of '
+                               'power', ModbusEmulator.power_cycle),
     'stuck-coil': Command('COIL', 'a relay no longer follows; 0 is the pump',
                           lambda e, coil: e.stuck.add(coil)),
     'stuck-output': Command('SEGMENT', 'the output of a regulator no longer follows',
@@ -83,13 +83,13 @@ COMMANDS = {
                             lambda e, segment: e.stick_sensor(segment - 1)),
     'leak': Command('SEGMENT RATE', 'a segment loses RATE Pa/s',
                     lambda e, segment, rate: e.segments[segment - 1].set_leak(rate)),
-    'repair': Command('', 'end every fault but a pulled plug', ModbusEmulator.repair),
+    'repair': Command('', 'clear all faults but an unplugged adapter', ModbusEmulator.repair),
     'state': Command('', 'print relays, vacuum and currents', describe),
 }
 
 
 def execute_command(emulator: ModbusEmulator, line: str) -> str:
-    """Carry out a typed line; return what to print.  Raises ValueError for one that is wrong."""
+    """Execute a typed line; return the text to print.  Raises ValueError for an invalid one."""
     segments = len(emulator.segments)
     return execute(COMMANDS, {**RANGES, 'RATE': (0.0, 1e6), 'CODE': (0, 255),
                               'COIL': (0, segments), 'SEGMENT': (1, segments)}, emulator, line)
@@ -105,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--regulators', action='store_true',
                         help='vacuum regulators on an output board, in place of pump and valves')
     parser.add_argument('--baud-rate', type=int, default=9600, metavar='RATE',
-                        help='answer as slowly as this line would; 0: at once (default: 9600)')
+                        help='reply as slowly as on this line; 0: at once (default: 9600)')
     arguments = parser.parse_args(argv)
     numbers = range(arguments.segments)
     return serve(

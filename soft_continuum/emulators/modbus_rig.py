@@ -6,9 +6,9 @@ Two Modbus RTU boards and the vacuum rig behind them, on a pseudo-terminal.
 A relay board (coil 0 is the pump, coil N the valve of segment N, which evacuates when on) and an
 analog board (input register N - 1 is the current of the transmitter of segment N in uA, 4 mA at
 ambient pressure and 20 mA at 100 kPa below).  A rig with regulators has, in place of the relay
-board, an analog output board: holding register N - 1 is the current in uA that tells the regulator
-of segment N its vacuum, 4 mA for none and 20 mA for 100 kPa.  It shares no code with the driver,
-so that each checks the other.  Every fault that a rig can have is a switch.
+board, an analog output board: holding register N - 1 is the set-point of the regulator of segment
+N as a current in uA, 4 mA for no vacuum and 20 mA for 100 kPa.  It shares no code with the driver,
+so that each checks the other.  Every fault of a rig can be switched on.
 """
 
 from collections.abc import Callable, Sequence
@@ -59,11 +59,11 @@ class Transmitter:
 
     @property
     def vacuum(self) -> float:
-        """What the segment has, Pa below ambient."""
+        """Vacuum of the segment, Pa below ambient."""
         return JammingPlant().ambient_pressure - self.read().pressures[0]
 
     def current(self) -> int:
-        """Return what the transmitter gives, uA."""
+        """Return the current of the transmitter, uA."""
         if self.broken_wire:
             return 0
         if self.stuck_at is not None:
@@ -72,7 +72,7 @@ class Transmitter:
 
 
 class Segment(SimulatedJamming, Transmitter):
-    """One segment with the pump to itself, which may have a hole."""
+    """One segment with a pump of its own; it may leak."""
 
     def __init__(self, clock: Clock, initially_stiff: bool) -> None:
         """Start evacuated or soft."""
@@ -158,7 +158,7 @@ class ModbusEmulator(EmulatedDevice):
 
     @property
     def coils(self) -> tuple[bool, ...]:
-        """How the relays stand: the pump, then the valves."""
+        """States of the relays: the pump, then the valves."""
         with self.lock:
             return tuple(self._coils)
 
@@ -169,20 +169,20 @@ class ModbusEmulator(EmulatedDevice):
 
     @property
     def outputs(self) -> tuple[int, ...]:
-        """What the output board gives the regulators, uA; none without."""
+        """Currents from the output board to the regulators, uA; empty without one."""
         with self.lock:
             return tuple(segment.output for segment in self.segments
                          if isinstance(segment, RegulatedSegment))
 
     def power_cycle(self) -> None:
-        """Take the power from a board for a moment: its relays fall off, its outputs to 4 mA."""
+        """Power-cycle a board: its relays release, its outputs fall to 4 mA."""
         for coil in range(len(self._coils)):
             self._set_coil(coil, False)
         for number in range(len(self.outputs)):
             self._set_output(number, LOW)
 
     def hang_regulator(self, segment: int) -> None:
-        """Let a regulator stay with the set-point that it has, whatever it is told."""
+        """Make a regulator keep its present set-point, whatever it is set to."""
         with self.lock:
             found = self.segments[segment]
             if not isinstance(found, RegulatedSegment):
@@ -195,7 +195,7 @@ class ModbusEmulator(EmulatedDevice):
             self.segments[segment].stuck_at = self.segments[segment].current()
 
     def repair(self) -> None:
-        """End every fault but a pulled plug."""
+        """Clear all faults except an unplugged adapter."""
         with self.lock:
             self.hang, self.late, self.drop, self.garble, self.refuse = False, 0.0, 0.0, 0.0, 0
             self.transform, self.echo, self.zeros = None, False, 0

@@ -29,9 +29,8 @@ class TendonMotors:
     """
     Motors that pull tendons; they are plugged in while this context manager is open.
 
-    pulls: returns by how much each has pulled in its tendon since the beginning, m.  load: lets
-    the tendons pull at the motors with tensions, N.  parameters: returns those of a node that is
-    to drive them.
+    pulls: returns the pull of each tendon since the start, m.  load: applies tensions of the
+    tendons to the motors, N.  parameters: returns those of a node that is to drive them.
     """
 
     devices: Sequence[EmulatedDevice]
@@ -80,4 +79,4 @@ def _dynamixel(link: str | Path, tendons: int, clock: Clock) -> TendonMotors:
 
 TENDON_MOTORS: Mapping[str, Callable[[str | Path, int, Clock], TendonMotors]] = {
     'grbl': _grbl, 'dynamixel': _dynamixel}
-"""By the name of the driver that drives them."""
+"""Emulated motors by the name of their driver."""

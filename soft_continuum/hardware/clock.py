@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Time as drivers and emulators see it, so that tests and demonstrations can let it run faster."""
+"""The clock of drivers and emulators, which tests and demonstrations can run faster."""
 
 from collections.abc import Sequence
 from select import select
@@ -33,10 +33,10 @@ class Clock:
 
 class Looks:
     """
-    Time for judging the silence of others, that stands still while nobody looks.
+    Time for detecting stale peers; it stands still while this program does not look.
 
-    From one look to the next at most GAP counts: a program that was kept waiting has not seen that
-    nothing came.
+    At most GAP counts between two looks: a program that was delayed cannot know that nothing was
+    received.
     """
 
     GAP = 0.1  # s
@@ -46,7 +46,7 @@ class Looks:
         self._clock, self._last, self._time = clock, clock(), 0.0
 
     def look(self) -> None:
-        """Let the time go on that has passed since the last look, as far as it counts."""
+        """Add the time since the last look, at most GAP."""
         last, self._last = self._last, self._clock()
         self._time += min(self._last - last, self.GAP)
 

@@ -1,14 +1,14 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The drivers that can be chosen by name: those of this package, and those of other packages.
+The drivers, of this package and of others, by name.
 
 A driver is a class that implements TendonDriver, JammingDriver or RegulatorDriver and also has
 ``PARAMETERS``, a tuple of Parameter, and ``from_parameters(values, clock)``, which returns one for
 the checked parameters of its node (its own, and all that the node has without it) and a steady
-clock in s.  One that talks to other nodes has an attribute ``node``, which make_driver sets: the
-node that uses it, whose context, namespace and remapping it is to share, or None.  Another package
-adds one by an entry point in the group TENDON_DRIVERS or JAMMING_DRIVERS;
+clock in s.  A driver that talks to other nodes has an attribute ``node``, which make_driver sets
+to the node that uses it, or None: the driver shares its context, namespace and remapping.  Other
+packages add drivers by an entry point in the group TENDON_DRIVERS or JAMMING_DRIVERS;
 docs/how_to/write_a_driver.md shows how.
 """
 
@@ -40,7 +40,7 @@ _PARAMETERS: Mapping[str, Mapping[str, tuple[Parameter, ...]]] = {
     TENDON_DRIVERS: {'grbl': OF_GRBL, 'dynamixel': OF_DYNAMIXEL},
     JAMMING_DRIVERS: {'modbus': OF_MODBUS},
 }
-"""Of drivers that take long to load: every node reads the parameters of all."""
+"""Parameters of drivers that load slowly, since every node reads the parameters of all."""
 
 
 @cache
@@ -91,7 +91,7 @@ def make_driver(group: str, name: str, values: Mapping[str, Any],
 
 def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], dict[str, str]]]:
     """
-    Return which topics of other nodes the chosen drivers use, by the parameter that chooses them.
+    Return the topics of other nodes that drivers use, by the parameter that selects the driver.
 
     values: checked parameters of a rig.  Of each, the type (as std_msgs/Bool) by name of the
     topics that its node publishes, and of those it subscribes to; names are as in the parameters.
@@ -107,7 +107,7 @@ def _load(group: str, name: str) -> Any:
     entry = _available(group)[name]
     try:
         return entry.load()
-    except Exception as error:  # whatever goes wrong in somebody's package
+    except Exception as error:  # any failure in another package
         raise HardwareError(
             isinstance(error, ImportError) and remedy(error)
             or f'the driver {name} ({entry.value}) cannot be loaded: '

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Stiff or soft: the state of every segment by its pressure, and when the pump runs."""
+"""Stiffness of every segment, from its pressure, and control of the pump."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from soft_continuum.hardware.protocols import (
 )
 
 RESPONSE_TIME = 10.0
-"""s after which the pressure of a segment must have followed its valve or its regulator."""
+"""Time for the pressure of a segment to follow its valve or regulator, s."""
 FOLLOW_TIME, FOLLOW_DROP = 0.3, 5e3
 """s of venting, at once or in parts, and Pa that a sensor must have lost by then."""
 REFILL_TIME = 3.0
-"""s with the pump running that restore what a shorter venting took, whatever the sensor says."""
+"""Pump time that restores the loss of a shorter venting, whatever the sensor shows, s."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class JammingSettings:
                     f'({getattr(self, high):g} Pa)')
 
     def check_regulators(self, max_vacuum: float) -> None:
-        """Raise HardwareError where regulators up to ``max_vacuum`` (Pa) make no segment stiff."""
+        """Raise HardwareError if regulators up to ``max_vacuum`` (Pa) cannot stiffen segments."""
         least = self.stiff_vacuum + self.vacuum_tolerance
         if not least <= self.full_vacuum <= max_vacuum:
             raise HardwareError(
@@ -64,7 +64,7 @@ class PressureWatch:
     """
     Detects the segments whose pressure does not follow their valve or regulator.
 
-    A set-point below ``release_vacuum`` is a venting, to which what is said of valves applies.
+    A set-point below ``release_vacuum`` counts as venting by a valve.
     """
 
     def __init__(self, segments: int, settings: JammingSettings) -> None:
@@ -83,7 +83,7 @@ class PressureWatch:
         self._distrusted = [False] * segments
 
     def vent(self, i: int) -> None:
-        """Note that a segment (0-based) is vented, for however short: its sensor must show it."""
+        """Note that a segment (0-based) is vented, however briefly: its sensor must confirm it."""
         if self._unnoticed[i] is None:
             self._unnoticed[i], self._vented[i] = self._vacuum[i], 0.0
         self._pumped[i] = 0.0
@@ -93,7 +93,7 @@ class PressureWatch:
         self._evacuated_at[i] = min(self._evacuated_at[i], now)
 
     def refilling(self, i: int) -> bool:
-        """Whether a segment may have lost vacuum in a venting too short for its sensor to show."""
+        """Whether a segment may have lost vacuum in a venting too short for its sensor."""
         return self._unnoticed[i] is not None
 
     def faults(self, reading: JammingReading, now: float) -> tuple[str, ...]:
@@ -136,20 +136,20 @@ class PressureWatch:
         name, kilopascals = f'segment {i + 1}', f'{vacuum / 1e3:.1f} kPa of vacuum'
         if not isfinite(vacuum):
             return f'{name}: no pressure; check the wire and the supply of its pressure sensor'
-        # A sensor that did not notice the venting is believed again when it shows it.
+        # A sensor that missed the venting is trusted again once it shows it.
         if vacuum < self._settings.release_vacuum:
             self._distrusted[i] = False
         elif overdue and not evacuated:
             self._distrusted[i] = True
         if self._distrusted[i] and setpoint is None:
-            return (f'{name}: has {kilopascals} though it was vented; its pressure sensor or its '
-                    'valve is stuck, or its vent is blocked. Vent it until the pressure shows it')
+            return (f'{name}: has {kilopascals} after venting; its pressure sensor or its valve '
+                    'is stuck, or its vent is blocked. Vent it until its pressure confirms it')
         if setpoint is not None:
             if overdue or self._distrusted[i]:
                 return (f'{name}: has {kilopascals}, its regulator was set to '
                         f'{setpoint / 1e3:.1f} kPa; the regulator, its supply or the pressure '
-                        'sensor fails, or the segment leaks. Set it to 0 until the pressure shows '
-                        'it')
+                        'sensor fails, or the segment leaks. Set it to 0 until its pressure '
+                        'confirms it')
         elif overdue and driven == (True, True) and vacuum < self._settings.stiff_vacuum:
             return (f'{name}: has only {kilopascals} after {RESPONSE_TIME:g} s with the pump '
                     'running; it leaks, its valve or its pressure sensor is stuck, or the pump '
@@ -158,7 +158,7 @@ class PressureWatch:
 
 
 def holds(reading: JammingReading, segment: int, settings: JammingSettings) -> bool:
-    """Return whether a segment (0-based) is told to keep a vacuum at which it may be stiff."""
+    """Return whether the set-point of a segment (0-based) allows it to be stiff."""
     if reading.vacuums:
         return reading.vacuums[segment] >= settings.release_vacuum
     return reading.evacuated[segment]
@@ -166,10 +166,10 @@ def holds(reading: JammingReading, segment: int, settings: JammingSettings) -> b
 
 class JammingController:
     """
-    Switches segments and knows from the pressure which of them are stiff.
+    Switches segments and determines from the pressures which of them are stiff.
 
-    stiff: per segment; False also when that is not known.  faults: per segment, what is wrong
-    with its pressure, empty for nothing.
+    stiff: per segment; False also when that is not known.  faults: per segment, the fault of its
+    pressure, empty for none.
     """
 
     def __init__(self, driver: JammingDriver | RegulatorDriver, segments: int,
@@ -241,13 +241,13 @@ class JammingController:
         """
         Set the vacuum of a segment (0-based), Pa below ambient; its pressure follows.
 
-        Raises ValueError for one that its regulator cannot hold, or where there are valves.
+        Raises ValueError for a vacuum beyond the regulator's range, and if the rig has valves.
         """
         if not isinstance(self._driver, RegulatorDriver):
             raise ValueError('the rig has valves, not regulators: switch the segment stiff or '
                              'soft (set_stiff)')
         if not 0.0 <= vacuum <= self._driver.max_vacuum:  # nan neither
-            raise ValueError(f'a vacuum of {vacuum:g} Pa is not set; allowed: 0 to '
+            raise ValueError(f'vacuum refused: {vacuum:g} Pa; allowed: 0 to '
                              f'{self._driver.max_vacuum:g} Pa (the largest set-point of the '
                              'regulators)')
         self._note(segment, vacuum >= self._settings.release_vacuum)

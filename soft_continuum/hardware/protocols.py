@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver of tendon motors and a driver of jamming valves or regulators must do."""
+"""The protocols of drivers: tendon motors, and jamming valves or regulators."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,11 +9,11 @@ from typing import Protocol, runtime_checkable, Self
 
 ROUNDING = 1e-9  # m by which a pull may be beyond a limit
 MAX_AHEAD = 5e-4
-"""m by which a tendon that comes back from beyond a limit may be ahead of where it is sent."""
+"""Tolerance (m) for a tendon that returns from beyond a limit."""
 
 
 class HardwareError(RuntimeError):
-    """A device failed; the message names it, what was seen, and the remedy."""
+    """A device failed; the message names the device, the observation and the remedy."""
 
 
 def describe_pulls(tendons: Sequence[str], pulls: Sequence[float]) -> str:
@@ -23,7 +23,7 @@ def describe_pulls(tendons: Sequence[str], pulls: Sequence[float]) -> str:
 
 
 def check_motion(tendons: Sequence[str], pulls: Sequence[float], duration: float) -> None:
-    """Raise HardwareError for pulls (m) and a duration (s) that are no motion of the tendons."""
+    """Raise HardwareError for pulls (m) and a duration (s) that are not a valid motion."""
     if len(pulls) != len(tendons):
         raise HardwareError(
             f'{len(pulls)} pulls were given; needed: one for each of {", ".join(tendons)}')
@@ -36,8 +36,8 @@ def check_limits(tendons: Sequence[str], pulls: Sequence[float], present: Sequen
     """
     Raise HardwareError for pulls (m) beyond pull_limits (low, high).
 
-    present: where the tendons are, m.  One that went beyond, while something failed or limits were
-    changed, must be able to come back: it may be sent wherever that is no further.
+    present: where the tendons are, m.  A tendon that is beyond them, after a failure or a change
+    of limits, may move anywhere that is not further beyond.
     """
     low, high = limits
     for pull, at in zip(pulls, present, strict=True):
@@ -51,11 +51,11 @@ def check_limits(tendons: Sequence[str], pulls: Sequence[float], present: Sequen
 @dataclass(frozen=True)
 class Accuracy:
     """
-    How well a device knows and does things, one value per tendon; empty: parameters say it.
+    Accuracy of a device, one value per tendon; empty: given by parameters.
 
-    pull_tolerances: how far from where it was sent a tendon may come to rest, m.
-    tension_stddevs: standard deviation of a tension near 0, N.  tension_relative_stddevs:
-    what grows with the tension, as a share of it; both add as squares.
+    pull_tolerances: largest position error of a tendon at rest, m.
+    tension_stddevs: standard deviation of a tension near 0, N.  tension_relative_stddevs: part
+    proportional to the tension, relative; both add as squares.
     """
 
     pull_tolerances: tuple[float, ...] = ()
@@ -69,8 +69,8 @@ class TendonReading:
     State of the motors, one value per tendon, in the order of the arm's ``tendon_names``.
 
     pulls: m, negative is paid out.  speeds: m/s.  tensions: N, None where nothing measures them.
-    referenced: whether the pulls are known relative to the straight arm.  unreferenced: why they
-    are not, for a person, where the driver can tell.  accuracy: as far as the driver knows it.
+    referenced: whether the pulls count from the straight arm.  unreferenced: why they do not, if
+    the driver reports it.  accuracy: as far as the driver reports it.
     """
 
     pulls: tuple[float, ...]
@@ -90,12 +90,12 @@ class TendonDriver(Protocol):
     """
     Steppers that pull the tendons.
 
-    ``read``, ``move``, ``stop`` and ``reference`` never wait for the device: they return within a
-    few milliseconds whatever it does, because a control loop calls them.  They raise HardwareError
-    when the device has failed, is not open or is being opened.  ``open`` may take up to 6 s and
-    ``close`` up to 1 s (to stop moving tendons), on any thread; ``close`` during ``open`` makes
-    that raise HardwareError.  A driver holds its tendons (motors energised) whenever it does not
-    move them, also after close.
+    ``read``, ``move``, ``stop`` and ``reference`` never wait for the device: a control loop calls
+    them, so they always return within a few milliseconds.  They raise HardwareError when the
+    device has failed, is not open or is being opened.  ``open`` may take up to 6 s and ``close``
+    up to 1 s (to stop moving tendons), on any thread; ``close`` during ``open`` makes that raise
+    HardwareError.  A driver holds its tendons (motors energised) when it does not move them, also
+    after close.
     """
 
     @property
@@ -121,8 +121,8 @@ class TendonDriver(Protocol):
         """
         Take the present position, the straight arm, as zero pull of all tendons, or search for it.
 
-        A driver that searches for it only begins to, and reads as moving until the tendons rest at
-        zero pull, or not referenced if it was not found.
+        A search only begins here: the reading is moving until the tendons rest at zero pull, or
+        not referenced if the zero was not found.
         """
 
 
@@ -180,11 +180,11 @@ class RegulatorDriver(Protocol):
     """
     A vacuum regulator and a pressure sensor per segment, in place of a pump and valves.
 
-    What has ``set_vacuum`` is one; a class whose parameters choose between valves and regulators
-    returns one of two classes from ``from_parameters``.  Nothing else changes for valves.  Timing,
-    errors, threads, ``open``, ``read`` and ``close`` are those of a JammingDriver.  What supplies
-    the regulators with vacuum runs by itself: nobody switches it.  A regulator keeps its set-point
-    on open, on close and while nobody talks to it.
+    A driver with ``set_vacuum`` is a RegulatorDriver; a class whose parameters choose between
+    valves and regulators returns one of two classes from ``from_parameters``.  Timing, errors,
+    threads, ``open``, ``read`` and ``close`` are those of a JammingDriver.  The vacuum supply of
+    the regulators is not switched.  A regulator keeps its set-point on open, on close and without
+    communication.
     """
 
     @property
@@ -204,5 +204,5 @@ class RegulatorDriver(Protocol):
         """
         Set the vacuum of a segment (0-based), Pa below the atmosphere, 0 to ``max_vacuum``.
 
-        Raises HardwareError when the set-point that is read back is another one.
+        Raises HardwareError when another set-point is read back.
         """

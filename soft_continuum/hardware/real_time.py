@@ -8,18 +8,18 @@ import os
 import threading
 
 PRIORITY = 20
-"""Among real-time threads, of 1 to 99: below those of the kernel that serve the ports."""
+"""Real-time priority, 1 to 99: below the kernel threads that serve the ports."""
 NICENESS = -15
-"""Of the other threads of the process: control waits for what they hold, as the interpreter."""
+"""Nice value of the other threads: control waits for their locks, such as the interpreter's."""
 LIMITS = '/etc/security/limits.d/99-soft_continuum.conf'
 
 
 def ask_for_real_time() -> bool:
     """
-    Let the calling thread go on before all that is not real-time (SCHED_FIFO).
+    Give the calling thread real-time priority (SCHED_FIFO).
 
-    Returns whether the system allows it; without, a busy computer may keep it waiting for longer
-    than devices wait for it.  What the thread starts has the usual priority.
+    Returns whether the system allows it; without it, a busy computer may delay the thread for
+    longer than the timeouts of devices.  Threads that it starts have the usual priority.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK,
@@ -31,12 +31,12 @@ def ask_for_real_time() -> bool:
 
 def ask_for_a_larger_share() -> None:
     """
-    Let all threads of this process, and those that it starts, go on before those of most others.
+    Raise the priority of all threads of this process, and of those that it starts.
 
-    Else a busy computer keeps a thread that holds the interpreter, or a lock of DDS, from running,
-    and with it the thread that talks to the device.  Real-time priority is none of theirs: threads
-    of the kernel that hand on what a serial port receives have the usual one, and would wait
-    for whatever this process computes.  Where the system does not allow it, nothing changes.
+    Otherwise a busy computer delays a thread that holds the interpreter, or a lock of DDS, and
+    with it the thread that talks to the device.  They must not have real-time priority: the kernel
+    threads that deliver serial data have the usual one and would wait for all computations of this
+    process.  If the system does not allow it, nothing changes.
     """
     with suppress(OSError):
         for thread in os.listdir('/proc/self/task'):
@@ -44,7 +44,7 @@ def ask_for_a_larger_share() -> None:
 
 
 def priority_allowed() -> tuple[bool, bool]:
-    """Return whether threads of this user may have each of both; the calling one stays as is."""
+    """Return whether threads of this user may have each of the two priorities; changes nothing."""
     def ask() -> tuple[bool, bool]:
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)

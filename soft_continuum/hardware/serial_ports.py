@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Serial ports: opened by one program only, with errors that name the fix."""
+"""Serial ports: opened exclusively, with errors that name the remedy."""
 
 import contextlib
 import errno
@@ -14,7 +14,7 @@ from serial.tools.list_ports import comports
 from soft_continuum.hardware.protocols import HardwareError
 
 BY_ID = Path('/dev/serial/by-id')
-"""Where Linux keeps names that stay with a device, whatever it is plugged into."""
+"""Where Linux keeps stable names of devices."""
 
 
 def list_ports() -> list[str]:
@@ -36,8 +36,7 @@ def open_serial(port: str, baud_rate: int) -> serial.Serial:
     """
     Open a serial port that no other program may open until it is closed.
 
-    port: such as /dev/serial/by-id/usb-...  Raises HardwareError saying what is wrong with it and
-    what to do.
+    port: such as /dev/serial/by-id/usb-...  Raises HardwareError with the cause and the remedy.
     """
     if not port:
         raise HardwareError(f'no serial port is configured; {describe_ports()}')
@@ -51,7 +50,7 @@ def open_serial(port: str, baud_rate: int) -> serial.Serial:
 
 
 def discard_output(port: serial.Serial) -> None:
-    """Drop what was not sent yet: closing a port waits up to 30 s for a device that takes none."""
+    """Drop unsent bytes: otherwise closing a port may wait up to 30 s for its device."""
     with contextlib.suppress(OSError, ValueError, termios.error):
         termios.tcflush(port.fileno(), termios.TCOFLUSH)
 
@@ -65,10 +64,10 @@ def _explain(port: str, error: OSError | ValueError) -> str:
                 f'log in again: sudo usermod -aG {_group(port)} $USER')
     # pyserial reports a lock that it did not get without a number of its own.
     if code in (errno.EAGAIN, errno.EBUSY) or 'exclusively lock' in str(error):
-        return ('is in use by another program; close it (see which: '
-                f'fuser -v {os.path.realpath(port)})')
+        return ('is in use by another program; close it (find it with: fuser -v '
+                f'{os.path.realpath(port)})')
     if code in (errno.EIO, errno.ENXIO, errno.ENODEV):
-        return f'the device is gone; check the cable and the power; {describe_ports()}'
+        return f'the device was disconnected; check the cable and the power; {describe_ports()}'
     return f'cannot be opened ({error}); {describe_ports()}'
 
 

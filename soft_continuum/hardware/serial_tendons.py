@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The life of a driver of tendons on a serial line: connect, serve, watch, stop, disconnect.
+Lifecycle of a tendon driver on a serial line: connect, serve, watch, stop, disconnect.
 
 One thread owns the line.  It lets the session talk to the device, cycle by cycle, and ends all
-motion when something is not as it must be.  After a failure only close() and open() help.
+motion on any failure.  After a failure only close() and open() help.
 """
 
 from abc import ABC, abstractmethod
@@ -28,7 +28,7 @@ POLL_INTERVAL = 0.005  # s
 
 
 class Wakeable:
-    """An open line of one thread, that others may wake or abort."""
+    """An open line, used by one thread, that others may wake or abort."""
 
     def __init__(self, name: str, clock: Clock) -> None:
         """Begin to wait for a line with the name of a port."""
@@ -38,7 +38,7 @@ class Wakeable:
         self._aborted = False
 
     def close(self) -> None:
-        """Release what waiting takes; a second call does nothing."""
+        """Release the resources of waiting; a second call does nothing."""
         self._waker.close()
         self._woken.close()
 
@@ -61,12 +61,12 @@ class Wakeable:
         return ready
 
     def wake(self) -> None:
-        """Let waiting return at once; from any thread, also after ``close``."""
+        """Make waiting return at once; from any thread, also after ``close``."""
         with contextlib.suppress(OSError):  # closed, or going to wake up anyway
             self._waker.send(b'w')
 
     def abort(self) -> None:
-        """Let the owner's next use raise HardwareError; from any thread."""
+        """Make the owner's next use raise HardwareError; from any thread."""
         self._aborted = True
         self.wake()
 
@@ -101,7 +101,7 @@ class Session(Protocol):
         """From the begin of one cycle to that of the next, s."""
 
     def cycle(self) -> None:
-        """Receive, judge and send what is due; raises HardwareError when something fails."""
+        """Receive, check and send due commands; raises HardwareError on a failure."""
 
     def reading(self) -> TendonReading:
         """Return the last state of the tendons."""
@@ -123,7 +123,7 @@ class Session(Protocol):
         """End all motion, and the session, for good."""
 
     def release(self) -> None:
-        """Leave a device at rest, which holds, to itself."""
+        """Leave a device at rest, which holds, without further communication."""
 
 
 LinkT = TypeVar('LinkT', bound=Wakeable)
@@ -134,7 +134,7 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
     """Tendons behind a serial line; see TendonDriver for what the methods promise."""
 
     DEVICE: ClassVar[str]
-    """Name and verb, to begin a sentence with, such as ``the servos are``."""
+    """Name and verb at the start of messages, such as ``the servos are``."""
 
     def __init__(self, tendons: tuple[str, ...], pull_limits: tuple[float, float],
                  reference_moves: bool, clock: Clock) -> None:
@@ -154,7 +154,7 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
 
     @abstractmethod
     def start(self, link: LinkT) -> SessionT:
-        """Take the device over, which moves nothing; raises HardwareError if it is unfit."""
+        """Take over the device without motion; raises HardwareError if it is unsuitable."""
 
     def open(self) -> None:
         """Connect and hold; raise HardwareError when device or settings are not as needed."""
@@ -201,7 +201,7 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
         link.close()
 
     def read(self) -> TendonReading:
-        """Return the state that the device reported last, some 0.1 s ago while it answers."""
+        """Return the last reported state, at most some 0.1 s old while the device replies."""
         with self._lock:
             return self._connected().reading()
 
@@ -225,8 +225,8 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
         """
         Take the present position as zero pull, or search for it: see the driver's parameters.
 
-        Raises HardwareError while tendons move.  Until a search has ended the reading moves, or is
-        not referenced if nothing was found.
+        Raises HardwareError while tendons move.  During a search the reading is moving; afterwards
+        it is not referenced if nothing was found.
         """
         with self._lock:
             session = self._movable()

@@ -14,7 +14,7 @@ from soft_continuum.parameters.parameter import Parameter
 @dataclass(frozen=True)
 class JammingPlant:
     """
-    How the simulated segments lose and gain air (estimates, not measured on the paper's arm).
+    Dynamics of the simulated segments (estimates, not measured on the paper's arm).
 
     ambient_pressure: Pa absolute.  ultimate_vacuum: Pa below it.  evacuation_time, venting_time:
     time constants, s.  valve_delay: s.  leak_rate: Pa/s while the pump rests.

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Tendon motion: which trajectories are accepted, how they are followed, and what stops them.
+Tendon motion: accepting, following and stopping trajectories.
 
-A trajectory that is not accepted changes nothing.  A stop always wins and lasts until resume.
+A rejected trajectory changes nothing.  A stop always wins and lasts until resume.
 """
 
 from collections.abc import Callable
@@ -21,13 +21,13 @@ from soft_continuum.hardware.protocols import (
 from soft_continuum.mechanics.arm import Array
 
 JOIN_TOLERANCE = 2e-4
-"""m between a set-point and a trajectory that replaces the present one; the driver smooths it."""
+"""Largest step (m) to a trajectory that replaces the present one; the driver smooths it."""
 MAX_DELAY = 0.2
 """s by which a trajectory may arrive late and still be joined."""
 
 
 class Reason(Enum):
-    """Why a motion was refused or ended, as MotionRequest.reason is named."""
+    """Why a motion was refused or ended; names as in MotionRequest.reason."""
 
     NO_REASON = auto()
     INVALID = auto()
@@ -52,10 +52,10 @@ class Reason(Enum):
 
 
 class MotionRefusedError(ValueError):
-    """A motion is not allowed; the message says what was asked for and what is allowed."""
+    """A motion is not allowed; the message has the request and the allowed range."""
 
     def __init__(self, reason: Reason, message: str) -> None:
-        """Refuse for a ``reason``, which programs act on, with a message for a person."""
+        """Refuse with a ``reason`` for programs and a message for people."""
         super().__init__(message)
         self.reason = reason
 
@@ -63,7 +63,7 @@ class MotionRefusedError(ValueError):
 @dataclass(frozen=True)
 class TendonLimits:
     """
-    How far and how fast the tendons may move.
+    Limits of tendon motion.
 
     tendons: their names.  pull_limits: smallest and largest pull, m.  speed_limit: m/s.
     """
@@ -102,7 +102,7 @@ class TendonController:
         reading, tensions = self._driver.read(), self._tensions()
         if tensions is None:
             return reading
-        # How well the driver knows tensions says nothing of load cells.
+        # The accuracy of the driver's tensions does not apply to load cells.
         return replace(reading, tensions=tensions,
                        accuracy=Accuracy(reading.accuracy.pull_tolerances))
 
@@ -113,13 +113,13 @@ class TendonController:
 
     @property
     def busy(self) -> bool:
-        """Whether the tendons move, or may still move to what they were sent."""
+        """Whether the tendons move, or may still move to their set-points."""
         return self._busy or self.reading.moving
 
     def accept(self, times: Array, pulls: Array, now: float, begin: float | None = None,
                continues: bool = False) -> None:
         """
-        Replace the present trajectory from ``now`` on by what ``plan`` makes of another one.
+        Replace the present trajectory from ``now`` on by another one, as ``plan`` returns it.
 
         Raises MotionRefusedError; then the present trajectory continues unchanged.
         """
@@ -243,9 +243,9 @@ class TendonController:
 
     def postpone(self, now: float) -> None:
         """
-        Make the trajectory as much later as the next update is by more than one interval.
+        Delay the trajectory by as much as the next update exceeds one interval.
 
-        It is not caught up, and further parts of a motion are judged by it.
+        The delay is not made up, and applies to later parts of the motion.
         """
         late = now - self._setpoint_time
         if self.following and late > self._interval:
@@ -256,9 +256,9 @@ class TendonController:
 
     def update(self, now: float, interval: float) -> TendonReading:
         """
-        Send the driver where it must be ``interval`` s from now; return where it is.
+        Send the driver the set-point ``interval`` s from now; return its reading.
 
-        What a call came late is postponed.
+        A late call postpones the trajectory.
         """
         self._interval = interval or self._interval
         rested = not self.following
@@ -269,7 +269,7 @@ class TendonController:
             try:
                 self._driver.move(tuple(float(pull) for pull in self._setpoint), interval)
             except HardwareError:
-                self._times = np.zeros(0)  # nothing moves by itself when the device is back
+                self._times = np.zeros(0)  # nothing moves automatically when the device is back
                 raise
             if ahead >= self._times[-1]:
                 self._times = np.zeros(0)

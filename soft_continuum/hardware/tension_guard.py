@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The measured tensions of a motion: what ends it."""
+"""Ends motions at excessive measured tensions."""
 
 from collections.abc import Sequence
 from math import isfinite
@@ -17,7 +17,7 @@ class TensionGuard:
     """
     Refuses and ends motions that pull a tendon beyond the limit, where tension is measured.
 
-    What is beyond it already may only be let go.
+    A tendon beyond the limit may only be paid out.
     """
 
     def __init__(self, tendons: Sequence[str]) -> None:
@@ -45,16 +45,16 @@ class TensionGuard:
         self._lowest = tuple(map(min, reading.tensions, lowest))
         for t, tension in enumerate(reading.tensions):
             if tension > max(limit, lowest[t]) + SPARE * limit:
-                return f'{self._beyond(t, tension, limit)}; see what holds it, and pay it out'
+                return f'{self._beyond(t, tension, limit)}; check what blocks it, and pay it out'
         return ''
 
     def unmeasured(self, reading: TendonReading, limit: float) -> str:
-        """Return which load cell tells nothing, or what cannot be, empty for none; limit: N."""
+        """Return which load cell is stale or implausible, empty for none; limit: N."""
         for name, tension in zip(self._tendons, reading.tensions or (), strict=False):
             if not isfinite(tension):
-                return (f'the tension of {name} is not measured: its load cell is silent or gives '
-                        'no number; check it, or do without (load_cells.enabled: false, or '
-                        'another driver)')
+                return (f'the tension of {name} is not measured: its load cell is stale or '
+                        'reports no number; check it, or disable it (load_cells.enabled: false, '
+                        'or another driver)')
             if tension < -MOST_NEGATIVE * limit:
                 return (f'the load cell of {name} shows {tension:.1f} N, but a tendon cannot '
                         'push; check its sign, its scale and its zero')

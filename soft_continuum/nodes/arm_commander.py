@@ -25,19 +25,19 @@ from soft_continuum_interfaces.srv import SetVacuum
 
 SET_STIFF, SET_VACUUM = 'set_stiff', 'set_vacuum'
 SERVICES = {SET_STIFF: SetBool, SET_VACUUM: SetVacuum}
-"""Of jamming_valves for each segment: name and type."""
+"""Services of jamming_valves for each segment: name and type."""
 CODES = {
     MotionRequest.STOPPED: Code.STOPPED,
     MotionRequest.TENSION: Code.MODEL_FAILURE,
     MotionRequest.LATE: Code.TIMEOUT,
     MotionRequest.CLOCK: Code.CLOCK_JUMPED,
 }
-"""What a refused or ended motion ends a sequence with; other reasons: HARDWARE_FAULT."""
+"""Codes by which refused or ended motions end a sequence; other reasons: HARDWARE_FAULT."""
 
 
 class MotionCommander:
     """
-    Sends motions to tendon_actuation, and knows which failed and why.
+    Sends motions to tendon_actuation, and keeps why one failed.
 
     motion_failure: of the present motion.
     """
@@ -107,7 +107,7 @@ class MotionCommander:
 
 class ArmCommander(MotionCommander):
     """
-    The ArmPort of a Runner, over ROS; knows which requests failed and why.
+    The ArmPort of a Runner, over ROS; keeps why requests failed.
 
     switch_failure: why jamming_valves did not switch.
     """
@@ -131,7 +131,7 @@ class ArmCommander(MotionCommander):
         self.switch_failure = ''
 
     def end(self) -> None:
-        """End a run: no request that was not answered is carried out later."""
+        """End a run: unanswered requests are not carried out later."""
         for service, answer in self._answers.items():
             if not answer.done():  # the network may be cut, and would bring it when it is back
                 self._node.destroy_client(self._clients[service])
@@ -139,7 +139,7 @@ class ArmCommander(MotionCommander):
         self._answers.clear()
 
     def hold(self) -> None:
-        """Request that the tendons brake and hold; that this ends the motion is no failure."""
+        """Request that the tendons brake and hold; ending the motion this way is no failure."""
         super().hold()
         self._motion_id, self.motion_failure = '', None
 

@@ -24,14 +24,14 @@ from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationSta
 VACUUM_ROUNDING = 1.0  # Pa
 COMPUTING = 4.0
 """
-Times stale_timeout for which kinematics may be silent while no tendon moves: where a segment
-becomes soft some solves in space take 0.3 s each, more on a busy computer.
+Factor of stale_timeout for kinematics while no tendon moves: when a segment of a spatial arm
+becomes soft, some solves take 0.3 s each, more on a busy computer.
 """
 
 
 class ArmObserver(ReportedArm):
     """
-    Besides stiffness, vacuum and shape: pulls, stops and faults; stale after stale_timeout.
+    Adds pulls, stops and faults to stiffness, vacuum and shape; stale after stale_timeout.
 
     A fault counts once it has lasted for stale_timeout.
     """
@@ -101,7 +101,7 @@ class ArmObserver(ReportedArm):
 
     @property
     def all_stiff(self) -> bool:
-        """Whether every segment is stiff; of an arm without jamming none has to be."""
+        """Whether every segment is stiff; always true without jamming."""
         return not self._jamming or all(self.stiff)
 
     @property
@@ -111,7 +111,7 @@ class ArmObserver(ReportedArm):
 
     @property
     def moves(self) -> bool:
-        """Whether a tendon moves, or may still move to what it was sent."""
+        """Whether a tendon moves, or may still move to its set-point."""
         return self._moving or self.tendons.moving
 
     @property
@@ -123,7 +123,7 @@ class ArmObserver(ReportedArm):
 
     @property
     def reported_fault(self) -> str:
-        """What is reported to be wrong with the arm; empty for nothing."""
+        """Reported faults of the arm; empty for none."""
         if problem := self.conflicts.problem:
             return problem
         timeout = self.timeout
@@ -139,14 +139,14 @@ class ArmObserver(ReportedArm):
         return self._fault(self.timeout)
 
     def _fault(self, shape_timeout: float) -> str:
-        """Return it; shape_timeout: s for which kinematics may be silent."""
+        """Return the fault; shape_timeout: s after which kinematics is stale."""
         if faults := self.reported_fault:
             return faults
         if self.tendons.connected and not self.tendons.referenced:
             return f'{TENDON_ACTUATION}: {NOT_REFERENCED}'
         if missing_sources := self.missing_sources:
-            return (f'nothing received yet from {", ".join(missing_sources)}; do they run, and '
-                    'what is their status?')
+            return (f'nothing received yet from {", ".join(missing_sources)}; check that they '
+                    'run, and their status')
         stale = {name: timeout for name, age in self._ages.items() if age.seconds > (
             timeout := shape_timeout if age is self.shape_age else self.timeout)}
         return (f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
@@ -155,7 +155,7 @@ class ArmObserver(ReportedArm):
     @property
     def missing_sources(self) -> list[str]:
         """
-        What was not received, in the first moments of this node or after ~/reference.
+        Sources from which nothing was received yet since the start or ~/reference.
 
         Nodes and topics.
         """
@@ -168,7 +168,7 @@ class ArmObserver(ReportedArm):
 
     @property
     def interlock(self) -> str:
-        """Why no sequence may begin now; empty when one may."""
+        """Why no sequence may start now; empty if one may."""
         if fault := self.reported_fault:
             return fault
         if self.stopped:
@@ -195,7 +195,7 @@ class ArmObserver(ReportedArm):
                    for part, setpoint, elastic in segments if elastic and setpoint)
 
     def observation(self, motion_failure: Failure | None, fault: str) -> Observation:
-        """Return what a Runner needs, with the failures of what it has requested."""
+        """Return the observation of a Runner, with the failures of its requests."""
         ambient = self.parameters['ambient_pressure']
         return Observation(
             pulls=self.pulls, pull_tolerances=self._pull_tolerances, moving=self.moves,

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that looks at the arm: poses of the discs from printed tags."""
+"""The camera node: poses of the discs from printed tags."""
 
 from array import array
 import os
@@ -44,7 +44,7 @@ if TYPE_CHECKING:  # OpenCV may not be there
 MAX_AGE = 1.0  # s between a picture's stamp and now
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
 STALE_AFTER = 2.0  # s without a picture
-NOT_SEEN = 'no disc was seen; see ~/status'
+NOT_SEEN = 'no disc was detected; see ~/status'
 OVERLAY_PERIOD = 0.2  # s between two pictures for people
 IMAGES, INFO = '~/image_raw', '~/camera_info'
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
@@ -54,16 +54,16 @@ CLOSE_TIMEOUT = 2.0  # s
 
 class Camera(Node):
     """
-    Measures where the discs are in the pictures of one camera.
+    Measures poses of the discs in the images of one camera.
 
-    Subscribes to ~/image_raw (sensor_msgs/Image) and ~/camera_info (sensor_msgs/CameraInfo)
-    unless it opens a device, a file or a folder itself.  Publishes disc_N/measured_pose
-    (geometry_msgs/PoseWithCovarianceStamped), N from 0 at the base, ~/status and /diagnostics.
-    For those who look, ~/overlay/compressed (sensor_msgs/CompressedImage) is the picture with the
-    tags and the arm of disc_poses drawn over it.  Serves ~/tare (std_srvs/Trigger).  Several
-    cameras are several of these nodes, each with a name of its own.
+    Subscribes to ~/image_raw (sensor_msgs/Image) and ~/camera_info (sensor_msgs/CameraInfo) unless
+    it opens a device, a file or a folder itself.  Publishes disc_N/measured_pose
+    (geometry_msgs/PoseWithCovarianceStamped), N from 0 at the base, ~/status and /diagnostics. For
+    people, ~/overlay/compressed (sensor_msgs/CompressedImage) is the image with the tags and the
+    arm of disc_poses drawn over it.  Serves ~/tare (std_srvs/Trigger).  For several cameras, start
+    one node each, with different names.
 
-    Pictures are looked at on a thread of their own; of those that come faster, the newest.
+    Images are processed on a separate thread; if they arrive faster, only the newest.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -112,10 +112,10 @@ class Camera(Node):
         on_ros_thread(self, self.callback_failed, error)
 
     def start(self) -> None:
-        """Begin to look."""
+        """Start to measure."""
         self._age.refresh()
         serve(self, Trigger, '~/tare', self._on_tare)
-        self.status.set(WARN, 'no picture yet')
+        self.status.set(WARN, 'no image received yet')
         subscribe(self, PoseArray, 'disc_poses', self._on_model, SENSOR)
         if self._source:
             threading.Thread(target=self._read, name='source', daemon=True).start()
@@ -178,9 +178,9 @@ class Camera(Node):
         self._taken = now
         delay = seconds(self.get_clock().now().to_msg()) - seconds(message.header.stamp)
         if abs(delay) > MAX_AGE:
-            self.status.set(ERROR, f'the picture is stamped {delay:.1f} s ago (negative: from '
-                            f'the future); allowed: {MAX_AGE:g} s; set the clocks of the '
-                            'computers alike, or free this one: it is too busy')
+            self.status.set(ERROR, f'the image is stamped {delay:.1f} s ago (negative: from the '
+                                   f'future); allowed: {MAX_AGE:g} s; synchronize the clocks of '
+                                   'the computers, or reduce the load of this one')
             return
         try:
             self._newest.put((message.header.stamp, grey_picture(message), True))
@@ -203,7 +203,7 @@ class Camera(Node):
                     next_time = max(monotonic(), next_time + period)
                     self._age.refresh()
                     self._newest.put((self.get_clock().now().to_msg(), picture, live))
-                end = WARN, f'{self._source} has no more pictures'
+                end = WARN, f'{self._source} has no more images'
             except SourceError as error:
                 end = ERROR, str(error)
             self._worker.submit(lambda end=end: self._reports.put((*end, {})))  # after the last
@@ -214,7 +214,7 @@ class Camera(Node):
     # What is seen.
 
     def _look(self, taken: tuple[Time, Any, bool]) -> None:
-        """Measure and publish; on the thread for it."""
+        """Measure and publish; on the separate thread."""
         stamp, picture, live = taken
         camera, sight = self._camera, None
         if camera is None:
@@ -222,15 +222,16 @@ class Camera(Node):
         elif live and self._is_repeated(picture) and not is_black(picture):
             # No camera sees twice the same: it shows the arm as it was.
             if monotonic() - self._changed > FROZEN_AFTER:
-                self._reports.put((ERROR, 'the camera has sent the same picture for '
-                                   f'{FROZEN_AFTER:g} s: it is frozen; restart its driver', {}))
+                self._reports.put((ERROR, 'the camera has sent the same image for '
+                                          f'{FROZEN_AFTER:g} s: it is frozen; restart its '
+                                          'driver', {}))
         else:
             sight = camera.measure(picture)
             self._publish(stamp, sight)
         self._show(stamp, picture, camera, sight)
 
     def _publish(self, stamp: Time, sight: 'TagDetections') -> None:
-        """Publish where the discs are, and what was seen."""
+        """Publish the poses of the discs, and the detections."""
         self._seen.add(monotonic(), sight)
         for n, disc in sight.discs.items():
             message = tracked_pose_to_ros(disc.pose, disc.covariance)
@@ -244,9 +245,9 @@ class Camera(Node):
         if sight.problems:
             self._reports.put((WARN if sight.discs else ERROR, '; '.join(sight.problems), values))
         elif missing:
-            self._reports.put((WARN, f'disc {", ".join(missing)} not seen', values))
+            self._reports.put((WARN, f'disc {", ".join(missing)} not detected', values))
         else:
-            self._reports.put((OK, 'all discs are seen', values))
+            self._reports.put((OK, 'all discs are detected', values))
 
     def _show(self, stamp: Time, picture: Any, camera: 'DiscCamera | None',
               sight: 'TagDetections | None') -> None:
@@ -277,12 +278,12 @@ class Camera(Node):
         self._tared = ' '.join(discs)
         response.success = True
         response.message = (
-            f'taken as straight: disc {", ".join(discs)}. To keep it over a restart, write into '
-            f'the parameter file: {self.get_name()}: {{ros__parameters: {{tags: {{{kept}}}}}}}')
+            f'tared: disc {", ".join(discs)}. To keep this after a restart, add to the parameter '
+            f'file: {self.get_name()}: {{ros__parameters: {{tags: {{{kept}}}}}}}')
         return response
 
     def _is_repeated(self, picture: Any) -> bool:
-        """Whether it is the picture before, bit by bit."""
+        """Whether it is identical to the image before."""
         before, self._last = self._last, zlib.crc32(picture)
         if self._last != before:
             self._changed = monotonic()
@@ -297,5 +298,5 @@ class Camera(Node):
             self._choose_profile()
         if self._age.seconds > STALE_AFTER:
             source = self._source or self.resolve_topic_name(IMAGES)
-            self.status.set(ERROR, f'no picture from {source} for {STALE_AFTER:g} s; is the '
-                            'camera plugged in, does its driver run?')
+            self.status.set(ERROR, f'no image from {source} for {STALE_AFTER:g} s; is the camera '
+                                   'plugged in, does its driver run?')

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes that must not act as one arm: of one name, of two versions, for two arms."""
+"""Detection of conflicting nodes: same name, other version, other description."""
 
 from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,10 +25,10 @@ from soft_continuum_interfaces.msg import Heartbeat
 ENDED_AFTER = 1.5  # s after its last sign of life for a node to count as ended
 TOPICS = ('tendon_states', *(f'{node}/state' for node in (*NODES, TELEOP)))
 MAX_AHEAD = 0.2
-"""s by which the clock of another computer may be ahead: as much more motion may be queued."""
+"""Largest advance of another computer's clock, s; it adds to the queued motion."""
 GRAPH_PERIOD = 1.0  # s: another publisher is discovered no sooner
 MAX_NAMES = 5  # of publishers that are listed
-MAX_PROCESSES = 8  # of one name that are told apart
+MAX_PROCESSES = 8  # of one name that are distinguished
 JOINTS = 'joint_states'
 HEARTBEAT_TYPE = 'soft_continuum_interfaces/msg/Heartbeat'
 OWN_JOINTS = 500  # messages of our own that may still be on their way back
@@ -39,15 +39,15 @@ DIFFERENCES = (
     ('description', 'a description of the arm with digest', 'start every node with the same '
      'description; `soft_continuum doctor --network` names the parameters that differ'),
 )
-"""Of NodeInfo: what must be the same, how it is said, and the remedy."""
+"""Attributes of NodeInfo that must be equal: attribute, its name in messages, remedy."""
 
 
 @dataclass
 class Heard:
     """
-    A process of a node that was heard of.
+    A process of a node whose heartbeat was received.
 
-    ahead: s by which its clock is, by its last two messages: in one, a clock may have been set.
+    ahead: advance of its clock, s, in its last two messages: one may precede a clock change.
     """
 
     info: NodeInfo
@@ -57,12 +57,12 @@ class Heard:
 
 class Conflicts:
     """
-    Notices whatever would make two nodes act as one, or two arms be taken for one.
+    Detects nodes that conflict by name, version, description, topics or clocks.
 
-    The graph alone would not do: a node that was killed stays in it for many seconds.  So every
-    node publishes on ~/heartbeat that it runs, by which version and for which arm, and this
-    receives it of every node of the arm.  Two processes of one name run if one of them is heard
-    again after the other: of a node that was started again the first one is not.
+    The ROS graph is not sufficient: a killed node stays in it for many seconds.  So every node
+    publishes its version and arm on ~/heartbeat, and this class subscribes to those of all nodes
+    of the arm.  Two processes of one name run if heartbeats of both alternate: after a restart
+    those of the first process have ended.
     """
 
     def __init__(self, node: Any, segments: int, parameters: Mapping[str, Any]) -> None:
@@ -113,7 +113,7 @@ class Conflicts:
             self._check_now()
 
     def lost(self, name: str, timeout: float) -> bool:
-        """Return whether one of the other nodes was heard of, but not for ``timeout`` s."""
+        """Return whether the heartbeat of another node is older than ``timeout`` s."""
         return timeout < min((one.age.seconds for one in self._heard[name].values()),
                              default=inf) < inf
 
@@ -127,7 +127,7 @@ class Conflicts:
     def _check_now(self) -> None:
         node = self._node
         problems = [
-            f'another {node.get_namespace().rstrip("/")}/{name} is running; end one of the two, '
+            f'another {node.get_namespace().rstrip("/")}/{name} is running; stop one of the two, '
             'or give one a namespace'
             for name, age in self._doubled.items() if age.seconds <= ENDED_AFTER]
         if self._graph_age.seconds >= GRAPH_PERIOD:
@@ -143,9 +143,9 @@ class Conflicts:
         node.status.alarm('conflict', self.problem)
 
     def _look_at_the_graph(self) -> list[str]:
-        """Return which topics have more than one publisher, or are those of another version."""
+        """Return conflicts of topics: several publishers, or another version."""
         found = [
-            f'{topic} is also of type {plain(kind)}: that node is of another version of '
+            f'{topic} is also of type {plain(kind)}: that node runs another version of '
             'soft_continuum; install one version on every computer'
             for topic, kinds in self._node.get_topic_names_and_types()
             if topic in self._heartbeats for kind in kinds if kind != HEARTBEAT_TYPE]
@@ -154,21 +154,21 @@ class Conflicts:
                 continue
             names = publishers(self._node, topic)
             if len(names) > 1:
-                found.append(f'{topic} is published by {" and ".join(names)}; end all but one')
+                found.append(f'{topic} is published by {" and ".join(names)}; stop all but one')
         return found
 
     def _clocks(self) -> list[str]:
-        """Return whose clock is ahead of that of this node: a late message is no sign of that."""
+        """Return nodes whose clock is ahead of this one; a late message does not indicate that."""
         found = {one.info.host: (name, min(one.ahead)) for name, one in self._others()
                  if min(one.ahead) > MAX_AHEAD}
         return [
             f'the clock of {name} on {host or "an unknown computer"} is {ahead:.2f} s ahead of '
             f'that of {self._node.get_name()} on {self.node_info.own.host}; allowed: '
-            f'{MAX_AHEAD:g} s; let both computers take their time from one server (chrony)'
+            f'{MAX_AHEAD:g} s; synchronize both computers to one time server (chrony)'
             for host, (name, ahead) in found.items()]
 
     def _differences(self, attribute: str, what: str, remedy: str) -> list[str]:
-        """Return how the nodes that run differ from this one in an attribute of NodeInfo."""
+        """Return how running nodes differ from this one in an attribute of NodeInfo."""
         own, found = self.node_info.own, defaultdict(list)
         for name, one in self._others():
             if self._differs(one.info, attribute):
@@ -182,10 +182,10 @@ class Conflicts:
 
 class SharedJoints:
     """
-    Notices that another node publishes joints of this arm on joint_states.
+    Detects that another node publishes joints of this arm on joint_states.
 
-    Other joints there, such as those of a base that carries the arm, are no conflict: every robot
-    publishes its own.  A message does not say who sent it, so our own are kept for a while.
+    Other joints, such as those of a base that carries the arm, are no conflict.  A message does
+    not identify its sender, so our own messages are kept for a while.
     """
 
     def __init__(self, node: Any, names: Sequence[str], conflicts: Conflicts) -> None:
@@ -215,8 +215,8 @@ class SharedJoints:
         self._alone = node.count_publishers(self._topic) < 2
         problem = '' if self._age.seconds > ENDED_AFTER else (
             f'{self._topic} with {plain(self._shared)} is published by '
-            f'{" and ".join(publishers(node, self._topic))}; end all but {node.get_name()}, or '
-            'give other names to the joints of the others')
+            f'{" and ".join(publishers(node, self._topic))}; stop all but {node.get_name()}, or '
+            'rename the joints of the others')
         node_info = self._conflicts.node_info
         node_info.own = replace(node_info.own, conflict=problem)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that takes in what trackers and IMUs say of the discs: measured poses of them."""
+"""The node that converts data of trackers and IMUs into measured poses of the discs."""
 
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -41,7 +41,7 @@ MAX_PROBLEMS = 4  # that the status lists
 
 class DiscSensors(Node):
     """
-    Turns what other sensors say of the discs into measured poses.
+    Converts data of other sensors on the discs into measured poses.
 
     Subscribes to disc_N/pose (geometry_msgs/PoseStamped), N from 0 at the base,
     tracker/disc_poses (geometry_msgs/PoseArray, all discs, base first) and disc_N/imu
@@ -76,7 +76,7 @@ class DiscSensors(Node):
         self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Create the subscriptions."""
         subscribe(self, PoseArray, ALL_POSES, self._on_all_poses, SENSOR)
         for n in range(len(self._heights)):
             subscribe(self, PoseStamped, f'disc_{n}/pose', partial(self._on_pose, n), SENSOR)
@@ -113,7 +113,7 @@ class DiscSensors(Node):
     def _take_pose(self, n: int, feed: '_Feed', header: Any, pose: Any) -> None:
         other = self._sources[n]
         if other not in ('', feed.name) and self._feeds[other].heard.seconds < STALE_AFTER:
-            raise SensorError(f'left out: {other} has the same disc; one of both is enough')
+            raise SensorError(f'ignored: {other} measures the same disc; use one of the two')
         self._check_clock(header.stamp)
         followed = self._tracker.in_base(header.frame_id, pose_from_ros(pose))
         self._sources[n] = feed.name
@@ -148,11 +148,11 @@ class DiscSensors(Node):
 
     def _check_clock(self, stamp: Any) -> None:
         if stamp.sec == stamp.nanosec == 0:
-            raise SensorError('no stamp; the time of the measurement is needed')
+            raise SensorError('no stamp; set header.stamp to the time of the measurement')
         delay = seconds(self.get_clock().now().to_msg()) - seconds(stamp)
         if abs(delay) > MAX_AGE:
-            raise SensorError(f'stamped {delay:.1f} s ago; set the clocks of the computers alike '
-                              '(negative: from the future)')
+            raise SensorError(f'stamped {delay:.1f} s ago; synchronize the clocks of the '
+                              'computers (negative: from the future)')
 
     def _publish(self, n: int, feed: '_Feed', stamp: Any, message: Any) -> None:
         feed.good.refresh()
@@ -188,7 +188,7 @@ class DiscSensors(Node):
             except SensorError as error:
                 raise SensorError(f'disc {n}, {source}: {error}; nothing was tared') from None
         if not followed + tilted:
-            raise SensorError(f'nothing was measured; {self._nothing()}')
+            raise SensorError(f'no measurements; {self._nothing()}')
         self._tracker, self._imus.mounts = replace(self._tracker, offsets=tuple(offsets)), imus
         self._tared = [f'{what} of disc {", ".join(discs)}' for what, discs in (
             ('pose', followed), ('tilt', tilted)) if discs]
@@ -197,16 +197,15 @@ class DiscSensors(Node):
         kept = [f'tracker: {{offsets: {as_yaml(flat, 6)}}}'] if followed else []
         name, turns = self._imus.kept()
         kept += [f'imu: {{{name}: {as_yaml(turns, 6)}}}'] if tilted else []
-        return (f'taken as straight: {"; ".join(self._tared)}. To keep it over a restart, write '
-                f'into the parameter file: {DISC_SENSORS}: {{ros__parameters: '
-                f'{{{", ".join(kept)}}}}}')
+        return (f'tared: {"; ".join(self._tared)}. To keep this after a restart, add to the '
+                f'parameter file: {DISC_SENSORS}: {{ros__parameters: {{{", ".join(kept)}}}}}')
 
     # The status.
 
     def _nothing(self) -> str:
         topics = ', '.join(map(self.resolve_topic_name, (ALL_POSES, 'disc_0/pose', 'disc_0/imu')))
-        return (f'publish on {topics} and so on, or remap these to what the sensors publish: '
-                '-r disc_0/imu:=/my_imu/data')
+        return (f'publish on {topics} and so on, or remap these to the topics of the sensors: -r '
+                'disc_0/imu:=/my_imu/data')
 
     def _report(self) -> None:
         feeds = list(self._feeds.values())
@@ -215,7 +214,7 @@ class DiscSensors(Node):
         good = sorted(feed.name for feed in feeds if feed.good.seconds < STALE_AFTER)
         problems = [f'{feed.name}: {feed.problem}' for feed in feeds if feed.problem
                     and feed.refused.seconds < STALE_AFTER]
-        problems += [f'{feed.name}: nothing for {STALE_AFTER:g} s' for feed in feeds
+        problems += [f'{feed.name}: nothing received for {STALE_AFTER:g} s' for feed in feeds
                      if STALE_AFTER <= feed.heard.seconds < inf
                      and not feed.name.endswith(f' of {ALL_POSES}')]
         if len(problems) > MAX_PROBLEMS:
@@ -228,7 +227,7 @@ class DiscSensors(Node):
         elif good:
             self.status.set(OK, f'measured: {", ".join(good)}', **values)
         else:
-            self.status.set(WARN, f'nothing is measured yet; {self._nothing()}', **values)
+            self.status.set(WARN, f'no measurements yet; {self._nothing()}', **values)
 
 
 class _Feed:
@@ -246,7 +245,7 @@ class _Feed:
         self.count = 0  # of messages since the last report
 
     def take(self, function: Any, *arguments: Any) -> None:
-        """Call a function; what it finds wrong is the problem of this feed."""
+        """Call a function; a SensorError becomes the problem of this feed."""
         self.heard.refresh()
         self.count += 1
         try:
@@ -273,10 +272,10 @@ class _Feed:
 
 @lru_cache(maxsize=64)
 def _covariance(data: bytes, what: str) -> Any:
-    """Return a covariance (3, 3) of an Imu message, zero where it is not known."""
+    """Return a covariance (3, 3) of an Imu message, zero if unknown."""
     matrix = np.frombuffer(data).reshape(3, 3)
     if matrix[0, 0] == -1.0:
-        raise SensorError(f'its {what}_covariance says that it measures no {what}')
+        raise SensorError(f'its {what}_covariance marks {what} as not measured (-1)')
     if not np.isfinite(matrix).all() or np.linalg.eigvalsh((matrix + matrix.T) / 2.0)[0] < -1e-12:
-        raise SensorError(f'its {what}_covariance is no covariance; give zeros if it is not known')
+        raise SensorError(f'its {what}_covariance is not valid; give zeros if it is unknown')
     return matrix

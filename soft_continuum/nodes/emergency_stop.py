@@ -17,9 +17,9 @@ from soft_continuum.text import plain
 
 TOPIC = 'emergency_stop'
 PERIOD = 0.1  # s between two looks at who publishes it
-TELEOP_TIMEOUT = 0.5  # s; teleop says every 0.05 s that it has the emergency stop on
+TELEOP_TIMEOUT = 0.5  # s; teleop repeats its emergency stop every 0.05 s
 DEPTH = 100
-"""Messages that wait, of all publishers together: a false of one must not displace a true."""
+"""Queue length over all publishers: a false of one must not displace a true."""
 ANY = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 RELIABLE = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE,
@@ -30,17 +30,17 @@ class EmergencyStop:
     """
     Subscribes to emergency_stop (std_msgs/Bool): true stops the arm, false allows to resume.
 
-    A true of any publisher counts at once.  rclpy does not tell whose a message is, so a false
-    counts only while nobody else is there who may have turned it on.  Teleop is always there; it
-    repeats its true, so others are obeyed while it does not.
+    A true of any publisher counts at once.  rclpy does not report the sender of a message, so a
+    false counts only while no other publisher exists that may have turned it on.  Teleop always is
+    one, but repeats its true: while it does not, others count.
 
-    ROS 2 has no QoS that receives from every publisher and also what was latched before.  So the
-    subscription is the best that all present publishers fit.  While one takes the place of
-    another, both live, and the old one can only stop.
+    No QoS of ROS 2 matches every publisher and also receives latched messages.  So the
+    subscription uses the strictest QoS that all present publishers offer.  While it is replaced,
+    both exist, and the old one can only stop.
     """
 
     def __init__(self, node: Any, on_change: Callable[[bool], None] = lambda on: None) -> None:
-        """Call ``on_change`` whenever it goes on or off."""
+        """Call ``on_change`` whenever it is turned on or off."""
         self.on = False
         self._node, self._on_change = node, on_change
         self._topic = node.resolve_topic_name(TOPIC)
@@ -63,7 +63,7 @@ class EmergencyStop:
         profiles, profile = present.values(), ANY
         if present and all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles):
             latched = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
-            # What somebody latched before it was turned on would come again, and turn it off.
+            # A message latched before it was turned on would arrive again, and turn it off.
             outdated = (self.on and self._profile is not LATCHED
                         and not self._known.isdisjoint(present))
             profile = LATCHED if latched and not outdated else RELIABLE
@@ -85,13 +85,13 @@ class EmergencyStop:
             self._on_change(self.on)
 
     def _may_be_of_others(self) -> bool:
-        """Return whether another than who says false may have it on, and log that."""
+        """Return whether a publisher other than the sender of false may hold it on, and log it."""
         names = [info.node_name for info in self._publishers()]
         others = sorted(plain(name) for name in names if name != TELEOP)
         if TELEOP in names and monotonic() - self._true_time < TELEOP_TIMEOUT:
             others.append(TELEOP)
         if len(others) > 1:
             self._node.get_logger().warning(
-                f'{TOPIC} stays on: {" and ".join(others)} publish it, and any of them may have '
-                'it on; end all but the one that turns it off', throttle_duration_sec=LOG_PERIOD)
+                f'{TOPIC} stays on: {" and ".join(others)} publish it, and any of them may hold '
+                'it on; stop all but the one that turns it off', throttle_duration_sec=LOG_PERIOD)
         return len(others) > 1

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where anything from outside enters a node: bounded before it costs anything, and guarded."""
+"""Guarded entry points of a node: bounded messages, services and timers."""
 
 from collections.abc import Callable
 import traceback
@@ -15,21 +15,21 @@ from rclpy.timer import Timer
 from soft_continuum.ros import entry
 from soft_continuum.ros.entry import LOG_PERIOD
 
-FAILED = 'this request made the node fail; see its log'
+FAILED = 'this request failed in the node; see its log'
 
 
 def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
     """
-    Return ``function``, of which nothing that it raises gets out: ``node`` is told and goes on.
+    Return ``function`` with its exceptions caught and reported to ``node``, which continues.
 
-    rclpy would end the process, and with it whatever else it does, such as to hold the tendons.
+    rclpy would end the process, and with it other tasks, such as holding the tendons.
     """
     def call(*arguments: Any) -> Any:
         try:
             return function(*arguments)
         except Exception as error:
             node.get_logger().error(
-                f'a callback failed; going on:\n{traceback.format_exc()}',
+                f'a callback failed; the node continues:\n{traceback.format_exc()}',
                 throttle_duration_sec=LOG_PERIOD)
             node.callback_failed(error)
             return None
@@ -39,7 +39,7 @@ def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
 
 def subscribe(node: Any, kind: Any, topic: str, callback: Callable[[Any], None],
               qos: QoSProfile, max_bytes: int = entry.MAX_BYTES) -> Any:
-    """Return a subscription, guarded; messages that are too long are left out."""
+    """Return a guarded subscription; messages that are too long are ignored."""
     return entry.subscribe(node, kind, topic, guarded(node, callback), qos, max_bytes)
 
 
@@ -57,9 +57,9 @@ def serve(node: Any, kind: Any, name: str, callback: Callable[[Any, Any], Any]) 
 def serve_later(node: Any, kind: Any, name: str,
                 callback: Callable[[Any, Callable[[Any], None]], None]) -> None:
     """
-    Create a service that may answer later: ``callback`` gets the request, and what sends it.
+    Create a service with deferred responses: ``callback`` gets the request and a sender.
 
-    rclpy wants the answer when its callback returns, and sends it by a method of the service.
+    rclpy expects the response when its callback returns, and sends it by a method of the service.
     """
     service = node.create_service(kind, name, lambda request, _: request)
     send = service.send_response
@@ -76,6 +76,6 @@ def serve_later(node: Any, kind: Any, name: str,
 
 
 def repeat(node: Node, period: float, callback: Callable[[], None]) -> Timer:
-    """Call ``callback`` every ``period`` s of the steady clock: that of ROS may stand still."""
+    """Call ``callback`` every ``period`` s of the steady clock, since ROS time may stand still."""
     return node.create_timer(period, guarded(node, callback), clock=Clock(
         clock_type=ClockType.STEADY_TIME))

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The arm as servo observes it: besides what ArmObserver has, the times of its shape."""
+"""The arm as servo observes it: ArmObserver with the times of shape and measurements."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ from soft_continuum_interfaces.msg import KinematicsState
 
 @dataclass(frozen=True)
 class Estimate:
-    """A shape of the arm, when it had it, and when it was measured last, s (steady) or None."""
+    """A shape of the arm, its time, and the time of the last measurement, s (steady) or None."""
 
     shape: Equilibrium
     time: float
@@ -21,7 +21,7 @@ class Estimate:
 
 
 class EstimateObserver(ArmObserver):
-    """The arm as ArmObserver has it, and the times of its shape."""
+    """ArmObserver with the times of shape and measurements."""
 
     def __init__(self, node: Any, *arguments: Any) -> None:
         """Subscribe."""

@@ -3,9 +3,8 @@
 """
 The action ~/follow_joint_trajectory of tendon_actuation, where control_msgs is installed.
 
-A goal becomes a trajectory as one of the topic ~/joint_trajectory, and is judged as any other.
-Every goal is accepted as such, and ended at once where it is refused: a rejected goal of ROS 2
-could not say why.
+A goal is validated like a trajectory on ~/joint_trajectory.  Every goal is accepted, and aborted
+at once if the trajectory is refused: ROS 2 cannot give a reason for a rejected goal.
 """
 
 from collections.abc import Callable
@@ -36,11 +35,11 @@ Result = FollowJointTrajectory.Result
 MAX_GOALS = 8  # at once: one is followed, the others are judged
 JUDGING_TIMEOUT = 10.0  # s
 STARTING = {MotionRequest.LATE, MotionRequest.CLOCK}
-"""Why a goal with a header.stamp is refused as too old."""
+"""Reasons for refusing a goal with a header.stamp as too old."""
 
 
 class GoalError(ValueError):
-    """A goal that is refused before it is judged; code: of Result."""
+    """A goal that is refused before validation; code: of Result."""
 
     def __init__(self, code: int, message: str) -> None:
         """Refuse with a code, for programs, and a message, for a person."""
@@ -100,8 +99,8 @@ class FollowServer(ActionServer):
     """
     Follows goals, one at a time; on the thread of ROS.
 
-    take: hands a serialised TendonTrajectory, and its id, to whoever judges.  hold: lets the
-    tendons brake and hold.  give_up: has the trajectory of an id not be followed any more.
+    take: passes a serialised TendonTrajectory and its id on for validation.  hold: makes the
+    tendons brake and hold.  give_up: withdraws the trajectory of an id.
     """
 
     def __init__(self, node: Node, tendons: tuple[str, ...], take: Callable[[bytes, str], None],
@@ -118,7 +117,7 @@ class FollowServer(ActionServer):
             cancel_callback=guarded(node, self._on_cancel))
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
-        """Leave the goal executing until it is ended."""
+        """Leave the goal executing until it ends."""
 
     def _end(self, handle: Any, code: int, message: str, canceled: bool = False) -> None:
         def result(handle: Any) -> Any:
@@ -152,8 +151,8 @@ class FollowServer(ActionServer):
         trajectory, now = request.trajectory, STEADY()
         if (request.multi_dof_trajectory.points or request.component_path_tolerance
                 or request.component_goal_tolerance):
-            raise GoalError(Result.INVALID_GOAL, 'a trajectory of joints with several degrees of '
-                            'freedom; tendons have one')
+            raise GoalError(Result.INVALID_GOAL, 'multi-DOF trajectories are not supported; '
+                                                 'tendons have one degree of freedom')
         named = {*trajectory.joint_names} | {
             one.name for one in (*request.path_tolerance, *request.goal_tolerance)}
         if sorted(trajectory.joint_names) != sorted(self._tendons) or named - {*self._tendons}:
@@ -200,7 +199,7 @@ class FollowServer(ActionServer):
     # What happens to them.
 
     def report(self, report: Report) -> None:
-        """Take in what tendon_actuation reports: after every cycle, and whatever changes."""
+        """Process a report of tendon_actuation: after every cycle and every change."""
         accepted, refused = report.state.accepted, report.state.refused
         for name, goal in list(self._goals.items()):
             if accepted.id == name:
@@ -214,7 +213,7 @@ class FollowServer(ActionServer):
                              refused.message)
             elif STEADY() - goal.since > JUDGING_TIMEOUT:
                 self._give_up(name)  # it may still be judged
-                self._finish(name, Result.INVALID_GOAL, 'the trajectory was not judged in time')
+                self._finish(name, Result.INVALID_GOAL, 'the trajectory was not validated in time')
 
     def _follow(self, name: str, goal: _Goal, report: Report) -> None:
         accepted, reading = report.state.accepted, report.reading

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The ghost of the shape that is being set, for views."""
+"""The ghost of the target shape, for visualization."""
 
 from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
@@ -17,7 +17,7 @@ class Ghost:
     """Publishes target_markers (visualization_msgs/MarkerArray, latched)."""
 
     def __init__(self, node: Node, arm: Arm, frame: str) -> None:
-        """Begin without any: an earlier process may have left one."""
+        """Remove any ghost of an earlier process."""
         self._node, self._arm, self._frame = node, arm, frame
         self._shape: Shape | None = None
         self._publisher = node.create_publisher(MarkerArray, 'target_markers', LATCHED)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The shapes that a goal of run_shape_sequence asks for, and why one is refused."""
+"""Shapes of a goal of run_shape_sequence, and their validation."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,9 +24,9 @@ from soft_continuum_interfaces.msg import Shape as ShapeMessage
 from soft_continuum_interfaces.msg import TipGoal as TipGoalMessage
 
 MAX_SHAPES = 100
-"""Shapes of one goal; to plan one takes some tens of milliseconds, in space some hundreds."""
+"""Shapes of one goal; planning one takes tens of ms, for spatial arms hundreds."""
 MAX_TIPS = 200
-"""Goals of the tip in all."""
+"""Tip goals of one goal."""
 
 
 def shape_library(parameters: Mapping[str, Any], arm: Arm) -> dict[str, Shape]:
@@ -39,7 +39,7 @@ def shape_library(parameters: Mapping[str, Any], arm: Arm) -> dict[str, Shape]:
 
 
 def check_aim(aim: int) -> None:
-    """Raise PlanError for an aim of RunShapeSequence that there is not."""
+    """Raise PlanError for an invalid aim of RunShapeSequence."""
     angles, tip = RunShapeSequence.Goal.ANGLES, RunShapeSequence.Goal.TIP
     if aim not in (angles, tip):
         raise PlanError(f'aim is {aim}; allowed: {angles} (angles), {tip} (tip)')
@@ -48,9 +48,9 @@ def check_aim(aim: int) -> None:
 def shapes_of(items: Sequence[ShapeMessage], library: Mapping[str, Shape], arm: Arm,
               parameters: Mapping[str, Any]) -> list[Shape]:
     """
-    Return the shapes of a request; raises PlanError for what is not allowed.
+    Return the shapes of a request; raises PlanError for an invalid one.
 
-    parameters: with the tolerances of goals of the tip that tell none.
+    parameters: with the default tolerances of tip goals.
     """
     if not items:
         raise PlanError('the sequence is empty; give at least one shape: ' + ', '.join(library))
@@ -99,7 +99,7 @@ def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: A
 
 
 def regulator_problem(shapes: Sequence[Shape], regulators: bool) -> str:
-    """Return which shape has vacuums where there are valves, not regulators; empty for none."""
+    """Return which shape has vacuums although the rig has valves; empty for none."""
     return next((f'{shape.name}: vacuums are given, but jamming_valves has valves, not '
                  'regulators; leave the vacuums out'
                  for shape in shapes if shape.vacuums and not regulators), '')
@@ -111,7 +111,8 @@ def _tips(label: str, item: ShapeMessage, arm: Arm, parameters: Mapping[str, Any
     if not item.tips:
         return ()
     if len(item.bending_angles) or len(item.bending_directions):
-        raise PlanError(f'{label}: tips and bending angles or directions; give one of both')
+        raise PlanError(f'{label}: tips and bending angles or directions; give only one of the '
+                        'two')
     goals = []
     for number, tip in enumerate(item.tips, start=1):
         try:

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The part of the full vacuum that each jam has, as its pressure tells."""
+"""The part of the full vacuum of each jam, from its pressure."""
 
 from collections.abc import Mapping, Sequence
 from math import isfinite, nan
@@ -21,9 +21,9 @@ class JamVacuum:
         """
         Take the pressure (absolute, Pa) of a segment (0-based).
 
-        setpoints: of regulators, Pa below ambient; of valves empty.  One that has followed
-        counts as its set-point says: if every noise of a sensor let the jam go and grow again, the
-        arm would creep in the model.
+        setpoints: of regulators, Pa below ambient; of valves empty.  After arrival the set-point
+        counts, not the pressure: otherwise sensor noise would weaken and strengthen the jam, and
+        the arm would creep in the model.
         """
         vacuum = self._parameters['ambient_pressure'] - pressure
         if not isfinite(vacuum) or not self._elastic[segment]:
@@ -36,5 +36,5 @@ class JamVacuum:
 
     @property
     def parts(self) -> tuple[float, ...] | None:
-        """Of the full vacuum, per segment; None where every jam is rigid."""
+        """Parts of the full vacuum, per segment; None if every jam is rigid."""
         return tuple(self._parts) if any(self._elastic) else None

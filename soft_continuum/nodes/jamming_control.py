@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the thread of control does with pump, valves or regulators, and pressure sensors."""
+"""Control thread of jamming_valves: pump, valves or regulators, and pressure sensors."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ class Report:
     """
     State after a cycle or a request.
 
-    pressures: the last that were read, absolute, Pa; None while they are not known.  time: at
-    which they were, s (steady).
+    pressures: last reading, absolute, Pa; None before the first.  time: of that reading, s
+    (steady).
     """
 
     state: JammingValvesState
@@ -35,8 +35,7 @@ class JammingControl:
     """
     Switches segments and watches their pressures.
 
-    Every method is called on the thread of control; a Report goes out after whatever changes
-    something.
+    Every method is called on the control thread; a Report follows every change.
     """
 
     def __init__(self, segments: int, settings: JammingSettings,
@@ -59,7 +58,7 @@ class JammingControl:
         self.report()
 
     def detach(self) -> Driver | None:
-        """Return the driver, if there is one, and go on without."""
+        """Return the driver, if any, and continue without it."""
         driver, self._driver, self._controller = self._driver, None, None
         self._active, self._fault = False, ''
         self.report()
@@ -75,12 +74,12 @@ class JammingControl:
         self.report()
 
     def not_connected(self, error: str) -> None:
-        """Note why there is no answer of the device."""
+        """Note why the device does not reply."""
         self._fault = error
         self.report()
 
     def failed(self, error: Exception) -> None:
-        """Report a mistake of this program like a device that failed."""
+        """Report an error of this program like a failed device."""
         self.not_connected(f'control failed: {type(error).__name__}: {error}')
 
     def cycle(self, _: float) -> None:

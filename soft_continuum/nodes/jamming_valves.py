@@ -30,7 +30,7 @@ from soft_continuum_interfaces.srv import SetVacuum
 
 class JammingValves(ManagedNode):
     """
-    Switches segments soft or stiff and reports, from the pressure, which they are.
+    Switches segments soft or stiff and reports their state from the pressures.
 
     Publishes segment_N/stiff (std_msgs/Bool, latched), segment_N/pressure
     (sensor_msgs/FluidPressure), ~/state (soft_continuum_interfaces/JammingValvesState, latched),
@@ -38,10 +38,10 @@ class JammingValves(ManagedNode):
     ~/segment_N/set_stiff and ~/set_all_stiff (std_srvs/SetBool), and ~/segment_N/set_vacuum
     (soft_continuum_interfaces/SetVacuum), which valves refuse.  N counts from 1 at the base.
 
-    While a device does not answer nobody knows whether its segments are stiff: segment_N/stiff is
-    false, and ~/state calls them unknown.
+    While a device does not reply the stiffness of its segments is unknown: segment_N/stiff is
+    false, and ~/state reports unknown.
 
-    Three threads: those of a ManagedNode, of which the one of control owns a JammingControl.
+    Three threads: those of a ManagedNode; the control thread owns a JammingControl.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -108,7 +108,7 @@ class JammingValves(ManagedNode):
         self._control.deactivate()
 
     def lost(self) -> bool:
-        """Return False: the driver itself connects again to boards that did not answer."""
+        """Return False: the driver itself reconnects to boards that did not reply."""
         return False
 
     def not_connected(self, error: str) -> None:
@@ -162,9 +162,9 @@ class JammingValves(ManagedNode):
         partly = vacuum > 0.0 and not isclose(vacuum, full)
         if partly and self._jams[segment].rigid:
             response.message = (
-                f'{name}: not set: its jam is rigid in the description, which has no law for '
-                f'{vacuum:g} Pa; allowed: 0 (soft) or {full:g} Pa (full_vacuum). Give '
-                'arm.stiffness_ratios, and arm.yield_moments, for what is between')
+                f'{name}: not set: its jam is rigid in the description, which defines no '
+                f'stiffness at {vacuum:g} Pa; allowed: 0 (soft) or {full:g} Pa (full_vacuum). '
+                'Give arm.stiffness_ratios, and arm.yield_moments, for values in between')
             return response
         self._command(name, f'{name} to {vacuum / 1e3:g} kPa of vacuum', 'segment_N/pressure',
                       vacuum < full, response, self._control.set_vacuum, segment, vacuum)
@@ -172,7 +172,7 @@ class JammingValves(ManagedNode):
 
     def _command(self, names: str, doing: str, topic: str, softens: bool, response: Any,
                  command: Callable[..., Any], *arguments: Any) -> None:
-        """Carry out a command on the thread of control, unless it is refused; answer it."""
+        """Execute a command on the control thread, unless it is refused; fill in the response."""
         if self._emergency.on:
             response.message = (f'{names}: not switched: emergency_stop is on; valves and '
                                 'set-points stay as they are until it is published as false')
@@ -186,16 +186,16 @@ class JammingValves(ManagedNode):
             response.message = f'{names}: {error}'
             return
         except TimeoutError:
-            response.message = (f'{names}: the device has not confirmed it yet; {topic} '
-                                'and jamming_valves/state tell when it does')
+            response.message = (f'{names}: the device has not confirmed it yet; {topic} and '
+                                'jamming_valves/state report when it does')
             return
         response.success = True
-        response.message = f'{doing}; {topic} says when it is done'
+        response.message = f'{doing}; {topic} reports when it is done'
         self.get_logger().info(doing)
 
 
 def _switched(state: JammingValvesState) -> dict[str, str]:
-    """Return what a device does beside the stiffness of its segments, for people."""
+    """Return the states of regulators or of the pump, for people."""
     if state.vacuums:
         return {'set to (kPa)': ' '.join(f'{vacuum / 1e3:g}' for vacuum in state.vacuums)}
     return {'pump': 'on' if state.pump else 'off'}

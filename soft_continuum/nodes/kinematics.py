@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that knows the shape of the arm: from tendons, stiffness, model and measurements."""
+"""The node that computes the shape of the arm from tendons, stiffness, model and measurements."""
 
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -70,15 +70,15 @@ MIN_PERIOD = 0.005  # s between two shapes at least
 ORDER_TIMEOUT = 0.5  # s for which a change of stiffness waits for the pulls at which it happened
 CHECK_PERIOD = 0.02  # s after which what came sooner than that is followed
 COVARIANCE_PERIOD = 0.1  # s between two covariances, which cost more than the shape
-REFUSAL_PERIOD = 1.0  # s for which it is shown why a pose is none that can be used
-ACCURACY_PERIOD = 3.0  # s for which it is shown that what a device tells of itself is not used
+REFUSAL_PERIOD = 1.0  # s for which the reason for an unusable pose is shown
+ACCURACY_PERIOD = 3.0  # s for which an unusable accuracy of a device is shown
 UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that most are not used
 ESTIMATION = ('scipy.linalg', 'scipy.special')  # what the first measurement needs: 0.4 s
 
 
 class Kinematics(Node):
     """
-    Follows the arm's shape by the rigid multibody model under gravity, and by measurements.
+    Tracks the arm's shape by the rigid multibody model under gravity, and by measurements.
 
     Subscribes to tendon_states (sensor_msgs/JointState), tendon_actuation/state,
     jamming_valves/state, segment_N/pressure and disc_N/measured_pose (PoseWithCovarianceStamped).
@@ -89,9 +89,8 @@ class Kinematics(Node):
     robot_description (std_msgs/String, latched), ~/status and /diagnostics.  Serves ~/reset
     (std_srvs/Trigger).
 
-    The shape of a stiff segment is known only by having followed it, or by seeing it.  A node that
-    starts on an arm with pulled tendons says that the shape is unknown, and publishes none, until
-    every disc is measured, or ~/reset.
+    The shape of a stiff segment depends on its history.  A node that starts on an arm with pulled
+    tendons reports an unknown shape, and publishes none, until every disc is measured, or ~/reset.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -140,7 +139,7 @@ class Kinematics(Node):
         self._measured_tensions.expect_accuracy()
         self._refused_poses, self._refused_tensions = Refusals('poses'), Refusals('tensions')
         self._follows = False  # whether the state is that of the last pulls
-        self._unknown = ''  # why nobody knows how far the tendons are pulled
+        self._unknown = ''  # why the pulls are unknown
         self._question = Question()
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
         subscribe(self, TendonActuationState, f'{TENDON_ACTUATION}/state',
@@ -168,7 +167,7 @@ class Kinematics(Node):
         """Nothing to do: this node moves nothing."""
 
     def start(self) -> None:
-        """Load the model; then the node works as soon as the others publish."""
+        """Load the model; the node works once the others publish."""
         load_model(self, self._arm, self._on_model, ESTIMATION)
 
     def _on_model(self) -> None:
@@ -210,8 +209,8 @@ class Kinematics(Node):
             self._lose_shape()
         elif not state.connected and self._pulls is not None:
             # It may be back with its position: then the arm is where it was.
-            self._unknown = ('tendon_actuation has no device, so nobody knows whether the arm '
-                             'still has the shape that it had')
+            self._unknown = ('tendon_actuation has no device, so the arm may have changed its '
+                             'shape unnoticed')
             self.status.set(WARN, self._unknown)
         try:
             self._measured_tensions.receive(state)
@@ -219,7 +218,7 @@ class Kinematics(Node):
             self.status.alarm('accuracy', str(error), ACCURACY_PERIOD)
 
     def _lose_shape(self) -> None:
-        """Forget it: the position of the tendons is lost, or counts from another zero."""
+        """Discard the shape: the position of the tendons is lost, or counts from another zero."""
         self._shape.lose(bent(self._shape.state, self.parameters['arm.jamming']))
         self._pulls = self._next_pulls = None
         self._follows = False
@@ -278,11 +277,11 @@ class Kinematics(Node):
 
     def _measure(self, time: float, measurements: Sequence[Measurement], refusals: Refusals
                  ) -> None:
-        """Correct the shape by what was measured at ``time`` (s), if it can be."""
+        """Correct the shape by measurements of ``time`` (s), if possible."""
         try:
             known, used = self._shape.state, self._shape.measure(time, measurements)
         except StaticsError as error:
-            refused = f'no shape found that fits what is measured: {error}'
+            refused = f'no shape found that fits the measurements: {error}'
         else:
             refused = self._refusal(time, used)
             if known is None and used is not None:
@@ -295,10 +294,10 @@ class Kinematics(Node):
         if used is None:
             return self._shape.refusal(time)
         return '' if used.used else (f'it disagrees with the model by {used.distance**0.5:.1f} '
-                                     'times what their uncertainties allow')
+                                     'times what their uncertainties explain')
 
     def _follow(self) -> None:
-        """Follow what was reported last, but not more often than the model can."""
+        """Follow the last reports, at most as often as the model can."""
         if STEADY() - self._followed >= MIN_PERIOD:
             self._follow_now()
         else:
@@ -388,7 +387,7 @@ class Kinematics(Node):
         return found, parameters
 
     def _update(self) -> bool:
-        """Bring the shape up to date; False when there is none that can be published."""
+        """Update the shape; return False if there is none to publish."""
         assert self._pulls is not None
         jumped = self._shape.state is not None and self._shape.state.jumped
         try:
@@ -415,7 +414,7 @@ class Kinematics(Node):
         if state is None:
             return False
         if state.jumped and not jumped:
-            self.get_logger().warning('a soft segment folded over to another equilibrium')
+            self.get_logger().warning('a soft segment snapped to another equilibrium')
         self.status.set(
             OK, f'following the arm{self._source()}',
             soft=' '.join(str(n) for n, s in enumerate(self._stiff.confirmed, 1) if not s),
@@ -425,14 +424,14 @@ class Kinematics(Node):
         return True
 
     def _source(self) -> str:
-        """Return where the shape comes from, for the status."""
+        """Return the source of the shape, for the status."""
         estimator = self._shape.estimate
         if estimator is None:
             return ''
         if estimator.measured is None:
             return ', corrected by measured tensions'
         fresh = seconds(self.get_clock().now().to_msg()) - FRESH
-        source = ', predicted since it was last measured'
+        source = ', predicted since the last measurement'
         if hidden := estimator.hidden(fresh):
             source = ', measured without disc ' + ' '.join(map(str, hidden))
         elif estimator.measured > fresh:
@@ -471,13 +470,13 @@ class Kinematics(Node):
                 'the arm and call tendon_actuation/reference first, or soften every segment')
         elif question := self._question.ask(
                 self._shape.lost_bent or bent(self._shape.state, True), (
-                    'the arm would be taken to be straight, and every later shape would be wrong '
-                    'by that bend; straighten it')):
+                    'the arm would be assumed straight, and every later shape would be off by '
+                    'that bend; straighten it')):
             response.message = question
         else:
             self._shape.set_straight()
             response.success = True
-            response.message = ('the arm is taken to be straight: poses, tensions and plans '
-                                'follow from that')
+            response.message = ('the arm is assumed straight: poses, tensions and plans follow '
+                                'from that')
             self._publish()
         return response

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Load cells that another node reads: the tension of each tendon from the topic load_cells."""
+"""Load cells of another node: the tension of each tendon from the topic load_cells."""
 
 from collections.abc import Mapping, Sequence
 from math import nan
@@ -20,11 +20,11 @@ class LoadCells:
     """
     Tensions from effort in load_cells (sensor_msgs/JointState), with the names of the tendons.
 
-    All may come in one message, or each in its own.  The thread of ROS writes, any thread reads.
+    They may share a message or have one each.  The ROS thread writes, any thread reads.
     """
 
     def __init__(self, node: Node, tendons: Sequence[str], parameters: Mapping[str, Any]) -> None:
-        """Subscribe if load_cells.enabled says so; raises ParameterError."""
+        """Subscribe if load_cells.enabled is set; raises ParameterError."""
         self._tendons = tuple(tendons)
         self._enabled: bool = parameters['load_cells.enabled']
         self._parameters = parameters
@@ -33,8 +33,8 @@ class LoadCells:
             for name in ('load_cells.zeros', 'load_cells.scales'))
         self._last = {name: (nan, Age()) for name in tendons}  # N
         if 0.0 in self._scales:
-            raise ParameterError('parameter load_cells.scales has a 0: then no tension would ever '
-                                 'be seen; soft_continuum calibrate load_cells finds the scales')
+            raise ParameterError('parameter load_cells.scales has a 0, which hides every tension; '
+                                 'soft_continuum calibrate load_cells finds the scales')
         if self._enabled:
             subscribe(node, JointState, LOAD_CELLS, self._on_message, SENSOR)
 
@@ -47,7 +47,7 @@ class LoadCells:
                 self._last[name] = self._scales[t] * (effort - self._zeros[t]), age
 
     def tensions(self) -> tuple[float, ...] | None:
-        """Return the tension of each tendon, N, nan of a silent cell; None for no load cells."""
+        """Return the tension of each tendon, N, nan for a stale cell; None without load cells."""
         if not self._enabled:
             return None
         timeout = self._parameters['stale_timeout']

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The lifecycle of a node that owns a device, and the threads that it has for it."""
+"""The lifecycle of a node that owns a device, and its threads."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
@@ -26,13 +26,13 @@ class ManagedNode(LifecycleNode):
     """
     A lifecycle node that owns a device, on three threads.
 
-    - That of ROS runs every callback.  It waits for nothing, except in the transition `configure`
-      that somebody asks for: the lifecycle of ROS 2 answers when the device is connected.
+    - The ROS thread runs every callback.  It only waits in a requested transition `configure`,
+    whose response in ROS 2 must follow the connection.
     - ``loop`` controls the device; nothing else uses it.
     - ``connecting`` opens and closes devices, which takes up to seconds.
 
-    With ``autostart`` the node becomes active by itself, as soon as its device lets it.  A device
-    that is lost is connected to again.
+    With ``autostart`` the node becomes active automatically once its device is connected.  It
+    reconnects to a lost device.
     """
 
     def __init__(self, name: str, table: Sequence[Parameter], **options: Any) -> None:
@@ -81,11 +81,11 @@ class ManagedNode(LifecycleNode):
 
     @abstractmethod
     def activate(self) -> None:
-        """Begin to work, on the thread of control."""
+        """Start to work, on the control thread."""
 
     @abstractmethod
     def deactivate(self) -> None:
-        """Hold and stop to work, on the thread of control."""
+        """Hold and stop working, on the control thread."""
 
     @abstractmethod
     def lost(self) -> bool:
@@ -102,7 +102,7 @@ class ManagedNode(LifecycleNode):
     # Connecting.
 
     def start(self) -> None:
-        """Connect and go to work if ``autostart`` asks for it."""
+        """Connect and become active if ``autostart`` is set."""
         self._connect()
 
     def _wants_device(self) -> bool:
@@ -127,7 +127,7 @@ class ManagedNode(LifecycleNode):
         if error:
             self.not_connected(error)
         elif self._opened is None:
-            return  # somebody configured the node meanwhile
+            return  # the node was configured meanwhile
         elif not self._wants_device():
             self._release(self._take())
         elif self._state == 'unconfigured':
@@ -152,12 +152,12 @@ class ManagedNode(LifecycleNode):
         self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
 
     def on_ros_thread(self, function: Callable[..., None], *arguments: Any) -> bool:
-        """Let the thread of ROS call ``function``; return False once it has come to its end."""
+        """Call ``function`` on the ROS thread; return False after its end."""
         # An executor would keep the task, and this node with it.
         return not self._quitting and on_ros_thread(self, function, *arguments)
 
     def in_loop(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Return what ``function`` returns on the thread of control, or raise what it raises."""
+        """Call ``function`` on the control thread; return its result or raise its exception."""
         assert self.loop is not None
         return self.loop.call(function, *arguments)
 
@@ -188,7 +188,7 @@ class ManagedNode(LifecycleNode):
                 self.connecting.call(CONNECT_TIMEOUT, self._open_now)
             except TimeoutError:  # what it finds later is there for the next attempt
                 raise HardwareError(f'{self.hardware_id()} has not connected within '
-                                    f'{CONNECT_TIMEOUT:g} s; see its cables and its power, then '
+                                    f'{CONNECT_TIMEOUT:g} s; check its cables and its power, then '
                                     'configure again') from None
         self.in_loop(self.attach, self._take())
         self._was_configured = True

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The arm, and the shape that is being set, as markers for RViz and Foxglove."""
+"""The arm and its target shape as markers for RViz and Foxglove."""
 
 from collections.abc import Sequence
 from textwrap import fill
@@ -26,7 +26,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 
 LIFETIME = Duration(nanosec=500_000_000)
-"""Of what is not always there: it goes when it is not published any more."""
+"""Lifetime of temporary markers: they disappear when no longer published."""
 TEXT_HEIGHT, TEXT_WIDTH = 0.012, 60  # m, characters
 
 
@@ -35,7 +35,7 @@ def shape_markers(chain: Chain, state: Equilibrium, stiff: Sequence[bool | None]
     """
     Return a line strip for every segment and tendon and a cylinder for every disc.
 
-    stiff: per segment, None where it is not known.  tension_limit: N, at the end of the colours.
+    stiff: per segment, None if unknown.  tension_limit: N, end of the colour scale.
     """
     backbone, poses = state.backbone, state.poses
     markers = []
@@ -63,7 +63,7 @@ def shape_markers(chain: Chain, state: Equilibrium, stiff: Sequence[bool | None]
 
 
 def target_markers(target: Equilibrium | None, frame: str, stamp: Time) -> MarkerArray:
-    """Return the ghost of the shape that is being set; without any, its removal."""
+    """Return the ghost of the target shape; without one, its removal."""
     if target is None:
         marker = _marker('target', 0, Marker.LINE_STRIP, GHOST, frame, stamp)
         marker.action = Marker.DELETE
@@ -73,14 +73,14 @@ def target_markers(target: Equilibrium | None, frame: str, stamp: Time) -> Marke
 
 
 def prediction_marker(predicted: Equilibrium, frame: str, stamp: Time) -> Marker:
-    """Return the ghost of the shape that the model alone has."""
+    """Return the ghost of the shape that the model alone predicts."""
     marker = _ghost('prediction', predicted, PREDICTED, frame, stamp)
     marker.lifetime = LIFETIME
     return marker
 
 
 def alarm_marker(alarms: Sequence[str], height: float, frame: str, stamp: Time) -> Marker:
-    """Return what is wrong with the arm as a text; height: m, where it begins above the base."""
+    """Return the anomalies as a text marker; height: m above the base."""
     marker = _marker('alarms', 0, Marker.TEXT_VIEW_FACING, WRONG, frame, stamp)
     marker.lifetime = LIFETIME
     marker.text = '\n'.join(fill(alarm, TEXT_WIDTH) for alarm in alarms)

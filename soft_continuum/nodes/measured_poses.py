@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measured poses of the discs as they arrive: checked, and together with others of their time."""
+"""Measured poses of the discs: checked, and grouped by time."""
 
 from collections.abc import Callable
 from functools import partial
@@ -18,11 +18,11 @@ from soft_continuum.ros.qos import SENSOR
 
 SYNC_WINDOW = 0.02  # s for which a pose waits for those of the other discs
 MAX_WAITING = 20
-"""Times of which poses wait; of more, as in a burst, the oldest are left out."""
+"""Number of times with pending poses; beyond it, as in a burst, the oldest are dropped."""
 MAX_RATE = 60.0
-"""Times per second of which poses are used: each takes some milliseconds."""
+"""Rate at which poses are used: each takes some milliseconds."""
 MAX_AT_ONCE = 4.0
-"""Times of them that may come together, as those of several cameras do."""
+"""Burst of times, as from several cameras."""
 ANOTHER = 1e-6  # s by which the same time counts as another: the disc is seen by another camera
 
 
@@ -30,21 +30,21 @@ class MeasuredPoses:
     """
     Collects disc_N/measured_pose of all discs.
 
-    The base does not move: it tells whether the camera did, but alone nothing of the arm.
+    The base does not move: its pose shows whether the camera moved, but not the arm.
     """
 
     def __init__(self, node: Any, arm: Arm, frame: str, on_pose: Callable[[], None]) -> None:
         """
-        Subscribe for ``node``; frame: in which poses have to be.
+        Subscribe for ``node``; frame: required frame of poses.
 
-        on_pose: called when there is something to take, or has been refused.
+        on_pose: called when poses are pending or were refused.
         """
         self._frame, self._axes, self._on_any = frame, arm.pose_axes, on_pose
         self._waiting: dict[float, tuple[float, dict[int, DiscMeasurement]]] = {}
         self._taken = -1.0  # s, the stamp that was used last
         self._allowed = MAX_AT_ONCE  # times that may be used now
         self.refused = ''
-        """Why a pose was refused since it was last asked for."""
+        """Why a pose was refused since this was last read."""
         for disc in range(len(arm.discs)):
             subscribe(node, PoseWithCovarianceStamped, MEASURED_POSE.format(disc),
                       partial(self._on_pose, disc), SENSOR)
@@ -66,11 +66,11 @@ class MeasuredPoses:
 
     @property
     def waits(self) -> bool:
-        """Whether there is anything that ``take`` has not returned yet."""
+        """Whether poses are pending for ``take``."""
         return bool(self._waiting)
 
     def take(self) -> list[tuple[float, list[DiscMeasurement]]]:
-        """Return what need not wait any longer: times in s, and what was measured then."""
+        """Return the measurements that are complete: times in s, and their poses."""
         now = STEADY()
         ready = [stamp for stamp, (came, _) in self._waiting.items() if now - came >= SYNC_WINDOW]
         found = []

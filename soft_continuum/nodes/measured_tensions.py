@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measured tensions of the tendons: those that the estimate uses, and how they fit the model."""
+"""Measured tensions: selection for the estimate, and comparison with the model."""
 
 from collections.abc import Mapping, Sequence
 from math import hypot, inf, isfinite, nan
@@ -12,9 +12,9 @@ from soft_continuum.ros.conversions import accuracy_from_ros
 from soft_continuum_interfaces.msg import TendonActuationState
 
 PERIOD = 0.1
-"""s between two that are used: each costs as much as a pose, and says less of a resting arm."""
+"""Period of used tensions, s: each costs as much as a pose, and carries less information."""
 UNCHECKED_TIME = 2.0
-"""s for which the first tensions wait for how well they are known; it is told once a second."""
+"""Time (s) for which the first tensions wait for their accuracy, published once a second."""
 OUTLIER_SIGMA = 3.0  # deviations, beyond which a difference is not what the device does not know
 REPORT_DELAY = 2.0  # s for which a difference lasts before it is reported
 SLACK = 0.1  # of what the model has: with less, a tendon carries nothing
@@ -22,10 +22,9 @@ SLACK = 0.1  # of what the model has: with less, a tendon carries nothing
 
 class MeasuredTensions:
     """
-    Takes effort of tendon_states, which is there only where something measures it.
+    Takes effort of tendon_states, which is only present if tensions are measured.
 
-    How well it is known the device tells by tendon_actuation/state; where it does not, parameters
-    do.
+    Its accuracy is in tendon_actuation/state if the device reports it, otherwise in parameters.
     """
 
     def __init__(self, tendons: Sequence[str], parameters: Mapping[str, Any]) -> None:
@@ -38,12 +37,12 @@ class MeasuredTensions:
         self._taken = -inf
 
     def expect_accuracy(self) -> None:
-        """Let the first tensions wait for how well they are known: ``hear`` will be told."""
+        """Make the first tensions wait for their accuracy, given to ``receive``."""
         self._unchecked_time = UNCHECKED_TIME
 
     def receive(self, state: TendonActuationState) -> None:
-        """Note how well the device knows tensions; raises ValueError, and keeps what it told."""
-        if state.connected:  # what it told before it was lost holds when it is back
+        """Store the accuracy of tensions; raises ValueError, and keeps the earlier one."""
+        if state.connected:  # its last accuracy remains valid after a reconnection
             self._accuracy = accuracy_from_ros(state, self._tendons)
 
     def _stddevs(self) -> tuple[Sequence[float], Sequence[float]]:
@@ -55,7 +54,7 @@ class MeasuredTensions:
                 or (self._parameters['estimation.tension_relative_stddev'],) * count)
 
     def put(self, time: float, tensions: Mapping[str, float]) -> None:
-        """Keep tensions (N, by tendon) that were measured at ``time`` (s), if it is time to."""
+        """Store tensions (N, by tendon) measured at ``time`` (s), if they are due."""
         if abs(time - self._taken) < PERIOD:
             return
         self._first = min(self._first, time)
@@ -69,13 +68,13 @@ class MeasuredTensions:
             self._waiting, self._taken = (time, found), time
 
     def take(self) -> list[tuple[float, list[TensionMeasurement]]]:
-        """Return what has not been used: times in s, and the tensions then."""
+        """Return the pending tensions, with times in s."""
         found = [] if self._waiting is None else [self._waiting]
         self._waiting = None
         return found
 
     def problem(self, now: float, tensions: Mapping[str, float], model: Sequence[float]) -> str:
-        """Return which tensions (N, by tendon) are not those of the model; see TensionCheck."""
+        """Return which tensions (N, by tendon) contradict the model; see TensionCheck."""
         return self._check.problem(now, tensions, model, self._tolerances(tensions, model))
 
     def _tolerances(self, tensions: Mapping[str, float], model: Sequence[float]) -> list[float]:
@@ -94,7 +93,7 @@ class MeasuredTensions:
 
 
 class TensionCheck:
-    """Finds the tendons whose measured tension has long been another than that of the model."""
+    """Finds tendons whose measured tension has long differed from the model."""
 
     def __init__(self, tendons: Sequence[str]) -> None:
         """tendons: their names."""
@@ -105,7 +104,7 @@ class TensionCheck:
     def problem(self, now: float, measured: Mapping[str, float], model: Sequence[float],
                 tolerances: Sequence[float]) -> str:
         """
-        Return what is wrong, empty for nothing; it stays the same while its cause does.
+        Return the problem, empty for none; the text only changes with the cause.
 
         now: s.  measured: N, by tendon, those that are.  model: N, one per tendon, nan where
         nothing determines it.  tolerances: N, one per tendon.

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The compiled model in a node: loaded while the node is already up."""
+"""Loading of the compiled model while the node already runs."""
 
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -14,8 +14,8 @@ from soft_continuum.nodes.threads import on_ros_thread
 
 
 def loading() -> str:
-    """Return what a node does before it can work."""
-    return ('compiling the model, this once; it takes up to a minute' if must_build() else
+    """Return the status text while the model loads."""
+    return ('compiling the model, only on first use; it takes up to a minute' if must_build() else
             'loading the model')
 
 
@@ -24,9 +24,9 @@ def load_model(node: Any, arm: Arm, loaded: Callable[[], None] | None = None,
     """
     Load the compiled model on a thread of its own; compiling takes tens of seconds.
 
-    arm: the described one.  ``loaded`` is called on the thread of ROS.  later: modules that are
-    not needed to start, but should not be waited for when they are.  The thread does not keep a
-    process from ending.
+    arm: the described one.  ``loaded`` is called on the thread of ROS.  later: modules to import
+    afterwards, so that their first use does not wait.  The thread does not prevent a process from
+    ending.
     """
     def load() -> None:
         try:

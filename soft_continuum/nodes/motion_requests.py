@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectories that were sent, and what happened to the last accepted and the last refused one."""
+"""State of the last accepted and the last refused trajectory."""
 
 from dataclasses import dataclass
 
@@ -9,17 +9,17 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum_interfaces.msg import MotionRequest
 
 MAX_POINTS = 1000
-"""Points of one trajectory."""
+"""Largest number of points of a trajectory."""
 
 
 @dataclass(frozen=True)
 class Request:
     """
-    A trajectory to be judged.
+    A trajectory to be validated.
 
-    times: (k,) s from its start.  pulls: (k, tendons) m.  start: s (steady), None for as
-    soon as it is accepted.  revocation: how often motion had been revoked when it came.  stamp: ns
-    of ROS time, the start as it was sent; 0 for none.
+    times: (k,) s from its start.  pulls: (k, tendons) m.  start: s (steady), None for as soon as
+    it is accepted.  revocation: number of revocations when it was received.  stamp: ns of ROS
+    time, the start as it was sent; 0 for none.
     """
 
     id: str
@@ -40,7 +40,7 @@ class MotionRequests:
 
     @property
     def following(self) -> bool:
-        """Whether the accepted trajectory has not come to its end yet."""
+        """Whether the accepted trajectory has not ended yet."""
         return bool(self.accepted.status == MotionRequest.FOLLOWING)
 
     def accept(self, request_id: str, start: float) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Which program a node runs, on which computer, for which arm: asked for, and told to all."""
+"""Version, computer and arm of a node, on a topic and a service."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ MAX_CONFLICT = 500  # characters of a conflict that another node notices
 @dataclass(frozen=True)
 class NodeInfo:
     """
-    What a node reports of itself, five times a second on ``~/heartbeat``.
+    Information about a node, published five times a second on ``~/heartbeat``.
 
     description: parameters.arm.description_digest.  time: its ROS time, s.
     """
@@ -40,11 +40,11 @@ class NodeInfo:
 
     @classmethod
     def own(cls, parameters: Mapping[str, Any]) -> Self:
-        """Return that of a node of this process with these parameters."""
+        """Return the information of a node of this process with these parameters."""
         return cls(uuid4().hex, version(), description_digest(parameters), socket.gethostname())
 
     def to_ros(self, time: float) -> Heartbeat:
-        """Return it as a message that is sent at a ROS time, s."""
+        """Return a message sent at a ROS time, s."""
         return Heartbeat(
             stamp=stamp_of(time), process=self.process, host=self.host, version=self.version,
             description=self.description, conflict=self.conflict)

@@ -37,7 +37,7 @@ class NodeParameters(Mapping[str, Any]):
         """
         Declare one more parameter, a list of numbers: empty unless it is given.
 
-        Without any value it would empty the answer of GetParameters, also for all others.
+        Without a value it would empty the response of GetParameters for all others too.
         """
         name, kind = parameter.name, RosParameter.Type.DOUBLE_ARRAY
         descriptor = _descriptor(parameter)

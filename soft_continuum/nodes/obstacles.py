@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 
-"""The obstacles that a node plans with: of its file, and as the topic changes them."""
+"""The obstacles of a node: from its file, and as changed by the topic."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -72,12 +72,12 @@ class KnownObstacles:
 
     @property
     def scene(self) -> CollisionScene:
-        """What is around the arm; another object whenever that has changed."""
+        """The present scene; a new object after every change."""
         return self._scene
 
     @property
     def report(self) -> dict[str, str]:
-        """What ~/status says of them."""
+        """Values for ~/status."""
         values = {'obstacles': str(len(self._known))}
         if self._refused:
             values[REFUSED] = f'{self._refused}, the last one: {self._refusal}'

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Guards the plan that runs against obstacles that come and an arm that is elsewhere."""
+"""Checks the running plan against new obstacles and deviations of the arm."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -12,7 +12,7 @@ from soft_continuum.sequencing.plans import ShapePlan
 
 
 class PlanGuard:
-    """Watches one plan after the other; distances are found on a thread of its own."""
+    """Watches one plan at a time; distances are computed on a separate thread."""
 
     def __init__(self, parameters: Mapping[str, Any], scene: Callable[[], CollisionScene]
                  ) -> None:
@@ -27,10 +27,10 @@ class PlanGuard:
 
     def problems(self, plan: ShapePlan | None, move: int, state: Any) -> tuple[str, str, bool]:
         """
-        Return what an Observation has of a plan: obstructed, departed, and unseen.
+        Return the fields obstructed, departed and unseen of an Observation.
 
-        move: the way (0-based) that is gone or comes next.  state: of the arm, None where it is
-        not known.  Where angles are set and no obstacle is known, the arm may be anywhere.
+        move: the present or next path (0-based).  state: of the arm, None if unknown.  Without
+        obstacles, plans by angles do not limit the deviation of the arm.
         """
         if plan is not self._plan:
             self._plan, self._watch, self._seen, self._look = plan, None, None, None
@@ -42,7 +42,7 @@ class PlanGuard:
             return '', '', False
         if self._look is not None and self._look.done():
             look, self._look = self._look, None
-            look.result()  # what it raises ends the run; it is not raised again while that is left
+            look.result()  # its exception ends the run, and is not raised again meanwhile
         if around is not self._seen and self._look is None:
             self._seen, self._look = around, self._thread.submit(watch.look, around)
         planned = bool(plan and plan.shape.tips) or bool(around.obstacles)

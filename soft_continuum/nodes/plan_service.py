@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The service that plans shapes and moves nothing."""
+"""The service that plans shapes without motion."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -24,7 +24,7 @@ Answer = Callable[[PlanShapes.Response], None]
 
 
 class PlanService:
-    """Answers one request at a time: a newer one, or a goal of the action, ends the one before."""
+    """Handles one request at a time: a newer one, or a goal of the action, aborts it."""
 
     def __init__(self, node: Node, planning: Planning, busy: Callable[[], str],
                  shapes_of: Callable[[Sequence[ShapeMessage]], list[Shape]]) -> None:
@@ -41,7 +41,7 @@ class PlanService:
         limit = request.time_limit
         problem = self._busy()
         if not (isfinite(limit) and 0.0 <= limit <= MAX_TIME_LIMIT):
-            problem = (f'time_limit is {limit:g} s; allowed: 0 (as reach.time_limit says) to '
+            problem = (f'time_limit is {limit:g} s; allowed: 0 (use reach.time_limit) to '
                        f'{MAX_TIME_LIMIT:g} s')
         try:
             shapes = self._shapes_of(request.shapes)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plans from the present state of the arm, as kinematics reports it, on a thread of their own."""
+"""Plans from the present state of the arm, as reported by kinematics, on a separate thread."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -30,7 +30,7 @@ Result = TypeVar('Result')
 
 
 class PlanningThread:
-    """Makes one plan at a time; a plan that is no longer wanted ends after a few milliseconds."""
+    """Makes one plan at a time; an abandoned plan ends after a few milliseconds."""
 
     def __init__(self) -> None:
         """Start the thread."""
@@ -42,8 +42,7 @@ class PlanningThread:
         """
         Abandon the present plan and begin the next one.
 
-        work: what is to be done by a planner of ``arm``, whose tendons have ``offsets`` (tendons,)
-        m.
+        work: called with a planner of ``arm``, whose tendons have ``offsets`` (tendons,) m.
         """
         self.abandon()
         abandoned = self._abandoned = Event()
@@ -66,9 +65,9 @@ class Planning:
     def __init__(self, arm: Arm, parameters: Mapping[str, Any], observed: ArmObserver,
                  scene: Callable[[], CollisionScene], warn: Callable[[str], None]) -> None:
         """
-        Plan for what is ``observed`` of ``arm``, within the limits of the parameters.
+        Plan for ``arm`` as ``observed``, within the limits of the parameters.
 
-        warn: is told when a search ended early, on the thread that plans.
+        warn: called when a search ended early, on the planning thread.
         """
         self._arm, self._parameters, self._observed = arm, parameters, observed
         self._scene, self._warn, self._kept = scene, warn, KeptPlans()
@@ -79,9 +78,8 @@ class Planning:
         """
         Begin to plan shapes one after the other; the future raises PlanError if one has none.
 
-        What ``explain`` answered is taken, as long as all is as it was then.
-        first: it is enough to know that there are plans, not how good they could be nor the
-        states on their ways.
+        Plans of ``explain`` are reused while nothing has changed.  first: take the first plan
+        found, without states on its paths.
         """
         around = self._scene()
         if first and not around.obstacles and not any(shape.tips for shape in shapes):
@@ -128,16 +126,16 @@ class Planning:
     def _searched(self, planner: Any, state: Any, pulls: Sequence[float], shapes: Sequence[Shape],
                   around: CollisionScene, settings: ReachSettings, first: bool = False
                   ) -> Iterator[Reach]:
-        """As plan_shapes; says which search the time has ended."""
+        """As plan_shapes; warns of searches that the time limit ended."""
         for shape, found in zip(shapes, plan_shapes(
                 planner, state, pulls, shapes, around, settings, first), strict=False):
             if found.cut_short:
-                self._warn(f'{shape.name}: reach.time_limit ended the search for a plan; with '
-                           'more time it may find a better one')
+                self._warn(f'{shape.name}: reach.time_limit ended the search for a plan; more '
+                           'time may give a better one')
             yield found
 
     def loop(self, aim: int) -> Loop:
-        """Return what a run by measurements asks for; aim: of RunShapeSequence."""
+        """Return the planning functions of a run by measurements; aim: of RunShapeSequence."""
         return Loop(partial(self._aim, aim), self._step, self._again,
                     lambda: self._observed.shape)
 
@@ -163,7 +161,7 @@ class Planning:
         known, pulls = self._observed.shape_and_model, self._observed.pulls
         if known is None:
             failed: Future[Result] = Future()
-            failed.set_exception(PlanError('the shape of the arm is not known any more'))
+            failed.set_exception(PlanError('the shape of the arm is no longer known'))
             return failed
         state, model = known
         return self._thread.start(
@@ -173,10 +171,10 @@ class Planning:
 
 def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
     """
-    Return what a planned shape aims at; kind: of RunShapeSequence.
+    Return the aim of a planned shape; kind: of RunShapeSequence.
 
-    Its tip is that of its last goal; of angles, where they bring that of the described ``arm``,
-    set from straight.
+    The tip is that of its last tip goal; for angles, that of the described ``arm``, set from
+    straight.
     """
     if shape.tips:
         return tip_aim(shape, arm)
@@ -192,6 +190,6 @@ def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
 
 
 def tip_aim(shape: Shape, arm: Arm) -> Aim:
-    """Return what a shape aims at that was planned to goals of the tip: the last of them."""
+    """Return the aim of a shape planned to tip goals: the last of them."""
     return Aim(bending_vectors(arm, shape.bending_angles, shape.bending_directions),
                shape.tips[-1].position, on_tip=True)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The tensions that the model predicts on the way along a trajectory."""
+"""Tensions along a trajectory, as predicted by the model."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,10 +21,10 @@ MAX_STATES = 2000
 @dataclass(frozen=True)
 class TensionLimits:
     """
-    Largest predicted tension of any tendon, and of opposing ones at once, N.
+    Limits of predicted tension: of any tendon, and of opposing tendons at once, N.
 
-    Tendons that end at one disc oppose each other if the backbone is between them: what all of
-    them carry bends nothing.
+    Tendons that end at one disc oppose each other if the backbone is between them: their common
+    tension bends nothing.
     """
 
     any_tendon: float
@@ -32,10 +32,10 @@ class TensionLimits:
 
 
 class TensionPrediction:
-    """Follows a trajectory with the model, and refuses what would need too much tension."""
+    """Predicts tensions along trajectories, and refuses those that exceed the limits."""
 
     def __init__(self, arm: Arm) -> None:
-        """Prepare the model of ``arm``, which is compiled when it is first used."""
+        """Prepare the model of ``arm``, which is compiled on first use."""
         self._statics: Statics = Statics(arm)
         self._tendons = arm.tendon_names
         self.opposing = arm.opposing_tendons
@@ -61,11 +61,10 @@ class TensionPrediction:
     def check(self, pulls: Array, shape: Equilibrium, soft: Sequence[bool],
               limits: TensionLimits, revoked: Callable[[], bool]) -> None:
         """
-        Refuse pulls (k, tendons) in m that need too much tension, or for which there is no shape.
+        Refuse pulls (k, tendons) in m that exceed the tension limits or have no equilibrium.
 
-        pulls: in which the offsets of the tendons count.  shape: from which they start, of the arm
-        as it is known best.  soft: per segment.  Ends early once ``revoked``.  Raises
-        MotionRefusedError.
+        pulls: including the offsets of the tendons.  shape: best estimate of the initial shape.
+        soft: per segment.  Ends early once ``revoked``.  Raises MotionRefusedError.
         """
         state, vacuum = shape, shape.vacuum or None
         if self._statics.chain.arm is not shape.chain.arm:
@@ -92,6 +91,6 @@ class TensionPrediction:
                 in zip(self._tendons, pulls, tensions, strict=True))
             raise MotionRefusedError(
                 Reason.TENSION,
-                f'the tensions on the way would be too large, at {predicted}; tension_limit: '
-                f'{limits.any_tendon:g} N, co_contraction_limit (opposing tendons at '
-                f'once): {limits.at_once:g} N')
+                f'the motion would need too large tensions, at {predicted}; tension_limit: '
+                f'{limits.any_tendon:g} N, co_contraction_limit (opposing tendons at once): '
+                f'{limits.at_once:g} N')

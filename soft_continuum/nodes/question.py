@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What only a person can know to be right is asked for twice."""
+"""Requests that contradict the known state must be confirmed."""
 
 from soft_continuum.ros.ros_time import Age
 
@@ -9,25 +9,25 @@ ANSWER_TIMEOUT = 30.0  # s within which the same request, made again, is the ans
 
 class Question:
     """
-    Asks back before a request is carried out that what is known speaks against.
+    Asks for confirmation of a request that contradicts the known state.
 
-    A request that is made again within ANSWER_TIMEOUT means yes: std_srvs/Trigger has no field.
+    Repeating the request within ANSWER_TIMEOUT confirms it: std_srvs/Trigger has no fields.
     """
 
     def __init__(self) -> None:
-        """Nothing was asked yet."""
+        """Start without a question."""
         self._asked = Age()
 
     def ask(self, doubt: str, effect: str) -> str:
         """
-        Return the question, empty when there is no doubt or it was answered.
+        Return the question; empty without a doubt, or after confirmation.
 
-        doubt: what speaks against it.  effect: what it would do, and what to do first.
+        doubt: why it may be wrong.  effect: consequence of the request, and what to do first.
         """
         answered = self._asked.seconds <= ANSWER_TIMEOUT
         self._asked.clear()
         if answered or not doubt:
             return ''
         self._asked.refresh()
-        return (f'nothing was done: {doubt} when that was last known; {effect}, then call this '
-                f'again within {ANSWER_TIMEOUT:g} s')
+        return (f'nothing was done: as last known, {doubt}; {effect}, then call this again within '
+                f'{ANSWER_TIMEOUT:g} s')

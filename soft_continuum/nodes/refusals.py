@@ -1,28 +1,28 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""When it is worth saying that measurements are not used: a single one happens by chance."""
+"""When to report refused measurements: single ones occur by chance."""
 
 import re
 
 NUMBER = re.compile(r'[\d.]+')
 WEIGHT = 0.1  # of the last measurement in the share that is refused
 MANY, FEW = 0.5, 0.2
-"""Of the measurements, refused: from when it is said, and until when."""
+"""Shares of refused measurements at which the report starts and ends."""
 
 
 class Refusals:
-    """Keeps the share of the last ten measurements or so that were refused."""
+    """Keeps the share of refused measurements among about the last ten."""
 
     def __init__(self, what: str) -> None:
-        """what: is measured, for people."""
+        """what: name of the measurement, for people."""
         self.what, self._share, self._text, self._reason = what, 0.0, '', ''
 
     def note(self, reason: str) -> str:
         """
-        Note why a measurement was refused, or '' if it was used; return what is wrong.
+        Note why a measurement was refused, or '' if it was used; return the report.
 
-        From when MANY were refused until FEW are; it only changes with the reason, not with the
-        numbers in that.
+        It starts at MANY and ends at FEW; the text only changes with the reason, not with its
+        numbers.
         """
         self._share += WEIGHT * (bool(reason) - self._share)
         if self._share < FEW:
@@ -30,5 +30,5 @@ class Refusals:
         elif reason and (self._share > MANY or self._text) and not (
                 self._text and NUMBER.sub('', reason) == NUMBER.sub('', self._reason)):
             self._reason = reason
-            self._text = f'most measured {self.what} are not used; the last one: {reason}'
+            self._text = f'most measured {self.what} are rejected, the last one because: {reason}'
         return self._text

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What jamming_valves and kinematics report of the arm, and the interlocks that follow from it."""
+"""State of the arm as reported by jamming_valves and kinematics, and its interlocks."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -43,9 +43,9 @@ class Interlock:
 
 def bent(shape: Any, jamming: bool) -> str:
     """
-    Return which segment is bent most, for people; empty for a straight arm, or None.
+    Return the most bent segment as text; empty for a straight arm, or None.
 
-    Without jamming there is nothing to say: how its weight bends an arm is no matter of its zero.
+    Empty without jamming: the bend of such an arm under its weight does not affect the zero.
     """
     if shape is None or not jamming:
         return ''
@@ -58,9 +58,8 @@ class ReportedArm:
     """
     Stiffness, vacuum and shape of the arm as jamming_valves and kinematics report them.
 
-    A device may miss an answer: until its pressures are stale, a segment keeps the stiffness that
-    was last known.  The thread of ROS writes, any thread reads: every value is replaced as a
-    whole.
+    A device may miss a reply: until its pressures are stale, a segment keeps its last known
+    stiffness.  The ROS thread writes, any thread reads: every value is replaced as a whole.
     """
 
     def __init__(self, node: Any, chain: Chain, parameters: Mapping[str, Any]) -> None:
@@ -103,17 +102,17 @@ class ReportedArm:
                 self._agreed.refresh()
 
     def clear_shape(self) -> None:
-        """Wait for another shape: the pulls of the one that was reported count no more."""
+        """Wait for another shape: the reported one is no longer valid."""
         self.shape_age.clear()
 
     @property
     def last_bent(self) -> str:
-        """How the arm was bent when its shape was last known, for people; empty for straight."""
+        """Last known bend of the arm as text; empty for straight."""
         return '' if self._reported is None else bent(self._reported[0], self._jamming)
 
     @property
     def agreed(self) -> bool:
-        """Whether kinematics has a jam where jamming_valves says that there is one."""
+        """Whether kinematics and jamming_valves report the same jammed segments."""
         return not self._jamming or tuple(self.kinematics.stiff) == self.jammed(self.stiffness)
 
     @property
@@ -127,12 +126,12 @@ class ReportedArm:
 
     @property
     def timeout(self) -> float:
-        """Age at which what was reported is stale, s."""
+        """Age at which reports are stale, s."""
         return float(self.parameters['stale_timeout'])
 
     @property
     def shape(self) -> Any:
-        """The present state of the model, of the kind of its chain; None when it is not known."""
+        """The present state of the model, of the type of its chain; None if unknown."""
         reported = self._reported
         if reported is None or self.shape_age.seconds > self.timeout:
             return None
@@ -141,9 +140,9 @@ class ReportedArm:
     @property
     def shape_and_model(self) -> tuple[Any, Model] | None:
         """
-        The present state, of the arm as it is known best, and that arm; None when not known.
+        The present state of the estimated arm, and that arm; None if unknown.
 
-        The arm is made anew from what is estimated: for plans, not for every message.
+        The arm is built from the estimate: for plans, not for every message.
         """
         reported = self._reported
         if reported is None or self.shape_age.seconds > self.timeout:
@@ -154,7 +153,7 @@ class ReportedArm:
 
     @property
     def kinematics(self) -> KinematicsState:
-        """What kinematics said last of a shape; empty before the first."""
+        """Last status of kinematics on the shape; empty before the first."""
         return KinematicsState() if self._reported is None else self._reported[1]
 
     @property
@@ -163,7 +162,7 @@ class ReportedArm:
             None not in self.stiff and self.jamming_age.seconds <= self.timeout)
 
     def motion_interlock(self) -> Interlock | None:
-        """Return why the arm must not be moved at all now, None when it may be."""
+        """Return why the arm must not be moved now, None if it may."""
         if problem := self.conflicts.problem:
             return Interlock(Reason.CONFLICT, problem)
         if not self._stiffness_known:
@@ -192,7 +191,7 @@ class ReportedArm:
         return None
 
     def homing_interlock(self) -> Interlock | None:
-        """Return why tendons must not be paid out to their switches now, None when they may."""
+        """Return why the tendons must not be homed now, None if they may."""
         if problem := self.conflicts.problem:
             return Interlock(Reason.CONFLICT, problem)
         if not self._jamming:

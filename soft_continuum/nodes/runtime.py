@@ -50,7 +50,7 @@ MEMORY = 2**30  # bytes that a node may use beyond those of its start; it needs 
 DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
 SHAPES = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)
 ELSEWHERE = {RECORDER: 'recordings.recorder', TELEOP: 'teleop.node'}
-"""The modules of nodes that use the arm as its clients do."""
+"""Modules of nodes that use the arm as clients do."""
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 
 
@@ -63,7 +63,7 @@ def node_class(name: str) -> type[Any]:
 
 
 class Signals:
-    """SIGINT and SIGTERM: they interrupt the start, and later only ask the spinning to end."""
+    """SIGINT and SIGTERM: they interrupt the start, and later only request the end of spinning."""
 
     def __init__(self) -> None:
         """Take over both signals."""
@@ -72,7 +72,7 @@ class Signals:
         self._let(self._on_signal)
 
     def ignore(self) -> None:
-        """Let one that comes now change nothing: Python would let it kill what it takes down."""
+        """Ignore further signals, which would kill the process during Python's shutdown."""
         self._let(signal.SIG_IGN)
 
     def _let(self, handler: Any) -> None:
@@ -89,7 +89,7 @@ class Signals:
         """
         Spin until a signal comes, ROS is shut down, or ``ended`` returns True.
 
-        What a callback raises is logged: a node that goes on can still hold the tendons.
+        Exceptions of callbacks are logged: a node that continues can still hold the tendons.
         """
         self.starting = False
         while not self.received and rclpy.ok() and not ended():
@@ -97,12 +97,12 @@ class Signals:
                 executor.spin_once(timeout_sec=0.1)
             except Exception:
                 get_logger('soft_continuum').error(
-                    f'a callback failed; going on:\n{traceback.format_exc()}')
+                    f'a callback failed; the node continues:\n{traceback.format_exc()}')
 
 
 def end_with(parent: int) -> None:
     """
-    End as by SIGTERM, holding the tendons, when the process that started this one ends.
+    End as by SIGTERM, holding the tendons, when the parent process ends.
 
     parent: its id; if that has ended already, this process ends at once.
     """
@@ -160,9 +160,9 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
 
 def limit_memory() -> None:
     """
-    End this node rather than let it take the memory of the computer, as damaged DDS can make it.
+    Limit the memory of this node, which damaged DDS messages could exhaust.
 
-    A node that ends this way is one that was killed: the others notice, and the motion ends.
+    A node that ends this way counts as killed: the others detect it, and the motion ends.
     """
     with suppress(OSError, ValueError):  # a smaller limit than this is set already
         status = Path('/proc/self/status').read_text(encoding='ascii')
@@ -172,14 +172,13 @@ def limit_memory() -> None:
 
 
 def argument_error(arguments: Sequence[str], error: Exception) -> str:
-    """Say which arguments ROS did not take, and why; or what is wrong with its security."""
+    """Return which arguments ROS rejected, and why; or the problem with its security."""
     return security_problem(error, os.environ) or (
-        f'ROS does not take these arguments: {" ".join(arguments[1:])}: '
-            f'{str(error).splitlines()[0]}')
+        f'ROS rejects these arguments: {" ".join(arguments[1:])}: {str(error).splitlines()[0]}')
 
 
 def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
-    """Let every node hold, then take all down."""
+    """Let every node hold, then shut down."""
     for node in nodes:
         try:
             node.quit()
@@ -195,10 +194,9 @@ def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
 
 def check_parameter_files(arguments: Sequence[str], nodes: Sequence[str]) -> Overrides:
     """
-    Read the parameters in ROS arguments as rcl will; return what they set.
+    Read the parameters in ROS arguments as rcl does; return their values.
 
-    Raises ParameterError naming the file and the key of what these nodes would not take; rclpy
-    would only abort.
+    Raises ParameterError with the file and the key of an invalid value; rclpy would only abort.
     """
     overrides = Overrides.of_arguments(arguments)
     for name in nodes:
@@ -218,5 +216,5 @@ def _refuse_whole_numbers(where: str, key: str, value: Any) -> None:
     whole = [item for item in items if isinstance(item, int) and not isinstance(item, bool)]
     if measure and whole:
         raise ParameterError(
-            f'{where}: parameter {key} is {value}; ROS wants a decimal point: '
-            f'write {float(whole[0])} rather than {whole[0]}')
+            f'{where}: parameter {key} is {value}; ROS needs a decimal point: write '
+            f'{float(whole[0])} rather than {whole[0]}')

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The server of the action run_shape_sequence: goals are answered and ended from outside."""
+"""The server of the action run_shape_sequence; its owner accepts and ends goals."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -20,12 +20,12 @@ from soft_continuum_interfaces.action import RunShapeSequence
 
 RESULT_TIMEOUT = 900  # s for which a client can still ask for a result
 GOALS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-"""Of many goals at once each is answered; rclpy would forget all but ten."""
+"""Queue length, so that each of many goals is answered; rclpy would keep only ten."""
 
 
 @dataclass(frozen=True)
 class GoalRequest:
-    """A goal that waits for its answer; ``answer(True)`` accepts it, ``answer(False)`` rejects."""
+    """A pending goal; ``answer(True)`` accepts it, ``answer(False)`` rejects it."""
 
     goal_id: UUID
     goal: RunShapeSequence.Goal
@@ -34,7 +34,7 @@ class GoalRequest:
 
 @dataclass(frozen=True)
 class Reached:
-    """Where the arm is in the end, as in the result of RunShapeSequence."""
+    """Final state of the arm, as in the result of RunShapeSequence."""
 
     bending_angles: Sequence[float] = ()
     angle_stddevs: Sequence[float] = ()
@@ -44,21 +44,21 @@ class Reached:
 
 
 def error_code(code: Code) -> int:
-    """Return the error_code of RunShapeSequence by which a code is known."""
+    """Return the error_code of RunShapeSequence for a code."""
     return int(getattr(RunShapeSequence.Result, code.name))
 
 
 NOWHERE = Reached()
-"""Of a goal that ends before it is known where the arm is."""
+"""Result of a goal that ends before the state of the arm is known."""
 
 
 class SequenceServer(ActionServer):
     """
     An action server without callbacks that wait.
 
-    rclpy wants the answer to a goal when its callback returns, without the id of the goal, and
-    one callback that runs as long as the goal; a coroutine that waits would be polled by its
-    executors with a whole core.
+    rclpy expects the response to a goal when its callback returns, without the id of the goal, and
+    one callback that runs as long as the goal; its executors would poll a waiting coroutine, which
+    occupies a core.
     """
 
     def __init__(self, node: Node, on_request: Callable[[GoalRequest], None],
@@ -73,7 +73,7 @@ class SequenceServer(ActionServer):
             goal_service_qos_profile=GOALS, result_timeout=RESULT_TIMEOUT)
 
     async def _execute_goal_request(self, request: Any) -> None:
-        """Leave the answer to whoever takes the request."""
+        """Leave the answer to the handler of the request."""
         message = request[1]
         try:
             self._on_request(GoalRequest(
@@ -91,7 +91,7 @@ class SequenceServer(ActionServer):
         """Leave the goal executing until ``finish`` is called."""
 
     def finish(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:
-        """End a goal, in the state that its outcome calls for, and send the result."""
+        """End a goal in the state of its outcome, and send the result."""
 
         def result(handle: Any) -> RunShapeSequence.Result:
             if outcome.code is Code.SUCCESSFUL:

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that follows a moving target with one segment: that which is soft, or is chosen."""
+"""The node that follows a moving target with one segment."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -45,7 +45,7 @@ NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 MAX_TARGET_BYTES = 1000
 SEQUENCE_TIMEOUT = 3.0  # s after its last state for a sequence to count as ended
 CLOSE_TIMEOUT = 5.0  # s
-SOON = 0.5  # s: what takes longer to prepare is told when it is done
+SOON = 0.5  # s: longer preparations are reported when done
 REFUSAL_PERIOD = 5.0  # s for which a refused target is reported
 
 
@@ -53,14 +53,14 @@ class Servo(Node):
     """
     Follows a moving target with the segment that is soft, while it is enabled.
 
-    Of an arm without jamming it is the segment that servo.segment names.  Subscribes to
-    ~/target_angle (std_msgs/Float64), ~/target_bending (geometry_msgs/Vector3), ~/target_tip
+    Without jamming, servo.segment selects the segment.  Subscribes to ~/target_angle
+    (std_msgs/Float64), ~/target_bending (geometry_msgs/Vector3), ~/target_tip
     (geometry_msgs/PointStamped), ~/hold (std_msgs/Empty), tendon_states, segment_N/pressure and
     the ~/state of the nodes of an arm.  Publishes tendon_actuation/tendon_trajectory, ~/enabled
     (std_msgs/Bool, latched), ~/status and /diagnostics.  Serves ~/enable (std_srvs/SetBool).
 
-    It moves nothing unless it is enabled, and whatever interferes disables it.  All happens on the
-    thread that spins the node; but what a segment can be bent to is found on a thread of its own,
+    It moves nothing unless enabled; a stop, a sequence or a change of stiffness disables it.
+    Everything runs on the thread that spins the node, except the computation of the bending range
     when the servo is enabled.
     """
 
@@ -106,7 +106,7 @@ class Servo(Node):
         self._compiled = True
 
     def quit(self) -> None:
-        """Hold the tendons before the process ends, if it moves them."""
+        """Hold the tendons before the process ends, if they move."""
         self._hold('the node ended', OK)
         self._report()
         self._worker.close(CLOSE_TIMEOUT)
@@ -152,7 +152,7 @@ class Servo(Node):
     def _on_enable(self, request: SetBool.Request, response: SetBool.Response
                    ) -> SetBool.Response:
         if not request.data:
-            self._hold('it was asked to', OK)
+            self._hold('on request', OK)
             response.success, response.message = True, 'disabled'
         elif self._servo is not None:
             response.success, response.message = True, 'already enabled'
@@ -183,11 +183,11 @@ class Servo(Node):
         if observed.shape is None or observed.estimate is None:
             return 'the shape of the arm is not known'
         if observed.shape.stiff != observed.jammed(observed.stiffness):
-            return 'kinematics does not know yet which segment is soft; try again'
+            return 'kinematics has not yet reported which segment is soft; try again'
         return ''
 
     def _choice_problem(self) -> str:
-        """Return why there is no segment that could follow; empty if there is one."""
+        """Return why no segment can follow; empty if one can."""
         observed, chosen = self._observed, self.parameters['servo.segment']
         if not self._jamming:
             return '' if chosen <= self._segments else (
@@ -228,7 +228,7 @@ class Servo(Node):
                        self._jamming)
         self._stiffness, self._stops = observed.stiffness, observed.tendons.stops
         self._preparing = this = object()
-        self._level, self._ended = OK, 'what the segment can be bent to is being found'
+        self._level, self._ended = OK, 'computing the bending range of the segment'
         made: Future[tuple[AngleServo | None, str]] = Future()
 
         def prepare() -> None:
@@ -238,7 +238,7 @@ class Servo(Node):
 
         if not self._worker.submit(prepare):
             self._preparing = None
-            return 'too many attempts to enable it wait to be given up; try again'
+            return 'too many cancelled attempts to enable it are pending; try again'
         try:
             return self._begin(this, *made.result(SOON))
         except TimeoutError:
@@ -379,7 +379,7 @@ class Servo(Node):
 
 
 def _made(make: Callable[[], AngleServo]) -> tuple[AngleServo | None, str]:
-    """Return a servo, or why there is none."""
+    """Return a servo, or why it cannot be made."""
     try:
         return make(), ''
     except StaticsError as error:

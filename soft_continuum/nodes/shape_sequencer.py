@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that runs sequences of shapes, by the topics and services of the other three."""
+"""The node that runs sequences of shapes, using the other three nodes."""
 
 from collections.abc import Sequence
 from concurrent.futures import Future
@@ -60,7 +60,7 @@ from soft_continuum_interfaces.msg import (
 
 TICK_PERIOD = 0.05  # s
 PIECE_PERIOD = 0.15
-"""s between pieces of a motion: to judge one of nine tendons takes 10 ms of a core."""
+"""Period of motion pieces, s: validating one with nine tendons takes 10 ms of a core."""
 FIRST_MESSAGE_TIMEOUT = 5.0  # s that a goal waits for nodes that may have just been started
 STARTING_TIMEOUT = 20.0  # s that it waits for nodes that run: on a slow computer they load longer
 
@@ -68,10 +68,10 @@ STARTING_TIMEOUT = 20.0  # s that it waits for nodes that run: on a slow compute
 @dataclass
 class Check:
     """
-    A goal that is planned before it is accepted.
+    A goal that is being planned before it is accepted.
 
-    age: since it came.  plans: None until the other nodes have been heard.  stops: how many there
-    had been when it came, None until tendon_actuation has been heard.
+    age: since it was received.  plans: None until the other nodes have reported.  stops: their
+    number when it was received, None until tendon_actuation has reported.
     """
 
     request: GoalRequest
@@ -92,7 +92,7 @@ class ShapeSequencer(Node):
     known_obstacles (visualization_msgs/MarkerArray, latched), ~/state, ~/status and /diagnostics;
     calls jamming_valves/segment_N/set_stiff and set_vacuum.
 
-    Plans are made on a thread of their own; all else happens on the thread that spins the node.
+    Plans are made on a separate thread; all else runs on the thread that spins the node.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -124,7 +124,7 @@ class ShapeSequencer(Node):
         self._ghost = Ghost(self, self._arm, self.parameters['frame_id'])
         self._states = StatePublisher(self, ShapeSequencerState)
         self._obstacles = KnownObstacles(self, self._arm, self.parameters, self._report)
-        reach_from_parameters(self.parameters)  # raises for what is none
+        reach_from_parameters(self.parameters)  # raises for invalid weights
         self._planning = Planning(
             self._arm, self.parameters, self._observed, lambda: self._obstacles.scene,
             self.get_logger().warning)
@@ -148,7 +148,7 @@ class ShapeSequencer(Node):
         self._ghost.show(None)
 
     def destroy_node(self) -> None:
-        """Take down the action server before the node, as rclpy needs it."""
+        """Destroy the action server before the node, as rclpy requires."""
         self._server.destroy()
         super().destroy_node()
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a node reports of itself: a status for people, a typed state for other nodes."""
+"""Reports of a node: a status for people, a typed state for other nodes."""
 
 from copy import copy, deepcopy
 from math import inf
@@ -20,13 +20,13 @@ REPEAT_PERIOD = 1.0  # s between two states that are the same
 FAILURE_PERIOD = 5.0  # s for which a mistake of the program is shown
 
 NUMBER = re.compile(r'-?\d+\.\d+(e[-+]?\d+)?|-?\d+(?= (?:mm|ms|s|k?Pa|N|%)(?!\w))')
-"""What may change while a status stays of its kind: what is measured, not what names a part."""
+"""Numbers that may change in an otherwise equal status: measured values, not part numbers."""
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 class Status:
-    """Reports how a node is, to people: latched on ``~/status``, and 1 Hz on /diagnostics."""
+    """Publishes the status of a node: latched on ``~/status``, and at 1 Hz on /diagnostics."""
 
     def __init__(self, node: Node, hardware_id: str) -> None:
         """Create the two publishers and the timer of ``node``."""
@@ -43,21 +43,21 @@ class Status:
 
     @property
     def message(self) -> str:
-        """What it reports now, in words."""
+        """The present status text."""
         return str(self._message.message)
 
     def set(self, level: bytes, message: str, **values: object) -> None:
         """
         Update the status and publish it if it changed; for the thread of ROS.
 
-        level: OK, WARN or ERROR.  values: shown as they print.
+        level: OK, WARN or ERROR.  values: shown as printed.
         """
         self._own = level, message, [
             KeyValue(key=key, value=str(value)) for key, value in values.items()]
         self._update()
 
     def alarm(self, source: str, text: str, seconds: float = inf) -> None:
-        """Report an ERROR for so long, or until ``source`` has none: ``text`` is empty."""
+        """Report an ERROR of ``source`` for so long, or until its ``text`` is empty."""
         if self._alarms.get(source, ('', inf))[0] != text or text and seconds < inf:
             self._alarms[source] = text, time.monotonic() + seconds
             self._update()
@@ -103,7 +103,7 @@ class StatePublisher:
     """
     Publishes a typed state latched on ``~/state``, whenever more than its stamp changes.
 
-    It is repeated each second: somebody may believe a wrong one.
+    It is repeated every second, in case a subscriber received a false one.
     """
 
     def __init__(self, node: Node, message_type: Any) -> None:
@@ -115,7 +115,7 @@ class StatePublisher:
         repeat(node, REPEAT_PERIOD, self._send)
 
     def publish(self, message: Any) -> None:
-        """Publish ``message``, whose stamp is still zero, if it is another one."""
+        """Publish ``message``, whose stamp is still zero, if it has changed."""
         if message != self._last:
             self._last = deepcopy(message)
             self._changed = self._node.get_clock().now().to_msg()

@@ -45,7 +45,7 @@ from soft_continuum.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory
 
 MAX_HOLD_BYTES = 1000
-"""Of a trajectory that is looked into at once, because it may ask to hold."""
+"""Size of a trajectory that is parsed at once, because it may request a hold."""
 PAUSE = 4.0  # after the conversion of a long trajectory, over the time that it took
 REFUSAL_PAUSE = 0.01  # s after a refusal: a flood of them would keep other threads waiting
 AGREE_PERIOD = 0.01  # s between two looks whether kinematics has the segments stiff that are
@@ -58,7 +58,7 @@ Kind = type[JointTrajectory] | type[TendonTrajectory]
 
 class TendonActuation(ManagedNode):
     """
-    Moves the tendons along trajectories, as far as the arm may be moved.
+    Moves the tendons along trajectories, within limits and interlocks.
 
     Subscribes to ~/joint_trajectory (trajectory_msgs/JointTrajectory), ~/tendon_trajectory
     (TendonTrajectory: the same with an id), jamming_valves/state, segment_N/pressure,
@@ -66,12 +66,11 @@ class TendonActuation(ManagedNode):
     tendon_states (sensor_msgs/JointState), ~/state (TendonActuationState, latched), ~/status and
     /diagnostics.  Serves ~/stop, ~/resume and ~/reference (std_srvs/Trigger).
 
-    Four threads: those of a ManagedNode, of which the one of control owns a TendonControl, and one
-    that judges trajectories, because the model takes its time.  A stop that comes while a
-    trajectory is judged wins.
+    Four threads: those of a ManagedNode, with a TendonControl on the control thread, and one that
+    validates trajectories, because the model is slow.  A stop during the validation wins.
 
-    A device that fails counts as lost: it is connected to again as soon as it answers, and then
-    nothing moves before ~/resume.
+    A device that fails counts as lost: the node reconnects as soon as it replies, and then nothing
+    moves before ~/resume.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -88,9 +87,9 @@ class TendonActuation(ManagedNode):
             lambda: self.parameters['tension_limit'],
             Newest(self.on_ros_thread, self._publish).put, self._release_driver)
         self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
-        self._unread_age = Age()  # since a trajectory that nobody read was reported as refused
+        self._unread_age = Age()  # since an unread trajectory was reported as refused
         self._holds = Newest(self._to_loop, lambda _: self._control.hold(
-            Reason.HELD, 'a trajectory without points asked the tendons to hold'))
+            Reason.HELD, 'a trajectory without points requested a hold'))
         self._refusals = Newest(self._to_loop, lambda refusal: self._control.refuse(*refusal))
         self._judging = Worker('trajectories', self._on_thread_failure)
         self._compiled = False
@@ -174,7 +173,7 @@ class TendonActuation(ManagedNode):
         self._loop.post(self._control.not_connected, error)
 
     def start(self) -> None:
-        """Load the model, then connect if ``autostart`` asks for it."""
+        """Load the model, then connect if ``autostart`` is set."""
         self.status.set(OK, loading())
         load_model(self, self._prediction.chain.arm, self._on_model)
 
@@ -188,7 +187,7 @@ class TendonActuation(ManagedNode):
         self._judging.close(CLOSE_TIMEOUT)
 
     def destroy_node(self) -> None:
-        """Take down the action server before the node, as rclpy needs it."""
+        """Destroy the action server before the node, as rclpy requires."""
         if self._action is not None:
             self._action.destroy()
         super().destroy_node()
@@ -210,7 +209,7 @@ class TendonActuation(ManagedNode):
                 'send it in parts'))
         elif not self._judging.submit(self._judge, kind, data, self._control.revocations):
             self._refuse_unread(request_id, MotionRefusedError(
-                Reason.BUSY, 'too many trajectories wait to be judged; send them more slowly'))
+                Reason.BUSY, 'too many trajectories wait for validation; send them more slowly'))
 
     def _refuse_unread(self, request_id: str, error: MotionRefusedError) -> None:
         """Report a refusal, but not each of a flood: that costs more than the refusal."""
@@ -268,7 +267,7 @@ class TendonActuation(ManagedNode):
             STEADY.sleep(REFUSAL_PAUSE)
         except Exception as error:
             self._refuse(shown_id, MotionRefusedError(
-                Reason.INVALID, f'it could not be judged: {type(error).__name__}: {error}'))
+                Reason.INVALID, f'it could not be validated: {type(error).__name__}: {error}'))
             raise
 
     def _refuse(self, request_id: str, error: MotionRefusedError) -> None:
@@ -299,7 +298,7 @@ class TendonActuation(ManagedNode):
         if reading is not None and (last is None or reading is not last.reading):
             message = JointState(
                 name=list(self._tendons),
-                # A number that means nothing would be taken for a pull by whoever reads it.
+                # Subscribers would take an invalid number for a pull.
                 position=list(reading.pulls) if reading.referenced else [],
                 velocity=list(reading.speeds), effort=list(reading.tensions or ()))
             message.header.stamp = self.ros_time.stamp(report.time)
@@ -340,7 +339,7 @@ class TendonActuation(ManagedNode):
         try:
             response.success, response.message = self._loop.call(function, *arguments)
         except TimeoutError:
-            response.message = 'the thread of control did not answer; see the log of this node'
+            response.message = 'the control thread did not answer; see the log of this node'
         return response
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -358,7 +357,7 @@ class TendonActuation(ManagedNode):
     def _on_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._answer(response, self._control.reference)
         if response.success and self._report is not None:
-            # Pulls before and after count from two zeros: nobody must take one for the other.
+            # Pulls before and after count from different zeros and must not be mixed.
             self._arm.clear_shape()
             state = copy(self._report.state)
             state.referenced = False

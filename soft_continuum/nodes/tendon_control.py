@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the thread of control does with the tendons."""
+"""The control thread of tendon_actuation."""
 
 from collections.abc import Callable
 
@@ -22,9 +22,9 @@ from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
 from soft_continuum_interfaces.msg import TendonActuationState
 
 MAX_LATENESS = 0.5
-"""s by which a control cycle may come late: then all that was sent ahead has run out."""
+"""Largest delay of a control cycle, s: after it the queued motion has run out."""
 MAX_JUMP = 0.5
-"""s by which ROS time may jump without a motion that follows it being ended."""
+"""Largest jump of ROS time, s, that does not end a motion with a stamp."""
 CHANGED = 'a segment changed between soft and stiff, or its vacuum was set'
 REST_CHANGE = 1e-6  # m of pull
 MAX_REVOKED = 20  # motions whose further parts are refused
@@ -33,10 +33,10 @@ Device = tuple[TendonDriver, TendonController]
 
 class TendonControl:
     """
-    Moves the tendons, as far as the arm may be moved.
+    Moves the tendons, within limits and interlocks.
 
-    Every method is called on the thread of control.  Other threads read ``revocations``, ``lost``
-    and nothing else, and receive a Report after whatever changes something.
+    Every method is called on the control thread.  Other threads only read ``revocations`` and
+    ``lost``, and receive a Report after every change.
     """
 
     def __init__(self, tendons: tuple[str, ...], arm: ReportedArm, period: float,
@@ -46,9 +46,9 @@ class TendonControl:
         """
         Start without a device.
 
-        period: of the control cycle, s.  jump: by how much ROS time went ahead since it was
-        called before, s.  tension_limit: N, of measured tensions.  release: is given the driver of
-        a device that failed, to close it elsewhere.
+        period: of the control cycle, s.  jump: returns the jump of ROS time since its last call,
+        s.  tension_limit: N, of measured tensions.  release: called with the driver of a failed
+        device, to close it elsewhere.
         """
         self._tendons, self._arm, self._period, self._jump = tendons, arm, period, jump
         self._tension_limit, self._publish, self._release = tension_limit, report, release
@@ -75,13 +75,13 @@ class TendonControl:
 
     @property
     def revocations(self) -> int:
-        """How often everything that was asked for before has been revoked."""
+        """Number of revocations, each of which cancels all earlier requests."""
         return self._revoked[0]
 
     # The device.
 
     def attach(self, device: Device) -> None:
-        """Control a device from now on; what was stopped stays stopped."""
+        """Control a device from now on; a stop remains in force."""
         self._driver, self._controller = device
         self._fault, self.lost, self._time = '', False, STEADY()
         if self._stop_message:
@@ -89,7 +89,7 @@ class TendonControl:
         self.report()
 
     def detach(self) -> Device | None:
-        """Return the device, if there is one, and go on without."""
+        """Return the device, if any, and continue without it."""
         device = None
         if self._driver is not None and self._controller is not None:
             device = self._driver, self._controller
@@ -129,14 +129,14 @@ class TendonControl:
         self.report()
 
     def failed(self, error: Exception) -> None:
-        """Treat a mistake of this program like a device that failed."""
+        """Treat an error of this program like a failed device."""
         self._lose(HardwareError(f'control failed: {type(error).__name__}: {error}'))
 
     # Trajectories.
 
     def prepare(self, request: Request) -> Array:
         """
-        Check a trajectory as far as that is quick; return the pulls (k, tendons) m to predict.
+        Make the quick checks of a trajectory; return the pulls (k, tendons) m to predict.
 
         Raises MotionRefusedError.
         """
@@ -222,7 +222,7 @@ class TendonControl:
         return self._continues(request) and request.stamp == self._path[0] != 0
 
     def refuse(self, request_id: str, reason: Reason, message: str) -> None:
-        """Report that a trajectory is refused; whatever is followed goes on."""
+        """Report that a trajectory is refused; a present motion continues."""
         self._refused = message
         self._requests.refuse(request_id, reason, message)
         self.report()
@@ -247,10 +247,10 @@ class TendonControl:
                 del self._over[next(iter(self._over))]
 
     def give_up(self, request_id: str) -> None:
-        """Follow no trajectory of an id any more: its sender was told that it has failed."""
+        """Withdraw the trajectory of an id, which was reported to its sender as failed."""
         if self._requests.accepted.id == request_id:
-            self.hold(Reason.HELD, 'its sender has given it up')
-        self._forbid(request_id, Reason.HELD, 'its sender has given it up')
+            self.hold(Reason.HELD, 'its sender withdrew it')
+        self._forbid(request_id, Reason.HELD, 'its sender withdrew it')
 
     def hold(self, reason: Reason, message: str) -> None:
         """Brake and hold, ready for the next trajectory."""
@@ -266,7 +266,7 @@ class TendonControl:
         """
         Brake and hold; nothing moves before ``resume``.
 
-        kind: of TendonActuationState.  Returns whether the device was reached, and the answer.
+        kind: of TendonActuationState.  Returns success (the device was reached) and a message.
         """
         self._stopped, self._stop_message = kind, message
         self._stops += 1
@@ -274,7 +274,7 @@ class TendonControl:
                      f'stopped ({message}); call ~/resume before any motion')
         answer = True, 'stopped, holding tension; nothing moves before ~/resume'
         if self._controller is None:
-            answer = True, 'not connected; stopped all the same'
+            answer = True, 'not connected; stopped nevertheless'
             if self._fault:
                 answer = False, f'the stop did not reach the device: {self._fault}'
         else:
@@ -295,10 +295,10 @@ class TendonControl:
             self.report()
 
     def resume(self) -> tuple[bool, str]:
-        """Accept motion again, from where the tendons are; return success and the answer."""
+        """Accept motion again, from where the tendons are; return success and a message."""
         if self._emergency:
-            return False, ('emergency_stop is on; the program that turned it on has to publish '
-                           'false first, with no other publisher there')
+            return False, ('emergency_stop is on; the program that turned it on must first '
+                           'publish false, as the only publisher')
         if not self._active or self._controller is None:
             return False, self._fault or 'the node is not active'
         self._controller.resume()
@@ -309,9 +309,9 @@ class TendonControl:
 
     def reference(self) -> tuple[bool, str]:
         """
-        Take the position as zero pull, or begin to home; return success and the answer.
+        Take the position as zero pull, or begin to home; return success and a message.
 
-        Of an arm that was last known not to be straight it has to be asked for twice.
+        If the arm was last known to be bent, the request must be repeated.
         """
         if not self._active or self._controller is None or self._driver is None:
             return False, self._fault or 'the node is not active'
@@ -324,8 +324,8 @@ class TendonControl:
         try:
             self._controller.check_reference()
             if question := self._question.ask(self._arm.last_bent or self._pulled(), (
-                    'every pull would count as 0 here, and every later shape would be wrong by '
-                    'that bend; straighten the arm, with its tendons just taut')):
+                    'every pull would count as 0 here, and every later shape would be off by that '
+                    'bend; straighten the arm, with its tendons just taut')):
                 return False, question
             self._controller.reference()
         except MotionRefusedError as error:
@@ -349,7 +349,7 @@ class TendonControl:
     # The control cycle.
 
     def cycle(self, late: float) -> None:
-        """Send the next set-points to the driver unless an interlock forbids it; late: s."""
+        """Send the next set-points to the driver unless an interlock is active; late: s."""
         controller, jump = self._controller, self._jump()
         if controller is None:
             return
@@ -380,7 +380,7 @@ class TendonControl:
         return None
 
     def _end(self, controller: TendonController, interlock: Interlock) -> None:
-        """Brake and hold, for a reason that nobody asked for."""
+        """Brake and hold, for a reason other than a request."""
         controller.hold()
         self._revoke(interlock.reason, interlock.message)
         self._ended = f'motion ended: {interlock.message}'

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the thread of control tells the other threads of tendon_actuation."""
+"""Reports of the control thread to the other threads of tendon_actuation."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,9 @@ class Report:
     """
     State after a cycle or a request.
 
-    ended, refused: why the last motion was, for people; empty when a later one was accepted.
-    unmeasured: which load cell tells nothing.  reading: the last one, None without one; its pulls
-    mean nothing unless it is referenced.  time, start: of it and of the accepted trajectory, s
+    ended, refused: why the last motion was, for people; empty once a later one is accepted.
+    unmeasured: which load cell is stale or implausible.  reading: the last one or None; its pulls
+    are only valid if referenced.  time, start: of the reading and of the accepted trajectory, s
     (steady).
     """
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The threads of a node: one for control, one for what takes long, and that of ROS."""
+"""The threads of a node: control, long tasks, and ROS."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -18,18 +18,18 @@ from soft_continuum.hardware.real_time import ask_for_real_time
 from soft_continuum.nodes.entries import guarded
 
 CALL_TIMEOUT = 3.0
-"""s that a caller waits for a thread; drivers promise to be much faster."""
+"""Time (s) that a caller waits for a thread; drivers must be much faster."""
 SWITCH_INTERVAL = 0.001
-"""s for which another thread of Python may keep control waiting."""
+"""Switch interval of Python threads, s: the longest delay of control by another thread."""
 REST_PERIOD = 0.095
-"""s between two readings at rest: every fifth at 50 Hz, every second at 20 Hz."""
+"""Period of readings at rest, s: every fifth at 50 Hz, every second one at 20 Hz."""
 
 
 def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> bool:
     """
-    Let the executor of ``node`` call ``function``, from any thread; return False without one.
+    Call ``function`` on the executor of ``node``, from any thread; return False without one.
 
-    What it raises is guarded: rclpy's EventsExecutor ends the process over a task that raises.
+    Its exceptions are caught: a task that raises would end the process in rclpy's EventsExecutor.
     """
     executor = node.executor
     if executor is None:
@@ -40,9 +40,9 @@ def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) ->
 
 class Newest:
     """
-    Hands values from any thread to ``function``, by a ``post`` that lets another thread call.
+    Passes values from any thread to ``function``, which ``post`` calls on another thread.
 
-    Of values that come faster than they are taken only the newest counts, so that none queue up.
+    If values arrive faster than they are processed, only the newest is kept.
     """
 
     def __init__(self, post: Callable[..., bool], function: Callable[[Any], None]) -> None:
@@ -52,7 +52,7 @@ class Newest:
         self._value: Any = None
 
     def put(self, value: Any) -> None:
-        """Have ``value``, which is not None, taken soon."""
+        """Have ``value``, which is not None, processed soon."""
         with self._lock:
             waits, self._value = self._value is not None, value
             if not waits and not self._post(self._take):
@@ -68,11 +68,11 @@ class RestingStream:
     """
     Chooses the readings of a device that are published: all in motion, ten a second at rest.
 
-    To convert and send a reading costs far more than to make it.
+    Converting and sending a reading costs far more than making it.
     """
 
     def __init__(self, resolution: float) -> None:
-        """Start with a reading that is due; resolution: a smaller change of a value is rest."""
+        """Start with a reading that is due; resolution: smallest change that counts as motion."""
         self._resolution = resolution
         self._published: tuple[Any, Sequence[float], float] | None = None
 
@@ -92,7 +92,7 @@ class _Request:
     """
     Something that another thread is to do, and its result.
 
-    ``failed`` is called with what it raised, unless somebody waits for the result.
+    ``failed`` is called with its exception, unless a caller waits for the result.
     """
 
     def __init__(self, function: Callable[..., Any], arguments: tuple[Any, ...],
@@ -101,15 +101,15 @@ class _Request:
         self.future: Future[Any] = Future()
 
     def result(self, timeout: float, thread: str) -> Any:
-        """Return what it gives, or raise what it raises; TimeoutError about ``thread``."""
+        """Return its result, or raise its exception; TimeoutError about ``thread``."""
         try:
             return self.future.result(timeout)
         except TimeoutError:
             if self.future.done():  # its own
                 raise
             raise TimeoutError(
-                f'the thread {thread} has not done {getattr(self._function, "__name__", "it")} '
-                f'within {timeout:g} s') from None
+                f'the thread {thread} has not finished '
+                f'{getattr(self._function, "__name__", "it")} within {timeout:g} s') from None
 
     def run(self) -> None:
         """Do it."""
@@ -128,11 +128,10 @@ class ControlLoop:
     """
     A thread that controls one device: nothing else uses the device while the loop runs.
 
-    It calls ``cycle`` at a steady rate, on absolute deadlines, with how much longer ago than one
-    period the last one began (s).  A deadline that was missed is left out, never made up for.
-    Between two cycles it does what other threads ask for: ``call`` waits for the result, ``post``
-    does not.  ``failed`` is called, on the same thread, with what ``cycle`` or a posted function
-    raised.
+    It calls ``cycle`` at a steady rate, on absolute deadlines, with its delay (s).  Missed
+    deadlines are skipped.  Between two cycles it executes requests of other threads: ``call``
+    waits for the result, ``post`` does not.  ``failed`` is called, on the same thread, with
+    exceptions of ``cycle`` or of a posted function.
     """
 
     def __init__(self, name: str, period: float, cycle: Callable[[float], None],
@@ -147,7 +146,7 @@ class ControlLoop:
 
     def call(self, function: Callable[..., Any], *arguments: Any) -> Any:
         """
-        Return what ``function`` returns on the thread of the loop, or raise what it raises.
+        Call ``function`` on the thread of the loop; return its result or raise its exception.
 
         Raises TimeoutError after CALL_TIMEOUT; the function may still be called then.
         """
@@ -160,7 +159,7 @@ class ControlLoop:
         self._requests.put(_Request(function, arguments, self._failed))
 
     def close(self) -> None:
-        """End the thread after what was asked for before."""
+        """End the thread after all earlier requests."""
         self.post(setattr, self, '_ending', True)
         self._thread.join(CALL_TIMEOUT)
 
@@ -180,9 +179,9 @@ class ControlLoop:
 
 class Worker:
     """
-    A thread for what takes long: one thing after another, and only so many that wait.
+    A thread for long tasks: one after another, with a limited queue.
 
-    ``failed`` is called, on the same thread, with what a submitted function raised.
+    ``failed`` is called, on the same thread, with exceptions of submitted functions.
     """
 
     def __init__(self, name: str, failed: Callable[[Exception], None], limit: int = 8) -> None:
@@ -193,7 +192,7 @@ class Worker:
         self._thread.start()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> bool:
-        """Call ``function`` when it is its turn; return False when too many wait already."""
+        """Queue ``function``; return False if the queue is full."""
         try:
             self._work.put_nowait(_Request(function, arguments, self._failed))
         except Full:
@@ -202,7 +201,7 @@ class Worker:
 
     def call(self, timeout: float, function: Callable[..., Any], *arguments: Any) -> Any:
         """
-        Return what ``function`` returns, or raise what it raises.
+        Return the result of ``function``, or raise its exception.
 
         Raises TimeoutError after ``timeout`` s; the function may still be called then.
         """
@@ -212,7 +211,7 @@ class Worker:
         return request.result(timeout, self._thread.name)
 
     def close(self, timeout: float) -> None:
-        """End the thread after what was asked for before; wait ``timeout`` s at most."""
+        """End the thread after all earlier requests; wait ``timeout`` s at most."""
         with suppress(Full):
             self._work.put(None, timeout=timeout)
         self._thread.join(timeout)

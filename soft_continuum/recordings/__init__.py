@@ -1,3 +1,3 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings of everything that the nodes publish, as MCAP files that every tool of ROS opens."""
+"""Recordings of all topics of the nodes, as MCAP files for the tools of ROS."""

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP files as ``ros2 bag`` writes them: messages as they came, with their definitions."""
+"""MCAP files as ``ros2 bag`` writes them: serialized messages with their definitions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -19,14 +19,14 @@ MAX_ATTACHMENT, MAX_ATTACHMENTS = 1_000_000, 20  # bytes of one that is read, an
 MAX_DECODED = 1_000_000  # bytes of a message that is decoded
 MAX_DEFINITION = 100_000  # characters
 PARAMETERS = 'parameters.yaml'
-"""Attachment: every parameter of every node that ran."""
+"""Attachment: the parameters of all running nodes."""
 PICTURES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')
 MAX_ARRAY = 100_000  # elements of the arrays of fixed size in a definition, multiplied
 FIXED_SIZE = re.compile(r'\[(\d+)\]')
 
 
 class BagError(ValueError):
-    """A file is not a recording; the message says what is wrong with it."""
+    """A file is not a recording; the message has the reason."""
 
 
 class Topic(NamedTuple):
@@ -40,13 +40,13 @@ class Topic(NamedTuple):
 
 class BagWriter:
     """
-    An MCAP file that is written.  Use it in one thread, and ``close`` it.
+    A writer of an MCAP file.  Use it in one thread, and ``close`` it.
 
-    What was written before the last ``flush`` is on the disk whatever happens to this process.
+    Messages before the last ``flush`` are on the disk even if this process is killed.
     """
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
-        """Begin a file that is not there; raises OSError, and BagError without the packages."""
+        """Create a new file; raises OSError, and BagError without the packages."""
         with needed(BagError):
             from mcap.writer import Writer
         self._file: BinaryIO = path.open('xb')
@@ -59,7 +59,7 @@ class BagWriter:
         self.flush()
 
     def write(self, topic: Topic, time: int, data: bytes) -> None:
-        """Add a message that came at ``time``, ns since 1970; raises OSError."""
+        """Add a message received at ``time``, ns since 1970; raises OSError."""
         if topic.kind not in self._schemas:
             self._schemas[topic.kind] = self._writer.register_schema(
                 topic.kind, 'ros2msg', topic.definition.encode())
@@ -73,7 +73,7 @@ class BagWriter:
         self._writer.add_attachment(time, time, name, 'text/plain', text.encode())
 
     def flush(self) -> None:
-        """Bring everything to the disk; raises OSError."""
+        """Write everything to the disk; raises OSError."""
         self._writer.flush()
         self._file.flush()
 
@@ -87,9 +87,9 @@ class BagWriter:
 
 class Message(NamedTuple):
     """
-    One message: its topic, when it came, ns since 1970, and what it is, as it was sent.
+    One message: its topic, the time of reception, ns since 1970, and its serialized data.
 
-    channel: number of what it came through in its file.
+    channel: number of its channel in the file.
     """
 
     topic: Topic
@@ -100,11 +100,10 @@ class Message(NamedTuple):
 
 class BagReader:
     """
-    Reads an MCAP file of ROS 2 from front to back, also one that its writer could not end.
+    Reads an MCAP file of ROS 2 sequentially, also one without its end.
 
-    about: the metadata that BagWriter began it with.  attachments: text by name; those that come
-    behind what was read so far are missing.  damage: why it could not be read to its end; empty
-    if it could.
+    about: the metadata that BagWriter began it with.  attachments: text by name; only those before
+    the present position.  damage: why it could not be read to its end; empty if it could.
     """
 
     def __init__(self, path: Path) -> None:
@@ -135,7 +134,7 @@ class BagReader:
         self._file.close()
 
     def messages(self) -> Iterator[Message]:
-        """Yield every message of ROS 2 in the order of the file; raises BagError if it is none."""
+        """Yield every message of ROS 2 in the order of the file; raises BagError."""
         from mcap.exceptions import EndOfFile, InvalidMagic, McapError
         from mcap.records import Attachment, Chunk, Header, Metadata
         from mcap.stream_reader import breakup_chunk
@@ -156,7 +155,7 @@ class BagReader:
                 else:
                     yield from self._messages(record)
         except (EndOfFile, InvalidMagic, struct.error):
-            self.damage = 'its end is missing: what wrote it was ended before it was done'
+            self.damage = 'its end is missing: the recorder was killed before it finished'
         except (McapError, ZstdError, RuntimeError, ValueError, KeyError, IndexError,
                 MemoryError, OverflowError) as error:
             self.damage = f'damaged: {printable(str(error), MAX_NAME)}'
@@ -166,25 +165,25 @@ class BagReader:
 
     def arm_in(self, spaces: Sequence[str], namespace: str) -> str:
         """
-        Return the namespace of the arm that is asked for; after all messages were read.
+        Return the namespace of the requested arm, after all messages were read.
 
-        spaces: of the arms in the file.  namespace: as somebody gave it; empty: of the only arm,
-        or that of the recorder.  Raises BagError.
+        spaces: of the arms in the file.  namespace: as given by the user; empty: the only arm, or
+        that of the recorder.  Raises BagError.
         """
         if not namespace and len(spaces) > 1:
             namespace = self.about.get('namespace', '')
         wanted = '/' + namespace.strip('/')
         chosen = [space for space in spaces if space == wanted] if namespace else spaces
         if not spaces:
-            raise BagError(f'{self._path}: there is no arm in it'
-                           f'{"; " + self.damage if self.damage else ""}')
+            raise BagError(f'{self._path}: no arm is recorded in '
+                           f'it{"; " + self.damage if self.damage else ""}')
         if len(chosen) != 1:
-            raise BagError(f'{self._path}: the arms in it are in namespace {", ".join(spaces)}; '
+            raise BagError(f'{self._path}: it has arms in the namespaces {", ".join(spaces)}; '
                            'choose one with --namespace')
         return chosen[0]
 
     def said_of(self, space: str, name: str) -> str:
-        """Return an attachment if it is of the arm in ``space``: a recorder's is of its own."""
+        """Return an attachment if it belongs to the arm in ``space``."""
         return self.attachments.get(name, '') if space == self.about.get('namespace') else ''
 
     def _messages(self, record: Any) -> Iterator[Message]:
@@ -205,7 +204,7 @@ class BagReader:
                           record.channel_id)
 
     def decoded(self, message: Message) -> Any:
-        """Return what a message says, with the attributes of its type; raises BagError."""
+        """Return the deserialized message; raises BagError."""
         topic, schema = self._channels[message.channel]
         try:
             if message.channel not in self._decoders:
@@ -217,7 +216,7 @@ class BagReader:
             if len(message.data) > MAX_DECODED:
                 raise ValueError(f'{len(message.data)} bytes; at most {MAX_DECODED} are read')
             return self._decoders[message.channel](message.data)
-        except Exception as error:  # of a definition or of data that is none
+        except Exception as error:  # of an invalid definition or invalid data
             raise BagError(f'{self._path}: a message of {printable(topic.name, MAX_NAME)} cannot '
                            f'be read as {printable(topic.kind, MAX_NAME)}: '
                            f'{printable(str(error), MAX_NAME)}') from None
@@ -227,7 +226,7 @@ def _unpacked(chunk: Any) -> Any:
     """Return a chunk without compression; raises ValueError for one that is too large."""
     if chunk.compression == 'zstd':
         from zstandard import ZstdDecompressor
-        # What a frame says of its size cannot be believed.
+        # The size in a frame header is not trustworthy.
         data = ZstdDecompressor().stream_reader(chunk.data).read(MAX_RECORD + 1)
     elif chunk.compression == 'lz4':
         from lz4.frame import LZ4FrameDecompressor

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A recording that is played: stand-ins of the nodes publish it, in a namespace of their own."""
+"""Playback of a recording: stand-in nodes publish it in a separate namespace."""
 
 from bisect import bisect_right
 from collections import defaultdict
@@ -32,18 +32,18 @@ from soft_continuum.ros.qos import EVERY_STATE, STREAM
 
 PERIOD = 0.04  # s
 CLOSE_TIMEOUT = 10.0  # s
-BEGIN = 0.5  # s, within which every topic was heard for the first time
+BEGIN = 0.5  # s, within which every topic has its first message
 REPEAT_PERIOD = 1.0  # s, after which what stands still is published again
 MAX_BYTES = 1_000_000_000  # of messages, which are kept in memory
 COMMANDS = ('joint_trajectory', 'tendon_trajectory', 'emergency_stop')
-"""Topics that ask for motion: they are never published again."""
+"""Topics that command motion: they are never replayed."""
 
 
 class Playback:
     """
     Plays one arm of a recording; use it in a ``with`` statement.
 
-    namespace: where its nodes are.  position: where it is, s since the begin.  duration: s.
+    namespace: of its nodes.  position: present time, s since the beginning.  duration: s.
     damage: as of BagReader.
     """
 
@@ -95,7 +95,7 @@ class Playback:
     # Nodes.
 
     def __enter__(self) -> Self:
-        """Start the stand-ins, and publish how everything was at the begin."""
+        """Start the stand-ins, and publish the initial state."""
         choose_own_network()
         self._context = Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
@@ -132,9 +132,9 @@ class Playback:
         """End the stand-ins."""
         self._open = False
         self._thread.join(CLOSE_TIMEOUT)
-        if self._thread.is_alive():  # what it uses must not be taken away
-            print(f'the replay has not come to its end within {CLOSE_TIMEOUT:g} s; its nodes are '
-                  'left as they are', file=sys.stderr)
+        if self._thread.is_alive():  # its resources must stay
+            print(f'the replay did not end within {CLOSE_TIMEOUT:g} s; its nodes are left '
+                  'running', file=sys.stderr)
             return
         self._executor.shutdown()
         for node in self._nodes:
@@ -144,11 +144,11 @@ class Playback:
     # Playing; on the thread of the stand-ins.
 
     def play(self, playing: bool) -> None:
-        """Go on, from the begin when it was at its end; or stand still."""
+        """Play, from the beginning if it was at its end; or pause."""
         self._executor.create_task(self._play, playing)
 
     def seek(self, position: float) -> None:
-        """Go to a time, s since the begin; what is no time of the recording changes nothing."""
+        """Go to a time, s since the beginning; times outside of the recording are ignored."""
         if isfinite(position):
             self._executor.create_task(self._show, min(max(0.0, position), self.duration))
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records a run of an arm from a process of its own: the verb ``record``."""
+"""Records a run of an arm in a separate process: the verb ``record``."""
 
 from math import inf
 from pathlib import Path
@@ -49,7 +49,7 @@ class Recording:
 
     async def run(self, duration: float) -> None:
         """
-        Record from when the tendons are published on.
+        Record from the first message of the tendons on.
 
         Raises ClientError without nodes, OSError when the file cannot be begun, BagError without
         the packages.
@@ -76,8 +76,8 @@ def record(path: Path, *, namespace: str = '', duration: float = inf, goal: bool
     """
     Record until the time is over, a goal has ended, or Ctrl-C; return the exit status.
 
-    path: of the file, which is overwritten.  duration: s.  goal: whether the end of the goal that
-    runs, or begins next, is the end.  pictures: whether those of cameras are recorded too.
+    path: of the file, which is overwritten.  duration: s.  goal: whether to end with the running
+    or the next goal.  pictures: whether to record camera images too.
     """
     begin = monotonic()
     connection: Connection | None = None
@@ -109,8 +109,8 @@ def record(path: Path, *, namespace: str = '', duration: float = inf, goal: bool
         print('record: nothing was recorded', file=sys.stderr)
         return 1
     if topics.failure:
-        print(f'record: cannot write to {path} any more: {topics.failure}; what was recorded in '
-              f'{seconds:.1f} s is kept', file=sys.stderr)
+        print(f'record: can no longer write to {path}: {topics.failure}; the first {seconds:.1f} '
+              's are kept', file=sys.stderr)
         return 1
     print(f'{seconds:.1f} s recorded in {path}: {topics.counts.total()} messages of '
           f'{len(topics.counts)} topics')

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that records: a service begins and ends files with everything that an arm publishes."""
+"""The recorder node: a service begins and ends recordings of all topics of an arm."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -33,7 +33,7 @@ REPORT_PERIOD = 0.5  # s
 
 class Recorder(Node):
     """
-    Records what is published in its namespace into MCAP files.
+    Records all topics of its namespace into MCAP files.
 
     Serves ~/record (std_srvs/SetBool): true begins a file, false ends it.  Publishes ~/state
     (RecorderState), ~/status and /diagnostics.  It moves nothing, and no other node needs it.
@@ -58,7 +58,7 @@ class Recorder(Node):
         self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
 
     def start(self) -> None:
-        """Wait to be asked."""
+        """Create the service."""
         self._report()
 
     def quit(self) -> None:
@@ -73,11 +73,11 @@ class Recorder(Node):
 
     @property
     def _problem(self) -> str:
-        """Why the recording ended by itself; empty if it did not."""
+        """Why the recording failed; empty if it did not."""
         if self._recording is None or not self._recording.failure:
             return ''
-        return (f'{self._file}: cannot be written any more: {self._recording.failure}; what was '
-                'recorded before is kept')
+        return (f'{self._file}: can no longer be written: {self._recording.failure}; earlier '
+                'messages are kept')
 
     def _on_record(self, request: SetBool.Request,
                    answer: Callable[[SetBool.Response], None]) -> None:

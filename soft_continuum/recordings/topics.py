@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records every topic of an arm into a bag, and which arm it is, with which parameters."""
+"""Records all topics of an arm into a bag, with its description and parameters."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -43,9 +43,9 @@ MAX_WAITING = 10_000  # messages that wait for the disk
 MAX_WAITING_BYTES = 64_000_000
 CLOSE_TIMEOUT = 3.0  # s; what starts this process, and the browser, wait for five
 DISCOVERY = 2.0
-"""s in which nodes are found: a recorder that has just started knows their topics before them."""
+"""Time of discovering nodes, s: their topics may be discovered before them."""
 ATTACH_TIMEOUT = 10.0
-"""s that the end of a recording waits for parameters: without those of its arm none is drawn."""
+"""Time (s) that the end of a recording waits for parameters: the view needs those of the arm."""
 QOS = """\
 - history: keep_last
   depth: {depth}
@@ -61,14 +61,14 @@ QOS = """\
 
 class TopicRecorder:
     """
-    Writes what is published in the namespace of a node, and /tf, /diagnostics and /rosout.
+    Writes all topics in the namespace of a node, and /tf, /diagnostics and /rosout.
 
-    All methods belong on the thread that spins the node; a thread of its own writes.  Hidden
-    topics are left out, and so is the truth of the twin, which no part of the suite looks at.
+    All methods must be called on the thread that spins the node; a separate thread writes.  Hidden
+    topics and the ground truth of the twin are not recorded.
 
-    counts: messages by topic.  lost: of those, how many were too large or came faster than the
-    disk took them.  failure: why nothing more can be written, such as a full disk.  ending: true
-    while its end only waits for attachments.
+    counts: messages by topic.  lost: messages that were too large or arrived faster than the disk
+    could write.  failure: why no more can be written, such as a full disk.  ending: whether the
+    end only waits for attachments.
     """
 
     def __init__(self, node: Node, path: Path, about: Mapping[str, str], *,
@@ -100,7 +100,7 @@ class TopicRecorder:
 
     @property
     def closed(self) -> bool:
-        """Whether nothing more is recorded."""
+        """Whether the recording is closed."""
         return self._closing.is_set()
 
     def close(self) -> None:
@@ -113,8 +113,8 @@ class TopicRecorder:
         self._closing.set()
         self._thread.join(CLOSE_TIMEOUT)
         if self._thread.is_alive():
-            self.failure = (f'the disk did not take the end of it within {CLOSE_TIMEOUT:g} s; '
-                            'what it took can be read')
+            self.failure = (f'the disk did not accept the end within {CLOSE_TIMEOUT:g} s; the '
+                            'rest is readable')
 
     # Which topics there are.
 
@@ -128,7 +128,7 @@ class TopicRecorder:
                 continue
             publishers = self._node.get_publishers_info_by_topic(name)
             if not publishers:
-                continue  # somebody listens; nobody speaks yet
+                continue  # there are subscribers, but no publisher yet
             try:
                 self._subscribe(name, publishers)
             except Exception as error:  # names and types come from the network
@@ -215,13 +215,13 @@ def _reason(error: Exception) -> str:
 
 
 def about(node: Node) -> dict[str, str]:
-    """Return what to begin the recording of an arm with."""
+    """Return the metadata of a recording of an arm."""
     return {'version': version(), 'namespace': node.get_namespace(),
             'begun': datetime.now().astimezone().isoformat(timespec='seconds')}
 
 
 async def attach_parameters(requests: Requests, recording: TopicRecorder) -> None:
-    """Attach the parameters of the nodes as they are found; log what goes wrong."""
+    """Attach the parameters of the nodes as they are discovered; log failures."""
     found: dict[str, Any] = {}
     asked: set[str] = set()
     try:

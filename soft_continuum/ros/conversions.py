@@ -28,9 +28,9 @@ from soft_continuum_interfaces.msg import (
 MAX_PULL = 1.0  # m, the most that pull_limits can be
 MAX_JOINT_ANGLE = pi  # rad
 MAX_TILT = 0.1
-"""Tangent of half the angle by which a disc may be seen to be out of the plane of the arm."""
+"""Tangent of half the largest angle of a disc out of the plane of the arm."""
 MAX_QUATERNION_ERROR = 0.01
-"""By which the length of a quaternion may differ from 1."""
+"""Tolerance of the length of a quaternion."""
 MAX_VARIANCE = 1.0
 """Variance, m^2 or rad^2, from which a coordinate counts as not measured."""
 
@@ -38,7 +38,7 @@ SHAPE_FIELDS = 'joint_angles', 'held_angles', 'stiff', 'vacuum'
 """Fields of KinematicsState of which a state of the model is made."""
 ACCURACY_RANGES = {'pull_tolerances': (0.0, 0.01), 'tension_stddevs': (1e-3, 1e4),
                    'tension_relative_stddevs': (0.0, 1.0)}
-"""Of what a device can tell of itself: m, N, and a share; those of the parameters it replaces."""
+"""Ranges of accuracies from a device: m, N, and relative; as of the parameters they replace."""
 
 
 def seconds(stamp: object) -> float:
@@ -47,7 +47,7 @@ def seconds(stamp: object) -> float:
 
 
 def poses_to_ros(poses: Array, message: PoseArray) -> PoseArray:
-    """Write poses (k, 7), position in m and quaternion x, y, z, w, into a kept PoseArray."""
+    """Write poses (k, 7), position in m and quaternion x, y, z, w, into an existing PoseArray."""
     while len(message.poses) < len(poses):
         message.poses.append(Pose())
     for pose, row in zip(message.poses, poses.tolist(), strict=True):
@@ -84,16 +84,16 @@ def measured_pose_from_ros(message: PoseWithCovarianceStamped, axes: NDArray[np.
     """
     Return a measured pose (7,) and its covariance (6, 6), in m and rad.
 
-    axes: as pose_axes of the arm; what it cannot do is left out, as not measured.  frame: in which
-    the pose has to be.  A coordinate with a variance of MAX_VARIANCE or more is not measured.
-    Raises ValueError for another frame, for numbers that are not finite, a quaternion that is
-    none, an orientation out of the plane of a planar arm, and a covariance that is none.
+    axes: as pose_axes of the arm; other coordinates are ignored.  frame: required frame.  A
+    coordinate with a variance of MAX_VARIANCE or more is not measured.  Raises ValueError for
+    another frame, for numbers that are not finite, an invalid quaternion or covariance, and an
+    orientation out of the plane of a planar arm.
     """
     pose = np.array(pose_from_ros(message.pose.pose))
     covariance = np.reshape(message.pose.covariance, (6, 6))[np.ix_(axes, axes)]
     place, quaternion = pose[:3][axes[:3]], pose[3:]
     if not all(np.isfinite(numbers).all() for numbers in (place, quaternion, covariance)):
-        raise ValueError('a pose that is not of finite numbers')
+        raise ValueError('a pose with numbers that are not finite')
     if axes.all():
         length = float(np.linalg.norm(pose[3:]))
         if not abs(length - 1.0) < MAX_QUATERNION_ERROR:
@@ -109,7 +109,7 @@ def measured_pose_from_ros(message: PoseWithCovarianceStamped, axes: NDArray[np.
 
 
 def _check_measured(message: PoseWithCovarianceStamped, frame: str, covariance: Array) -> None:
-    """Raise ValueError for another frame, and for what is not measured as a covariance says."""
+    """Raise ValueError for another frame or an invalid covariance."""
     if frame and message.header.frame_id != frame:
         raise ValueError(f'poses in {plain(message.header.frame_id)!r}; needed: {frame!r}')
     known = np.diag(covariance) < MAX_VARIANCE
@@ -136,16 +136,16 @@ def pulls_from_ros(message: JointState, tendons: Sequence[str]) -> Array:
 
 
 def accuracy_to_ros(accuracy: Accuracy, state: TendonActuationState) -> None:
-    """Write how well a device knows and does things into the state of tendon_actuation."""
+    """Write the accuracy of a device into the state of tendon_actuation."""
     for name in ACCURACY_RANGES:
         setattr(state, name, getattr(accuracy, name))
 
 
 def accuracy_from_ros(state: TendonActuationState, tendons: Sequence[str]) -> Accuracy:
     """
-    Return how well the device of tendon_actuation knows and does things, one value per tendon.
+    Return the accuracy of the device of tendon_actuation, one value per tendon.
 
-    Raises ValueError for lists that are neither empty nor one possible number for each tendon.
+    Raises ValueError for lists that are neither empty nor have one valid number per tendon.
     """
     for name, (low, high) in ACCURACY_RANGES.items():
         values = getattr(state, name)
@@ -159,7 +159,7 @@ def accuracy_from_ros(state: TendonActuationState, tendons: Sequence[str]) -> Ac
 @dataclass(frozen=True)
 class Stiffness:
     """
-    What jamming_valves says of every segment; None where nothing is known yet.
+    Reports of jamming_valves on every segment; None if unknown.
 
     confirmed: stiff, by its pressure.  setpoints: vacuum that its regulator is set to, Pa below
     ambient; of valves empty.
@@ -170,10 +170,10 @@ class Stiffness:
 
     def jammed(self, elastic: Sequence[bool]) -> tuple[bool | None, ...]:
         """
-        Return in which segments the model has a jam, with whatever part of the full vacuum.
+        Return the segments with a jam in the model, with any part of the full vacuum.
 
-        elastic: of which segments the description has a law for the jam.  A regulator that is set
-        to any vacuum jams them; all others jam once they are confirmed stiff.
+        elastic: segments whose description has a law for the jam.  A regulator that is set to any
+        vacuum jams them; all others jam once they are confirmed stiff.
         """
         if not self.setpoints:
             return self.confirmed
@@ -184,7 +184,7 @@ class Stiffness:
 
 def stiffness_from_ros(state: JammingValvesState, before: Stiffness) -> Stiffness:
     """
-    Return the stiffness of segments; one of which nothing is known stays as it was ``before``.
+    Return the stiffness of segments; unknown ones stay as they were ``before``.
 
     A message about another number of segments changes nothing.
     """
@@ -205,7 +205,7 @@ def equilibrium_to_ros(state: Equilibrium) -> KinematicsState:
 
 
 def equilibrium_from_ros(message: KinematicsState, chain: Chain) -> Any:
-    """Return the state of the model in a message, None when it is that of no such arm."""
+    """Return the state of the model in a message, None if it does not fit this arm."""
     angles, held = np.array(message.joint_angles), np.array(message.held_angles)
     vacuum = np.array(message.vacuum)
     if (len(angles) != chain.coordinate_count or len(held) != chain.coordinate_count
@@ -230,7 +230,7 @@ def trajectory_from_ros(message: JointTrajectory, tendons: Sequence[str]) -> tup
     Return times (k,) s from the start, and pulls (k, tendons) m in the order of ``tendons``.
 
     Raises ValueError when the joint names or the numbers of a point are not those of the tendons.
-    Velocities, accelerations and efforts, which nothing follows, must be none or finite numbers.
+    Velocities, accelerations and efforts are ignored, but must be empty or finite.
     """
     names = list(message.joint_names)
     if sorted(names) != sorted(tendons):

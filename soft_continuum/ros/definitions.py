@@ -25,8 +25,8 @@ def message_class(kind: str) -> Any:
     """
     Return the class of a type, pkg/msg/Name; raises DefinitionError.
 
-    The name comes from the network, or from a file: what is imported is an installed package of
-    ROS that has a definition of that name, and nothing else.
+    The name comes from the network or a file: only installed ROS packages that define this type
+    are imported.
     """
     definition(kind)
     package, _, name = kind.split('/')
@@ -60,7 +60,7 @@ def definition(kind: str) -> str:
 def _text(kind: str) -> str:
     named = KIND.fullmatch(kind)
     if named is None:
-        raise DefinitionError(f'{kind!r} is no type of a message')
+        raise DefinitionError(f'{kind!r} is not a message type')
     try:
         path = Path(get_package_share_directory(named[1]), 'msg', f'{named[2]}.msg')
         return path.read_text(encoding='utf-8')

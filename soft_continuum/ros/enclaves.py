@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The enclave of a process: by which name SROS 2 finds its key and what it may do.
+The enclave of a process: the name by which SROS 2 finds its keys and permissions.
 
-Without SROS 2 it is a name that nothing looks at.  ROS takes one enclave for a process, from its
-arguments, before it has a node.
+Without SROS 2 it is unused.  A process has one enclave, given by its arguments before it has a
+node.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from soft_continuum.parameters.overrides import full_name_of
 ENCLAVE = '--enclave', '-e'
 NAME = re.compile(r'(/\w+)+', re.ASCII)
 CLIENT, VIEWER, INPUTS = 'client', 'viewer', 'inputs'
-"""Those of programs that are no node of the suite: who commands, who looks, who feeds it."""
+"""Enclaves of programs other than the nodes: command, view and sensor clients."""
 
 
 def with_enclave(arguments: Sequence[str], name: str, namespace: str = '') -> list[str]:
@@ -27,6 +27,6 @@ def with_enclave(arguments: Sequence[str], name: str, namespace: str = '') -> li
     words = list(arguments)
     if not {*ENCLAVE} & {*words}:
         path = full_name_of(words, name, namespace)
-        if NAME.fullmatch(path):  # else ROS says what is wrong with the namespace
+        if NAME.fullmatch(path):  # else ROS reports the invalid namespace
             words += ['--ros-args', ENCLAVE[0], path]
     return words

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Where messages from outside enter a process: bounded before they cost anything."""
+"""Subscriptions that check the size of messages before converting them."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,13 +10,13 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 
 MAX_BYTES = 65536
-"""Of a message; to convert one holds up every thread of a process, for up to 0.1 s."""
+"""Largest size of a message; converting one blocks every thread of a process for up to 0.1 s."""
 LOG_PERIOD = 1.0  # s between two log lines of one kind
 
 
 def subscribe(node: Node, kind: Any, topic: str, callback: Callable[[Any], object],
               qos: QoSProfile | int, max_bytes: int = MAX_BYTES) -> Any:
-    """Return a subscription; messages that are too long, or none of that type, are left out."""
+    """Return a subscription; messages that are too long or malformed are ignored."""
     def on_data(data: bytes) -> None:
         problem = f'{len(data)} bytes; allowed: {max_bytes}'
         if len(data) <= max_bytes:
@@ -27,7 +27,7 @@ def subscribe(node: Node, kind: Any, topic: str, callback: Callable[[Any], objec
             else:
                 callback(message)
                 return
-        node.get_logger().warning(f'a message on {topic} is left out: {problem}',
+        node.get_logger().warning(f'ignored a message on {topic}: {problem}',
                                   throttle_duration_sec=LOG_PERIOD)
 
     return node.create_subscription(kind, topic, on_data, qos, raw=True)

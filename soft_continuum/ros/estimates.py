@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The estimate of kinematics as a message, and the model that others make of it."""
+"""The estimate of kinematics as a message, and the model that other nodes build from it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,11 +31,10 @@ RATIO = 'stiff_ratio_'
 @dataclass(frozen=True, eq=False)
 class Model:
     """
-    The arm as the others plan and predict with it.
+    The arm as other nodes plan and predict with it.
 
-    chain: of the arm as it is described, or estimated.  offsets:
-    (tendons,) m by which each tendon is pulled in beyond what its motor says.  offset_stddevs:
-    (tendons,) m.
+    chain: of the arm as it is described, or estimated.  offsets: (tendons,) m by which each tendon
+    is pulled in beyond its motor position.  offset_stddevs: (tendons,) m.
     """
 
     chain: Any
@@ -45,9 +44,9 @@ class Model:
 
 def parameter_names(arm: Arm) -> tuple[str, ...]:
     """
-    Return the names of what is estimated of an arm beside its shape, as they are published.
+    Return the published names of estimated parameters of an arm.
 
-    Those of K, which begin with RATIO, are not published of an arm without jamming.
+    Those of K, which begin with RATIO, are not published without jamming.
     """
     numbers = range(1, len(arm.segments) + 1)
     return (*(f'stiffness_factor_{n}' for n in numbers), *(f'{RATIO}{n}' for n in numbers),
@@ -73,7 +72,7 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
 
 
 def parameters_to_ros(estimator: 'Estimator', jamming: bool = True) -> list[EstimatedParameter]:
-    """Return what is estimated of the arm beside its shape; without jamming there is no K."""
+    """Return the estimated parameters of the arm; without jamming there is no K."""
     where = estimator.layout.parameters
     rows = zip(parameter_names(estimator.arm), estimator.values[where],
                estimator.stddevs()[where], estimator.determined(), strict=True)
@@ -112,9 +111,9 @@ def _problem(name: str, value: float) -> str:
 
 def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
     """
-    Return the model that published parameters make of a described arm.
+    Return the model of a described arm with published parameters.
 
-    Without any, or with those of another arm or of none that could be, it is the arm as described.
+    Without parameters, or with invalid ones or those of another arm, it is the described arm.
     """
     described = Model(Chain(arm), *np.zeros((2, len(arm.tendons))))
     found = {one.name: one for one in parameters}

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The executor that serves these nodes best: events, in one thread."""
+"""The executor of the nodes: EventsExecutor, in one thread."""
 
 import sys
 
@@ -17,8 +17,8 @@ def make_executor(context: Context | None = None) -> Executor:
     """
     Return an executor of a context, by default that of the process.
 
-    That of events writes to the file behind stderr where it crashes.  Where there is none, as in
-    some notebooks, it is the slower one without events.
+    EventsExecutor needs a file behind stderr.  Without one, as in some notebooks, this is the
+    slower SingleThreadedExecutor.
     """
     try:
         sys.stderr.fileno()

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What each node publishes, subscribes to, serves and calls: the tables of its page in ``msg_docs``.
+Interfaces of each node: the tables of its page in ``msg_docs``.
 
-What several nodes have is in the tables of the README there, with a column ``nodes``.  The pages
-are the one place where that is written down.  A test compares them with the running nodes; the
-policies of SROS 2 are made of them.
+Interfaces of several nodes are in the tables of the README there, with a column ``nodes``.  The
+pages are the only source.  A test compares them with the running nodes; the policies of SROS 2 are
+generated from them.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ SERVED = 'serves'  # what a table without directions is about
 COMMON_PAGE = 'README'
 ALL_NODES = 'all'  # in the column nodes of its tables
 EVERYTHING = '*'
-"""As the name of a topic: all that is published in the namespace."""
+"""In place of a topic name: all topics of the namespace."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ OF_EVERY_NODE = (
                'list_parameters', 'set_parameters', 'set_parameters_atomically'),
     *_services('type_description_interfaces', 'get_type_description'),
 )
-"""What ROS gives every node, which the pages leave out."""
+"""Interfaces of every ROS node, which the pages omit."""
 OF_LIFECYCLE_NODES = (
     Interface('topic', 'publishes', '~/transition_event', 'lifecycle_msgs/msg/TransitionEvent'),
     *_services('lifecycle_msgs', 'change_state', 'get_state', 'get_available_states',
@@ -75,7 +75,7 @@ def documented_nodes() -> tuple[str, ...]:
 
 @cache
 def interfaces(node: str) -> tuple[Interface, ...]:
-    """Return what page and README list of a node; raises ValueError for a table that is none."""
+    """Return the interfaces of a node from its page and the README; raises ValueError."""
     return tuple(found for page in (node, COMMON_PAGE) for title, kind in TITLES.items()
                  for found in _rows(node, page, title, kind))
 

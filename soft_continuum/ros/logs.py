@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Where ROS writes the logs of this suite, and how much of them is kept.
+The log folder of this suite, and its clean-up.
 
-ROS makes a file for every process that starts and deletes none.
+ROS creates a file for every process and deletes none.
 """
 
 from collections.abc import Mapping, MutableMapping
@@ -19,13 +19,13 @@ MAX_BYTES, MAX_FILES = 50_000_000, 500  # that are kept of what processes that e
 
 
 def choose_log_folder(environment: MutableMapping[str, str]) -> None:
-    """Have ROS write into a folder of this suite, before it is initialised; the user's stays."""
+    """Set the log folder of this suite before ROS is initialised, unless the user set one."""
     if not environment.get(FOLDER):
         environment[FOLDER] = str(_own_folder(environment))
 
 
 def require_log_folder(environment: Mapping[str, str]) -> None:
-    """Raise ParameterError where ROS could not write logs: without them it does not start."""
+    """Raise ParameterError if ROS cannot write logs, without which it does not start."""
     folder = Path(environment.get(FOLDER) or _ros_home(environment) / 'log')
     reason = os.strerror(EACCES)
     try:
@@ -41,7 +41,7 @@ def require_log_folder(environment: Mapping[str, str]) -> None:
 def discard_old_logs(environment: Mapping[str, str], max_bytes: int = MAX_BYTES,
                      max_files: int = MAX_FILES) -> None:
     """
-    Delete the logs that were written to least recently, beyond what is kept.
+    Delete the oldest logs beyond the limit.
 
     A folder that the user has chosen is left alone.
     """

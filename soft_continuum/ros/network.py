@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Who reaches the nodes over DDS: processes of this computer, unless the user opens the network.
+Reachability of the nodes over DDS: only this computer, unless the user opens the network.
 
-docs/how_to/set_up_the_network.md says how, and what that means.
+See docs/how_to/set_up_the_network.md.
 """
 
 from collections.abc import Mapping, MutableMapping, Sequence
@@ -20,19 +20,19 @@ RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 OPEN, CLOSED = 'fastdds_network.xml', 'fastdds.xml'  # our own profiles
 KEYSTORE = 'ROS_SECURITY_KEYSTORE'
 SAID = 'SOFT_CONTINUUM_NETWORK_SAID'
-"""Environment variable of a node that is started with others: one of them says who commands."""
+"""Environment variable of nodes that start together: only one logs who can command the arm."""
 PARENT = 'SOFT_CONTINUUM_PARENT'
-"""Environment variable of a node that is to end with the process of that id, which started it."""
+"""Environment variable with the id of the parent process, with which a node ends."""
 LISTENING = '0A'  # state of a TCP socket
-NOT_UP = ('127.0.0.1 is not there: waiting for the interface lo; where nothing else brings it up, '
-          '`ip link set lo up` does')
+NOT_UP = ('127.0.0.1 is not available: waiting for the interface lo; if nothing else brings it '
+          'up, run `ip link set lo up`')
 
 
 def choose_network(environment: MutableMapping[str, str], config: Path) -> None:
     """
     Bind DDS to this computer by a profile in ``config``, before rclpy is initialised.
 
-    ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network; a profile of the user's stays.  The
+    ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET opens the network; a profile of the user is kept.  The
     other ranges are part of the profile: with LOCALHOST, ROS adds transports of its own to it,
     which listen on every interface.
     """
@@ -59,7 +59,7 @@ def choose_own_network() -> None:
 
 
 def is_up() -> bool:
-    """Whether this computer has the address on which DDS listens, which a late ``lo`` has not."""
+    """Whether this computer has the address on which DDS listens; not before ``lo`` is up."""
     with socket(AF_INET, SOCK_DGRAM) as one:
         try:
             one.connect(('127.0.0.1', 9))  # sends nothing
@@ -69,7 +69,7 @@ def is_up() -> bool:
 
 
 def wait_until_up(period: float = 0.5) -> None:
-    """Wait for 127.0.0.1, before DDS looks for it once; say so on stderr; period: s."""
+    """Wait for 127.0.0.1, which DDS only looks for once; report on stderr; period: s."""
     if not is_up():
         print(NOT_UP, file=sys.stderr, flush=True)
         while not is_up():
@@ -77,7 +77,7 @@ def wait_until_up(period: float = 0.5) -> None:
 
 
 def given_network(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return what a user chose before choose_network, for a process of another environment."""
+    """Return the user's settings before choose_network, for a process of another environment."""
     chosen = {name: value for name in (*PROFILES, RANGE) if (value := environment.get(name))}
     profile = Path(chosen.get(PROFILES[0], ''))
     if profile.name not in (CLOSED, OPEN) or profile.parent.name != 'config':
@@ -86,10 +86,10 @@ def given_network(environment: Mapping[str, str]) -> dict[str, str]:
 
 
 def who_commands(environment: Mapping[str, str], addresses: Sequence[str]) -> str:
-    """Say in one line who can command the arm; addresses: reachable_addresses of its process."""
+    """Return one line on who can command the arm; addresses: of reachable_addresses."""
     domain = f'ROS_DOMAIN_ID {environment.get("ROS_DOMAIN_ID") or 0}'
     if is_secured(environment):
-        return (f'SROS 2: the keys in {environment.get(KEYSTORE)} say who can command this arm '
+        return (f'SROS 2: the keys in {environment.get(KEYSTORE)} define who can command this arm '
                 f'({domain})')
     if addresses:
         return (f'DDS listens on {", ".join(addresses)}: every computer that reaches it can move '
@@ -100,13 +100,13 @@ def who_commands(environment: Mapping[str, str], addresses: Sequence[str]) -> st
 
 
 def is_secured(environment: Mapping[str, str]) -> bool:
-    """Whether SROS 2 keeps out who has no key; ROS then starts nothing without."""
+    """Whether SROS 2 is enforced: then no node starts without a key."""
     return (environment.get('ROS_SECURITY_ENABLE') == 'true'
             and environment.get('ROS_SECURITY_STRATEGY') == 'Enforce')
 
 
 def security_problem(error: Exception, environment: Mapping[str, str]) -> str:
-    """Return what to do about an error of ROS at its start, empty if SROS 2 is not its reason."""
+    """Return the remedy for an error of ROS at its start, empty if not caused by SROS 2."""
     text = str(error).splitlines()[0]
     if environment.get('ROS_SECURITY_ENABLE') != 'true' or 'security' not in text.lower():
         return ''
@@ -114,12 +114,12 @@ def security_problem(error: Exception, environment: Mapping[str, str]) -> str:
         return ('ROS_SECURITY_ENABLE is true, but this ROS 2 was built without DDS security, as '
                 'that from PyPI is: use ROS 2 from apt, or unset it; see '
                 'docs/how_to/set_up_the_network.md')
-    return (f'SROS 2 lets nothing start: {text}; make the keys, as '
-            'docs/how_to/set_up_the_network.md has it, or unset ROS_SECURITY_ENABLE')
+    return (f'SROS 2 prevents the start: {text}; create the keys as in '
+            'docs/how_to/set_up_the_network.md, or unset ROS_SECURITY_ENABLE')
 
 
 def reachable_addresses(process: int | str = 'self') -> list[str]:
-    """Return the addresses at which other computers reach a process, UDP first; of Linux only."""
+    """Return the addresses at which other computers reach a process, UDP first; Linux only."""
     folder, sockets, found = Path('/proc', str(process)), set(), []
     with suppress(OSError):
         for entry in (folder / 'fd').iterdir():

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Obstacles as markers, both ways.
+Conversion of obstacles to and from markers.
 
-A marker is known by its namespace and number; the obstacle is named after both, after the
-namespace alone where the number is 0.  ROS has no marker for a capsule: it is a CYLINDER whose
-text is CAPSULE, and two SPHEREs with the text END, which are there to be seen only.
+A marker is identified by namespace and number; the obstacle is named after both, or after the
+namespace alone if the number is 0.  ROS has no marker for a capsule: it is a CYLINDER with the
+text CAPSULE, and two SPHEREs with the text END, which are only for display.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,25 +37,25 @@ from soft_continuum.text import MAX_NAME, printable
 Key = tuple[str, int]
 """Namespace and number of a marker."""
 REFUSED = 'obstacles refused'
-"""Of ~/status: how many messages were, and why the last one was."""
+"""Key in ~/status: number of refused messages, and the last reason."""
 CAPSULE, END = 'capsule', 'end of a capsule'
 MAX_MARKER_BYTES = 500_000
-"""Of a message with obstacles, some 6,900 triangles: to convert it takes 0.1 s."""
+"""Largest message with obstacles, some 6,900 triangles: converting it takes 0.1 s."""
 MAX_KNOWN = 1 + 3 * MAX_OBSTACLES  # markers
 MAX_KNOWN_BYTES = 1_000_000
-"""Of all obstacles that are known."""
+"""Largest size of all known obstacles in one message, bytes."""
 KINDS = {Marker.SPHERE: 'SPHERE', Marker.CUBE: 'CUBE', Marker.CYLINDER: 'CYLINDER',
          Marker.TRIANGLE_LIST: 'TRIANGLE_LIST', Marker.MESH_RESOURCE: 'MESH_RESOURCE'}
 
 
 def name_of(key: Key) -> str:
-    """Return the name of the obstacle that a marker stands for."""
+    """Return the name of the obstacle of a marker."""
     namespace, number = key
     return (namespace or 'obstacle') + (f'/{number}' if number else '')
 
 
 def is_decoration(marker: Marker) -> bool:
-    """Whether a marker is only to be seen, beside another one that is the obstacle."""
+    """Whether a marker is only for display, beside that of the obstacle."""
     return bool(marker.type == Marker.SPHERE and marker.text == END)
 
 
@@ -63,8 +63,8 @@ def obstacle_from_ros(marker: Marker, frame: str) -> Obstacle:
     """
     Return the obstacle that a marker adds.
 
-    frame: in which it has to be.  A SPHERE or CYLINDER with unequal scales is taken as the round
-    one around it.  Raises ObstacleError for what is none.
+    frame: required frame.  A SPHERE or CYLINDER with unequal scales counts as the round one around
+    it.  Raises ObstacleError for an invalid marker.
     """
     if marker.header.frame_id != frame:
         raise ObstacleError(f'frame_id is {printable(repr(marker.header.frame_id), MAX_NAME)}; '
@@ -74,7 +74,7 @@ def obstacle_from_ros(marker: Marker, frame: str) -> Obstacle:
             f'{number} ({kind})' for number, kind in KINDS.items()))
     pose = pose_from_ros(marker.pose)
     x, y, z, *turn = pose
-    a, b, c, d = turn if any(turn) else UPRIGHT  # as views take what nobody has set
+    a, b, c, d = turn if any(turn) else UPRIGHT  # as views interpret an unset quaternion
     shape = _shape_from_ros(marker)
     return Obstacle(name_of((marker.ns, marker.id)), shape, (x, y, z), (a, b, c, d))
 
@@ -109,7 +109,7 @@ def _shape_from_ros(marker: Marker) -> Shape:
 
 
 def known_from_ros(message: MarkerArray) -> dict[Key, Obstacle]:
-    """Return what known_obstacles says, without what cannot be used."""
+    """Return the obstacles in known_obstacles, without invalid ones."""
     found = {}
     for marker in message.markers[:MAX_KNOWN]:
         # None is of a file: what others send must not make this process read one.
@@ -121,7 +121,7 @@ def known_from_ros(message: MarkerArray) -> dict[Key, Obstacle]:
 
 
 def obstacle_to_ros(key: Key, obstacle: Obstacle, frame: str, stamp: Time) -> Iterator[Marker]:
-    """Return the markers of an obstacle, the one that obstacle_from_ros takes first."""
+    """Return the markers of an obstacle; the first one is that for obstacle_from_ros."""
     shape, place = obstacle.shape, np.array(obstacle.position, dtype=float)
     namespace, number = key
     marker = _marker(namespace, number, obstacle, place, frame, stamp)
@@ -148,7 +148,7 @@ def obstacle_to_ros(key: Key, obstacle: Obstacle, frame: str, stamp: Time) -> It
 
 
 def removal(key: Key) -> list[Marker]:
-    """Return what removes the markers of an obstacle."""
+    """Return the markers that remove an obstacle."""
     return [Marker(ns=ns, id=k, action=Marker.DELETE) for ns, k in (
         key, (_ends(key), 0), (_ends(key), 1))]
 

@@ -13,7 +13,7 @@ from soft_continuum_interfaces.srv import PlanShapes
 
 
 def plans_to_ros(found: Sequence[Reach], shapes: Sequence[Shape]) -> PlanShapes.Response:
-    """Return the answer of plan_shapes, without its time; found: up to the first that failed."""
+    """Return the response of plan_shapes, without its time; found: up to the first failure."""
     problem, steps = found[-1].why, []
     for index, one in enumerate(found):
         if one.plan is not None:

@@ -9,14 +9,14 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """State that late joiners need."""
 STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
-"""Streams that we publish."""
+"""Streams that the suite publishes."""
 COMMAND = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE,
                      lifespan=Duration(seconds=0.5))
-"""Requests to move, which nobody carries out later: a network that comes back has none of them."""
+"""Motion requests, which are not delivered late after a network failure."""
 EVERY_STATE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE,
                          durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""State of which no change may be missed by a subscriber."""
+"""State of which subscribers must not miss a change."""
 OBSTACLES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
-"""Changes of which none may be missed, of publishers of any durability."""
+"""Changes that must not be missed, from publishers of any durability."""
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Streams that we subscribe to: compatible with any publisher."""
+"""Subscribed streams: compatible with any publisher."""

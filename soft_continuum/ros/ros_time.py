@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-ROS time, which may be set, simulated or stand still, beside the steady clock of control.
+Conversion between ROS time, which may jump or stand still, and the steady clock of control.
 
-By the latter: how long ago something was last received.
+Also the age of messages, by the steady clock.
 """
 
 from math import inf
@@ -48,13 +48,13 @@ class RosTime:
         return stamp_of(steady + self._now())
 
     def jump(self) -> float:
-        """Return by how much ROS time went ahead of the steady clock since the last call, s."""
+        """Return the jump of ROS time against the steady clock since the last call, s."""
         before, self._offset = self._offset, self._now()
         return self._offset - before
 
 
 class Age:
-    """Time since something was last received, by a clock that nobody sets."""
+    """Time since a message was last received, by the steady clock."""
 
     def __init__(self) -> None:
         """Start as never received."""

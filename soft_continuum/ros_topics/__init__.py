@@ -1,3 +1,3 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Hardware that other nodes own: its topics."""
+"""Drivers for hardware of other nodes, over topics."""

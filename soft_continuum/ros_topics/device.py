@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What every device on the topics of other nodes has in common: how it is opened and closed."""
+"""Common base of devices on topics of other nodes: opening and closing."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -16,22 +16,22 @@ if TYPE_CHECKING:
     from soft_continuum.ros_topics.link import RosLink
 
 OPEN_TIMEOUT = 4.0
-"""s in which publishers and subscribers are discovered and first states come."""
+"""Time limit (s) of discovery and of the first states."""
 NAMES_TIMEOUT = 1.5  # s more for the names of those who publish what is not theirs
 POLL_INTERVAL = 0.01  # s
 
 
 class RosDevice(ABC):
     """
-    A driver whose device is the topics of other nodes.
+    A driver that uses topics of other nodes as its device.
 
-    It is open when publishers, subscribers and first states were found; ``_opened`` tells.
+    It is open (``_opened``) once publishers, subscribers and first states were found.
     """
 
     node: Any = None
-    """The node that has this driver; None: it makes one of its own when it is opened."""
+    """The node that uses this driver; None: it creates its own when opened."""
     driver = 'driver'
-    """What it is, for messages."""
+    """Kind of driver, for messages."""
 
     def __init__(self, clock: Clock) -> None:
         """Open nothing yet."""

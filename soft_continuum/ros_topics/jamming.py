@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 ABSOLUTE, GAUGE = 'absolute', 'gauge'
 REPEAT = 0.05  # s after which a command is sent again that is not confirmed: one may be lost
 SAME_SETPOINT = 0.01
-"""Share of max_vacuum by which a set-point that is read back may differ."""
+"""Tolerance of a set-point that is read back, as a share of max_vacuum."""
 
 
 class RosVacuum(RosDevice):
-    """What valves and regulators of another node have in common."""
+    """Common base of valves and regulators of another node."""
 
     driver = 'jamming driver'
 
@@ -75,7 +75,7 @@ class RosVacuum(RosDevice):
                                   self._topics('command'))
 
     def _take_first(self) -> str:
-        return '' if self._update() else 'not every pressure and state came'
+        return '' if self._update() else 'not all pressures and states were received'
 
     def _inputs(self) -> tuple[Numbers, ...]:
         return self._pressures, self._states
@@ -111,7 +111,7 @@ class RosVacuum(RosDevice):
 
     @abstractmethod
     def _reported(self) -> tuple[float, ...]:
-        """Return what every segment reports, as is sent; raises HardwareError for what is none."""
+        """Return the reports of all segments, as sent; raises HardwareError for invalid ones."""
 
     def _set(self, segment: int, value: float, same: Callable[[float], bool], what: str) -> None:
         """Send a value for a segment until its state is the ``same``; raises HardwareError."""
@@ -144,7 +144,7 @@ class RosJamming(RosVacuum):
     """
     Valves and a pump of another node; see JammingDriver for what the methods promise.
 
-    A pump without a topic runs by itself, and counts as running.
+    A pump without a topic is not switched, and counts as running.
     """
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
@@ -214,7 +214,7 @@ class RosJamming(RosVacuum):
         self._has_pump = all(pump)
         if any(pump) and not self._has_pump:
             raise ParameterError(f'parameters {PREFIX}pump_topic and {PREFIX}pump_state_topic are '
-                                 f'{pump}; give both, or neither for a pump that runs by itself')
+                                 f'{pump}; give both, or neither for a self-controlled pump')
         self._pump: Numbers
         self._pump_commands: Commands
 

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Pulls of the tendons from the joint states of other nodes, which are believed only when sound.
+Pulls of the tendons from the joint states of other nodes, after plausibility checks.
 
-Nothing here waits or knows ROS: who receives the messages passes on what is in them.
+Nothing here waits or depends on ROS: the receiver of the messages passes on their contents.
 """
 
 from collections import deque
@@ -17,21 +17,21 @@ from soft_continuum.parameters.parameter import ParameterError, spread
 
 PREFIX = 'ros_tendons.'
 REST_TIME, REST_BAND = 0.15, 1e-4
-"""s for which a tendon that rests stays within so many m."""
+"""A tendon rests if it stays within so many m for so many s."""
 JUMP, JUMP_SPEED = 2e-3, 2.0
-"""m, and times speed_limit: what no tendon moves beyond from one state to the next."""
+"""Largest step between two states: m, plus this factor times speed_limit."""
 COMPARED_TIME, COMPARED_MOTION, MAX_RATIO, MAX_UNLIKE = 0.5, 4e-3, 5.0, 3
 """s and m of motion in which velocities are compared with positions, how they may differ, and how
 often in a row they must: one time alone may be noise, or a sender that was kept waiting."""
 ZERO_MARGIN, SOUGHT_MARGIN = 0.1, 1.0
-"""Shares of the range of pull_limits beyond it that are believed: of known zeros, of others."""
+"""Plausible excess over pull_limits, as a share of their range: for known zeros, for others."""
 SCALE_RANGE = 4e-5, 2.0
 """m of pull per unit of a joint, from a screw of 0.25 mm per turn to a slide with a pulley."""
 MAX_LISTED = 8  # joints in a message
 
 
 class JointStates(Protocol):
-    """What is used of a sensor_msgs/JointState."""
+    """The used fields of a sensor_msgs/JointState."""
 
     name: Sequence[str]
     position: Sequence[float]
@@ -45,8 +45,9 @@ class Joints:
     The joints that pull the tendons, in the order of ``tendons``.
 
     scales: m of pull per unit of position, negative where the joint pays out as it moves on.
-    zeros: position at zero pull, in the unit of the joint.  absolute: whether these stay true when
-    the hardware is switched off.  effort_scales: N of tension per unit of effort, 0 alone: none.
+    zeros: position at zero pull, in the unit of the joint.  absolute: whether these stay valid
+    when the hardware is switched off.  effort_scales: N of tension per unit of effort, 0 alone:
+    none.
     pull_limits: m.  speed_limit: m/s.
     """
 
@@ -60,7 +61,7 @@ class Joints:
     speed_limit: float
 
     def __post_init__(self) -> None:
-        """Raise ParameterError for a scale that no spool, screw or slide has."""
+        """Raise ParameterError for a scale outside of the plausible range."""
         low, high = SCALE_RANGE
         if not all(low <= abs(scale) <= high for scale in self.scales):
             raise ParameterError(
@@ -99,16 +100,16 @@ class Joints:
 
     @property
     def tension_known(self) -> bool:
-        """Whether efforts tell tensions."""
+        """Whether efforts measure tensions."""
         return self.effort_scales != (0.0,)
 
 
 class JointWatch:
     """
-    Takes joint states, and raises HardwareError for those that cannot be true.
+    Checks joint states, and raises HardwareError for implausible ones.
 
-    positions: of the joints, in their units; None before the first state and after one that is
-    not believed.  zeros: positions at zero pull.  known: whether that is the straight arm.
+    positions: of the joints, in their units; None before the first state and after an implausible
+    one.  zeros: positions at zero pull.  known: whether that is the straight arm.
     """
 
     def __init__(self, joints: Joints) -> None:
@@ -135,7 +136,7 @@ class JointWatch:
         """
         Take a state that was sent at ``stamp``, later than those before, and received ``now``.
 
-        Both are s, on clocks of their own.  missed: whether there were others since the last one.
+        Both are s, on clocks of their own.  missed: whether others since the last one were lost.
         Raises HardwareError.
         """
         try:
@@ -176,8 +177,8 @@ class JointWatch:
         wrong = [name for name in self.joints.names if names.count(name) != 1]
         if wrong:
             raise HardwareError(
-                f'joint states have {", ".join(wrong)} not once; they have {_listed(names)}; '
-                f'correct {PREFIX}joints')
+                f'joint states must have {", ".join(wrong)} exactly once; they have '
+                f'{_listed(names)}; correct {PREFIX}joints')
         return [names.index(name) for name in self.joints.names]
 
     def _of(self, values: Sequence[float], index: Sequence[int], field: str, state: JointStates
@@ -193,7 +194,7 @@ class JointWatch:
     def _scaled(self, values: tuple[float, ...] | None, scales: tuple[float, ...]
                 ) -> tuple[float, ...] | None:
         if values is None or not all(map(isfinite, values)):
-            return None  # ros2_control has nan where the hardware does not tell
+            return None  # ros2_control has nan for values that the hardware does not report
         return tuple(s * v for s, v in zip(scales, values, strict=True))
 
     def _check_step(self, positions: tuple[float, ...], stamp: float) -> None:
@@ -206,8 +207,7 @@ class JointWatch:
                 raise HardwareError(
                     f'{name} jumped by {1e3 * step:.1f} mm in {stamp - self._stamp:.3f} s; '
                     f'speed_limit is {1e3 * self.joints.speed_limit:g} mm/s: its joint has lost '
-                    f'its position, or does not report in the unit of {PREFIX}scales, in which '
-                    'it takes commands')
+                    f'its position, or reports in another unit than its commands ({PREFIX}scales)')
 
     def _check_range(self, positions: tuple[float, ...]) -> None:
         joints = self.joints
@@ -225,7 +225,7 @@ class JointWatch:
 
     def _compare(self, begin: tuple[float, tuple[float, ...]], positions: tuple[float, ...],
                  speeds: tuple[float, ...], stamp: float) -> None:
-        """Compare the way by velocities with that by positions; some nodes report zeros."""
+        """Compare travel by velocities with travel by positions; some nodes report zeros."""
         passed = stamp - self._stamp
         self._travelled = [t + v * passed for t, v in zip(self._travelled, speeds, strict=True)]
         if stamp - begin[0] < COMPARED_TIME:
@@ -239,21 +239,21 @@ class JointWatch:
             if self._unlike[i] == MAX_UNLIKE:
                 raise HardwareError(
                     f'{self.joints.tendons[i]} moved by {1e3 * moved:.2f} mm in '
-                    f'{stamp - begin[0]:.1f} s, but by {1e3 * travelled:.2f} mm by the '
-                    'velocities in the joint states; give both in one unit, or leave velocity '
-                    'empty where it is not measured')
+                    f'{stamp - begin[0]:.1f} s, but by {1e3 * travelled:.2f} mm according to the '
+                    'velocities; give both in one unit, or leave velocity empty where it is not '
+                    'measured')
         self._begin, self._travelled = (stamp, positions), [0.0] * len(positions)
 
     @property
     def watched(self) -> bool:
-        """Whether states came for REST_TIME, so that they tell whether the joints rest."""
+        """Whether states of REST_TIME were received, enough to detect rest."""
         return bool(self._window) and self._window[-1][0] - self._window[0][0] >= REST_TIME
 
     def rests(self, since: float) -> bool:
-        """Return whether states of REST_TIME, all of after ``since`` (s), show that none moved."""
+        """Return whether no joint moved in states of REST_TIME, all after ``since`` (s)."""
         if not self._window:
             return False
-        last = self._window[-1][0]  # while no state comes nobody knows whether they rest
+        last = self._window[-1][0]  # without new states rest is unknown
         if last - since < REST_TIME or not self.watched:
             return False
         columns = zip(*(positions for _, positions in self._window), strict=True)

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Topics of other nodes, for a driver: read without waiting, and checked for who else uses them.
+Topics of other nodes, for a driver: read without waiting, and checked for other users.
 
-Nothing here has a thread or an executor: whoever reads takes what DDS has received meanwhile.  So
-a control loop reads from a topic as it would from a port, whatever the rest of the process does.
-This module needs ROS, so drivers import it only when they are opened.
+Nothing here has a thread or an executor: a read takes the messages that DDS has received since.
+So a control loop reads from a topic as from a port, independently of the rest of the process. This
+module needs ROS, so drivers import it only when they are opened.
 """
 
 from collections.abc import Callable, Iterable
@@ -31,7 +31,7 @@ from soft_continuum.ros.names import UNKNOWN_NODE
 from soft_continuum.text import plain
 
 BACKLOG = 5
-"""Messages that are looked at one by one; of more, as of a sender at 1 kHz, only the newest."""
+"""Messages that are checked one by one; of more, as from a sender at 1 kHz, only the newest."""
 STATES = QoSProfile(depth=BACKLOG + 1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Compatible with every publisher, also with those of micro-ROS."""
 COMMANDS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
@@ -39,19 +39,19 @@ COMMANDS = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 GRAPH_PERIOD = 0.2  # s between two looks at who publishes
 POLL_INTERVAL = 0.01  # s
 CLOCK_DRIFT = 1e-3
-"""s per s by which two clocks may run apart."""
+"""Largest drift of two clocks, s per s."""
 
 
 class Stamps:
     """
-    The stamps of one sender, whose clock need not agree with this one.
+    The stamps of one sender, whose clock may differ from this one.
 
-    What is delayed shows by a stamp that is older than those of other messages were when they
-    came; what is repeated, or comes in the wrong order, by a stamp that is not newer.
+    A delayed message has a stamp that is older on arrival than those of others; a repeated
+    message, or one out of order, has a stamp that is not newer.
     """
 
     def __init__(self, timeout: float) -> None:
-        """Begin without a message; timeout: s by which one may come later than others."""
+        """Begin without a message; timeout: largest delay over other messages, s."""
         self.timeout = timeout
         self._last, self._delay, self._received = -inf, inf, -inf  # s
 
@@ -59,7 +59,7 @@ class Stamps:
         """
         Return whether a message is newer than all before; stamp: s of its sender, now: s here.
 
-        Raises HardwareError when it comes too late.
+        Raises HardwareError for one that arrives too late.
         """
         if stamp <= self._last:
             return False
@@ -69,7 +69,7 @@ class Stamps:
         self._last, self._received = stamp, now
         if (late := now - stamp - self._delay) > self.timeout:
             raise HardwareError(
-                f'it came {late:.2f} s later than others; allowed: {self.timeout:g} s; the '
+                f'it arrived {late:.2f} s later than others; allowed: {self.timeout:g} s; the '
                 'network or its sender is too slow')
         return True
 
@@ -78,10 +78,9 @@ class Listener:
     """
     The messages on a topic, and how long ago the last one came.
 
-    missed: whether there were others between those that were taken last, or before them.  number:
-    of the last, counted by its sender.  lag: s of this computer's time since its stamp.
-    publisher: who sends them, as DDS calls it; empty where that is not known, as after one was
-    restarted.
+    missed: whether messages were lost between or before those that were taken last.  number: of
+    the last, counted by its sender.  lag: time since its stamp, s, on this computer's clock.
+    publisher: GID of the sender; empty if unknown, as after a restart.
     """
 
     def __init__(self, link: 'RosLink', kind: Any, parameter: str, topic: str, timeout: float
@@ -96,11 +95,10 @@ class Listener:
 
     def take(self) -> list[tuple[Any, float]]:
         """
-        Return the messages that came since the last call, each with its stamp in s.
+        Return the messages since the last call, each with its stamp in s.
 
-        Those without a stamp have the time at which they were sent; those that are not newer than
-        others before are left out.  Raises HardwareError for what is no such message, or came too
-        late.
+        Messages without a stamp get the time at which they were sent; those that are not newer
+        than earlier ones are ignored.  Raises HardwareError for an invalid or late message.
         """
         taken = []
         while (one := self._subscription.handle.take_message(self._kind, True)) is not None:
@@ -134,31 +132,32 @@ class Listener:
         return message, stamp
 
     def check(self) -> None:
-        """Raise HardwareError when no newer message came for too long."""
+        """Raise HardwareError when no newer message was received for too long."""
         age, timeout = self._link.looks() - self._received, self.timeout
         if age > timeout:
             raise HardwareError(
                 f'nothing new on {self.topic} ({self.parameter}) for {age:.2f} s; allowed: '
-                f'{timeout:g} s; its publisher or the network failed, or its stamps stand still')
+                f'{timeout:g} s; its publisher or the network failed, or its stamps do not '
+                'advance')
 
     @property
     def publishers(self) -> list[Any]:
-        """Who publishes the topic, as rclpy tells it."""
+        """Publishers of the topic, as reported by rclpy."""
         return list(self._link.node.get_publishers_info_by_topic(self.topic))
 
     nodes = publishers
 
     @property
     def problem(self) -> str:
-        """What is wrong with those who publish the topic, empty for nothing."""
+        """Problem with the publishers of the topic, empty for none."""
         found = self.publishers
         where = f'{self.topic} ({self.parameter})'
         if not found:
-            return (f'nobody publishes {where}; start its node, activate its controller, or '
+            return (f'{where} has no publisher; start its node, activate its controller, or '
                     'correct the name')
         if len(found) > 1:
-            return (f'{where} is published by {names(found)}; there must be one: end the others, '
-                    'or give this device a topic of its own')
+            return (f'{where} is published by {names(found)}; only one is allowed: stop the '
+                    'others, or give this device a topic of its own')
         self.publisher = bytes(found[0].endpoint_gid)
         return _other_type(where, found, self._kind)
 
@@ -173,43 +172,43 @@ class CommandPublisher:
         self._publisher = link.node.create_publisher(kind, self.topic, COMMANDS)
 
     def send(self, message: Any) -> None:
-        """Publish; does not wait for anybody."""
+        """Publish without waiting."""
         self._publisher.publish(message)
 
     @property
     def subscribers(self) -> list[Any]:
-        """Who subscribes to the topic, as rclpy tells it."""
+        """Subscribers of the topic, as reported by rclpy."""
         return list(self._link.node.get_subscriptions_info_by_topic(self.topic))
 
     @property
     def nodes(self) -> list[Any]:
-        """Who publishes or subscribes to the topic, this device too."""
+        """Publishers and subscribers of the topic, this device included."""
         return [*self._link.node.get_publishers_info_by_topic(self.topic), *self.subscribers]
 
     @property
     def problem(self) -> str:
-        """What is wrong with who else uses the topic, empty for nothing."""
+        """Problem with other users of the topic, empty for none."""
         node = self._link.node
         where = f'{self.topic} ({self.parameter})'
         publishers = node.get_publishers_info_by_topic(self.topic)
         if len(publishers) > 1:
-            return (f'{where} is published by {names(publishers)}; a device obeys one: end the '
+            return (f'{where} is published by {names(publishers)}; only one is allowed: stop the '
                     'others')
         found = self.subscribers
         if not found:
-            return (f'nobody subscribes to {where}; start its node, configure its controller, or '
+            return (f'{where} has no subscriber; start its node, configure its controller, or '
                     'correct the name')
         if problem := _other_type(where, found, self._kind):
             return problem
         if not self._publisher.get_subscription_count():
-            return (f'{names(found)} subscribes to {where} with a QoS that no publisher of '
-                    'commands has: durability must be volatile')
+            return (f'{names(found)} subscribes to {where} with an incompatible QoS: durability '
+                    'must be volatile')
         return ''
 
 
 class RosLink:
     """
-    A node for the topics of a device, in the names and in the context of the node that uses it.
+    A node for the topics of a device, with names and context of the node that uses it.
 
     It is used by one thread at a time.
     """
@@ -238,18 +237,18 @@ class RosLink:
         try:
             name: str = (self._lender or self.node).resolve_topic_name(topic)
         except Exception as error:  # of rclpy, for what is no name
-            raise HardwareError(f'parameter {parameter} is {topic!r}, which is no name of a '
-                                f'topic: {str(error).splitlines()[0]}') from None
+            raise HardwareError(f'parameter {parameter} is {topic!r}, which is not a valid topic '
+                                f'name: {str(error).splitlines()[0]}') from None
         return name
 
     def listen(self, kind: str, parameter: str, topic: str, timeout: float) -> Listener:
-        """Return what reads a topic; kind: such as sensor_msgs/JointState.  timeout: s."""
+        """Return a listener to a topic; kind: such as sensor_msgs/JointState.  timeout: s."""
         listener: Listener = _made(Listener, self, message_class(kind), parameter, topic, timeout)
         self.topics.append(listener)
         return listener
 
     def publish_to(self, kind: str, parameter: str, topic: str) -> CommandPublisher:
-        """Return what publishes on a topic; kind: such as std_msgs/Float64MultiArray."""
+        """Return a publisher on a topic; kind: such as std_msgs/Float64MultiArray."""
         commands: CommandPublisher = _made(
             CommandPublisher, self, message_class(kind), parameter, topic)
         self.topics.append(commands)
@@ -257,7 +256,7 @@ class RosLink:
 
     @property
     def problem(self) -> str:
-        """What is wrong with who else uses the topics, empty for nothing."""
+        """Problem with other users of the topics, empty for none."""
         self._looked = self.clock()
         self._found = next((problem for topic in self.topics if (problem := topic.problem)), '')
         return self._found
@@ -275,9 +274,9 @@ class RosLink:
 
     def wait_for_names(self, deadline: float, closing: threading.Event) -> str:
         """
-        Wait until the nodes on the topics have names, which come after them; return the problem.
+        Wait until the names of nodes on the topics are discovered; return the problem.
 
-        deadline: when to go on without, by the clock.
+        deadline: when to continue without them, by the clock.
         """
         self._wait_while(lambda: any(info.node_name == UNKNOWN_NODE for topic in self.topics
                                      for info in topic.nodes), deadline, closing)
@@ -313,9 +312,9 @@ def message_class(kind: str) -> Any:
 
 
 def names(infos: Iterable[Any]) -> str:
-    """Return the nodes that rclpy tells of, for people."""
+    """Return the names of nodes that rclpy reports, as text."""
     return ' and '.join(sorted(
-        'a node that is not known yet' if info.node_name == UNKNOWN_NODE
+        'a node not yet discovered' if info.node_name == UNKNOWN_NODE
         else plain(f'{info.node_namespace.rstrip("/")}/{info.node_name}') for info in infos))
 
 

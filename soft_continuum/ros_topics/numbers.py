@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A number for each segment, from topics or to them, whatever message has it."""
+"""A number for each segment, from or to topics, for several message types."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, TYPE_CHECKING
@@ -27,7 +27,7 @@ class Numbers:
         self._values: list[float | None] = [None] * count
 
     def update(self) -> bool:
-        """Take what came; return whether every number is known.  Raises HardwareError."""
+        """Take new messages; return whether every number is known.  Raises HardwareError."""
         for i, listener in enumerate(self._listeners):
             for message, _ in listener.take():
                 if self._kind == ARRAY:

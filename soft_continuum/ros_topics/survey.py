@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What is heard on the topics of a driver: from whom, how often, how late.  Sends nothing."""
+"""Survey of the topics of a driver: publishers, rates and delays.  Sends nothing."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ NAMES_TIMEOUT = 4.0
 MIN_MESSAGES = 3.0
 """Messages that should come within the timeout, so that a lost one does no harm."""
 MAX_LAG = 0.3
-"""s between a stamp and this computer's time beyond which their clocks differ."""
+"""Difference of a stamp from this computer's time beyond which the clocks differ, s."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """What was found on a topic; step: the parameter that names it.  warning: empty for none."""
+    """Findings on a topic; step: the parameter that names it.  warning: empty for none."""
 
     step: str
     message: str
@@ -32,7 +32,7 @@ class Found:
 
 def survey(driver: Any, clock: Clock = STEADY) -> Iterator[Found]:
     """
-    Yield what is heard for LISTENING s on the topics of an open driver, which is read meanwhile.
+    Yield findings of LISTENING s on the topics of an open driver, which is read meanwhile.
 
     Raises HardwareError as the driver does.
     """
@@ -56,14 +56,14 @@ def survey(driver: Any, clock: Clock = STEADY) -> Iterator[Found]:
             warnings.append(f'{MIN_MESSAGES / listener.timeout:.0f} Hz or more are needed for a '
                             f'timeout of {listener.timeout:g} s')
         if abs(listener.lag) > MAX_LAG:
-            warnings.append(f'its stamps are {listener.lag:.2f} s from the time of this '
-                            'computer: the clocks differ, or it has no stamps')
+            warnings.append(f'its stamps are {listener.lag:.2f} s off the clock of this computer: '
+                            'the clocks differ, or messages have no stamps')
         yield Found(listener.parameter, f'{listener.topic} from {names(listener.publishers)} at '
                     f'{rate:.0f} Hz', '; '.join(warnings))
     for topic in topics:
         if topic not in listeners:
-            yield Found(topic.parameter, f'{topic.topic} to {names(topic.subscribers)}, '
-                        'and nobody else publishes it')
+            yield Found(topic.parameter, f'{topic.topic} to {names(topic.subscribers)}, with no '
+                        'other publisher')
     if hasattr(driver, 'describe'):
         yield Found('joints', f'{driver.describe()}; if this is not what you measure, correct the '
                     'scales')

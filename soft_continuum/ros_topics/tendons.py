@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from soft_continuum.ros_topics.link import CommandPublisher, Listener, RosLink
 
 FOLLOW_TIME = 0.3
-"""s for which a joint may be farther from its set-point than following_error."""
+"""Time for which a joint may exceed following_error, s."""
 STOP_TIMEOUT = 1.0  # s in which a stop must be confirmed, also by close()
 LONGEST_STEP, STEP = 0.2, 0.02
 """s: a motion that is to take longer is sent in steps of so long, as read() is called."""
@@ -104,7 +104,7 @@ class RosTendons(RosDevice):
         self._stop_by: float | None = None  # s, by when a stop must be confirmed
         self._near = 0.0  # s, when every joint was last where it was sent
         self._way: tuple[tuple[float, ...], tuple[float, ...], float] | None = None
-        """Of a motion in steps: positions from and to, and s that it takes."""
+        """Motion in steps: positions from and to, and its duration, s."""
         self._passed = 0.0  # s of that
 
     @staticmethod
@@ -125,7 +125,7 @@ class RosTendons(RosDevice):
     def _take_first(self) -> str:
         self._receive()
         if not self._watch.watched:
-            return f'no joint state came on {self._states.topic}'
+            return f'no joint state received on {self._states.topic}'
         self._recall()
         return ''
 
@@ -201,7 +201,7 @@ class RosTendons(RosDevice):
                 self._go_on(*self._way)
 
     def stop(self) -> None:
-        """Send every joint to where it is, until states confirm that it rests there."""
+        """Command every joint to its present position, until states confirm that it rests."""
         with self._lock:
             self._receive()
             if self._moving():
@@ -218,7 +218,7 @@ class RosTendons(RosDevice):
             self._setpoint = None
 
     def describe(self) -> str:
-        """Return where the joints and the tendons are, for people."""
+        """Return the positions of joints and tendons as text."""
         with self._lock:
             self._receive()
             joints = ', '.join(f'{name} {position:.4g}' for name, position in zip(
@@ -252,7 +252,7 @@ class RosTendons(RosDevice):
         from builtin_interfaces.msg import Duration
         from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-        # Without a stamp it begins when it arrives, whatever the clocks of two computers say.
+        # Without a stamp it begins on arrival, independently of the clocks of two computers.
         return JointTrajectory(joint_names=list(self._joints.names), points=[JointTrajectoryPoint(
             positions=list(positions),
             time_from_start=Duration(nanosec=max(1, min(999_999_999, int(1e9 * duration)))))])
@@ -269,16 +269,16 @@ class RosTendons(RosDevice):
     # States.
 
     def _receive(self) -> None:
-        """Take what came; raise HardwareError when it is wrong, stale or nobody is there."""
+        """Take new messages; raise HardwareError if wrong, stale or without a publisher."""
         with self._receiving() as link:
             if self._opened and self._watch.positions is None:
-                raise HardwareError('a joint state could not be believed; open the driver again')
+                raise HardwareError('a joint state was implausible; open the driver again')
             taken = self._states.take()
             if self._opened and self._states.publisher != self._publisher:
                 self._watch.positions = None  # nothing is sent any more, not even a stop
                 raise HardwareError(
-                    f'the publisher of {self._states.topic} was restarted: what it counts its '
-                    'positions from may have changed; open the driver again')
+                    f'the publisher of {self._states.topic} was restarted: the zero of its '
+                    'positions may have changed; open the driver again')
             for message, stamp in taken:
                 self._watch.take(message, stamp, self._now(), self._states.missed)
             if self._opened:
@@ -286,7 +286,7 @@ class RosTendons(RosDevice):
                 self._states.check()
 
     def _now(self) -> float:
-        """Return the time of the last look, s: in what nobody looked at nothing was missed."""
+        """Return the time of the last look, s."""
         return self.link.looks() if self.link is not None else 0.0
 
     def _moving(self) -> bool:
@@ -322,7 +322,7 @@ class RosTendons(RosDevice):
         elif self._now() > stop_by:
             raise HardwareError(
                 f'a stop was not confirmed within {STOP_TIMEOUT:g} s: the tendons may still move '
-                f'({self._watch.describe()}); cut the power of the motors if they do, then look '
-                'at the controller')
+                f'({self._watch.describe()}); cut the power of the motors if they do, then check '
+                'the controller')
         else:  # a single message may be lost
             self._commands.send(self._message(setpoint, self._period))

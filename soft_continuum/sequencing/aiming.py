@@ -1,12 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Bendings to set, one segment after the other, so that the shape in the end is right.
+Bendings to set, one segment after the other, so that the final shape is right.
 
-A stiff segment gives: when the tendons change for the next one it springs back, and what hangs on
-it bends it.  So the angle at which it is locked is not the angle that it has in the end.  The
-whole sequence is predicted, and the angles are those whose prediction ends where it should.  Not
-from the paper, whose stiff segments are rigid.  In space a bending is two numbers, about x and y.
+A stiff segment is compliant: it springs back when the tendons move for the next one, and bends
+under its load.  So its locking angle differs from its final angle.  The whole sequence is
+predicted, and the locking angles are solved for the wanted final shape.  Not from the paper, whose
+stiff segments are rigid.  For spatial arms a bending is two numbers, about x and y.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,17 +33,17 @@ LIMIT_SHARE = 0.999  # of the bending angle limit
 FARTHEST = 0.5  # rad from a wanted angle: only a wrong model asks for more to get there
 MIN_DURATION = 0.5  # s: a motion that is over before it arrives would be too fast
 MIN_IMPROVEMENT = 0.7  # of the present error: what would not be less than that is left
-LEAST_RATIO = 8.0  # of a jam: one that seems softer yields, and loses again what it is set to
+LEAST_RATIO = 8.0  # of a jam: a softer estimate means that it yields, and loses its setting again
 
 
 @dataclass(frozen=True, eq=False)
 class Aim:
     """
-    What a sequence is to end in.
+    The target of a sequence.
 
     bending: (segments, 2) rad, as Equilibrium.bending.  tip: (3,) m.  on_tip: whether the tip is
-    to be right, and the bending only chooses among the shapes that bring it there; otherwise the
-    bending is.
+    controlled, and the bending only selects among the shapes that reach it; otherwise the bending
+    is controlled.
     """
 
     bending: Array
@@ -51,25 +51,25 @@ class Aim:
     on_tip: bool = False
 
     def text(self, error: float) -> str:
-        """Return an error, m of the tip or rad, as people read it."""
+        """Return an error, m of the tip or rad, as text."""
         return f'{error * 1e3:.1f} mm' if self.on_tip else f'{np.degrees(error):.1f} degrees'
 
     def error(self, state: Equilibrium) -> float:
-        """Return how far a state is off: m of the tip, or rad of the worst segment."""
+        """Return the error of a state: m of the tip, or rad of the worst segment."""
         if self.on_tip:
             return self.tip_error(state)
         return float(np.linalg.norm(state.bending - self.bending, axis=1).max())
 
     def at(self, state: Equilibrium) -> 'Aim':
-        """Return the aim that a state meets, of the same kind."""
+        """Return the aim that a state meets exactly, of the same kind."""
         return replace(self, bending=state.bending, tip=state.backbone[-1])
 
     def tip_error(self, state: Equilibrium) -> float:
-        """Return how far the tip of a state is off, m."""
+        """Return the tip error of a state, m."""
         return float(np.linalg.norm(state.backbone[-1] - self.tip))
 
     def residuals(self, state: Equilibrium) -> Array:
-        """Return what is to be small."""
+        """Return the residuals to minimize."""
         away = (state.bending - self.bending).ravel()
         if not self.on_tip:
             return away
@@ -81,9 +81,9 @@ def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array,
     """
     Return the state after segments (0-based), or WHOLE_ARM, were set one after the other.
 
-    bending: of each of them, (k, 2) rad; of WHOLE_ARM that of all.  known: states after the first
-    ones, by their bendings, that were predicted before from the same state; it grows.  Raises
-    StaticsError where no tendon holds one there.
+    bending: of each of them, (k, 2) rad; of WHOLE_ARM that of all.  known: cache of states after
+    the first ones, by their bendings, from the same state.  Raises StaticsError if no tendon holds
+    one there.
     """
     known = {} if known is None else known
     goal = np.array(state.bending)
@@ -104,11 +104,11 @@ def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array,
 def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
                   check_wanted: Callable[[], None] = lambda: None) -> tuple[Array, Any]:
     """
-    Return the bendings at which segments are to be locked, and the state that is predicted.
+    Return the bendings at which to lock segments, and the predicted state.
 
     segments: 0-based, or WHOLE_ARM, in the order in which they are set; the first may be soft
-    already.  The bendings are (k, 2) rad.  check_wanted: is called now and then, to end by
-    raising: it may take seconds.  Raises StaticsError when the wanted ones cannot be set.
+    already.  The bendings are (k, 2) rad.  check_wanted: called repeatedly, may raise to abandon
+    the search, which may take seconds.  Raises StaticsError if the aim cannot be set.
     """
     from scipy.optimize import least_squares  # 0.3 s that a start need not wait for
     arm = statics.chain.arm
@@ -121,7 +121,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     known: dict[bytes, Any] = {}
 
     def locked(values: Array) -> Array:
-        """Return bendings within the limits, where those that are free have given values."""
+        """Return bendings within the limits, with given values of the free ones."""
         bending = first.copy()
         bending[free] = values
         return within_limits(bending, most)
@@ -131,7 +131,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
         return aim.residuals(predicted(statics, state, segments, locked(values), known))
 
     def jacobian(values: Array) -> Array:
-        """Return derivatives by steps that do not vanish where a segment is straight."""
+        """Return finite-difference derivatives that do not vanish for straight segments."""
         here = residuals(values)
         steps = np.where(values > 0.0, -STEP, STEP)  # towards the inside
         return np.column_stack([(residuals(values + step * unit) - here) / step
@@ -159,12 +159,11 @@ def _rows(segments: Sequence[int], count: int) -> list[int]:
 @dataclass(frozen=True, eq=False)
 class Step:
     """
-    What is to be done next with a segment that is soft.
+    The next step with a soft segment.
 
-    move: None when the segment is where it should be locked.  change: rad by which it is to turn,
-    never negative.
-    error: how far the arm is from its aim now.  predicted: how far it will be after all that is
-    left, m or rad as Aim.error.
+    move: None when the segment is ready to be locked.  change: rad by which it must turn, not
+    negative.
+    error: present error.  predicted: error after all remaining steps, m or rad as Aim.error.
     """
 
     move: Move | None
@@ -178,9 +177,9 @@ def next_step(planner: Planner, state: Any, pulls: Sequence[float],
     """
     Return the next step towards an aim.
 
-    segments: 0-based, that are still to be locked, in this order, of which the first is soft; or
-    WHOLE_ARM.  dead_band: m of pull: less than friction lets through is not worth a motion.
-    Raises PlanError beyond a limit, or when no tendon holds the arm on the way.
+    segments: 0-based, still to be locked in this order, the first one soft; or WHOLE_ARM.
+    dead_band: m of pull, below which friction prevents motion. Raises PlanError beyond a limit, or
+    when no tendon holds the arm on the way.
     """
     first = segments[0]
     try:
@@ -203,7 +202,7 @@ def next_step(planner: Planner, state: Any, pulls: Sequence[float],
 
 
 def _change(goal: Array, now: Array, segment: int) -> float:
-    """Return by how much a segment, or the worst of WHOLE_ARM, is to turn, rad."""
+    """Return the angle by which a segment, or the worst of WHOLE_ARM, must turn, rad."""
     turns = np.linalg.norm(goal - now, axis=1)
     return float(turns.max() if segment == WHOLE_ARM else turns[segment])
 
@@ -212,12 +211,12 @@ def segments_worth_correcting(planner: Planner, state: Any, pulls: Sequence[floa
                         segments: Sequence[int], aim: Aim, lock_in: float,
                         release_limit: float = inf) -> tuple[int, ...]:
     """
-    Return the segments that are to be set once more; none where it would not help.
+    Return the segments to set again; none if it would not help.
 
-    pulls: (tendons,) of the motors, m.  segments: 0-based, in their order: the last ones of them,
-    as many as pay off.  lock_in: standard deviation, rad, of the angle by which a segment bends
-    when it is stiffened, which nothing foresees.  release_limit: m by which the tip may move when
-    one of them is softened.
+    pulls: (tendons,) of the motors, m.  segments: 0-based, in their order; the last ones of them
+    are returned, as many as pay off.  lock_in: standard deviation, rad, of the random bend of a
+    segment when it is stiffened.  release_limit: m by which the tip may move when one of them is
+    softened.
     """
     statics = planner.statics
     if not aim.on_tip and any(
@@ -242,7 +241,7 @@ def segments_worth_correcting(planner: Planner, state: Any, pulls: Sequence[floa
 
 
 def _released(planner: Planner, state: Any, pulls: Sequence[float], segment: int) -> float:
-    """Return by how much the tip moves when a segment is softened, m; inf where nobody knows."""
+    """Return the motion of the tip when a segment is softened, m; inf if unknown."""
     try:
         there = planner.softened(state, pulls, segment)
     except StaticsError:
@@ -251,7 +250,7 @@ def _released(planner: Planner, state: Any, pulls: Sequence[float], segment: int
 
 
 def _lever(state: Equilibrium, segments: Sequence[int], aim: Aim) -> float:
-    """Return by how much the error grows with the angles of segments that are locked."""
+    """Return the derivatives of the error by the angles of locked segments."""
     if not aim.on_tip:
         return 1.0
     # What the first ones do is made up for by the later ones, but for one direction.

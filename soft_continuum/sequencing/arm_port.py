@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a Runner sees of the arm, and how it acts on it."""
+"""The interface between a Runner and the arm."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -13,7 +13,7 @@ from soft_continuum.sequencing.progress import Code
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a run cannot go on."""
+    """Why a run cannot continue."""
 
     code: Code
     message: str
@@ -24,20 +24,18 @@ class Observation:
     """
     The state of the arm at one tick.
 
-    pulls: (tendons,) m.  moving: whether a tendon moves or may still move to what it was sent.
+    pulls: (tendons,) m.  moving: whether a tendon moves or may still move to its set-point.
     stiff: per segment, confirmed by pressure.  vacuum: per segment, Pa below ambient.  regulators:
-    whether the vacuum of each segment is held by one, in place of valves.  stopped:
-    why tendon motion is stopped.  fault: why the arm cannot be operated, such as a stale node.
-    motion_failure: why the motion that was sent last was refused or ended early.  stops: how often
-    motion was stopped, ever.  measured: when the arm was last measured, on the clock of the ticks;
-    None for never.  anomaly: what the measurements say is wrong with the arm.  obstructed: which
-    obstacle is now in the way of the plan that is followed.  departed: how far the arm is from
-    that plan, once it is too far.  unseen: whether that plan has not been compared yet with the
-    obstacles that there are since it was made.  lost_tendons, lost_valves: whether nothing more
-    is heard of what moves the tendons, or switches the segments.  agreed: whether the shape that
-    is reported is of an arm with these segments stiff, by the vacuums that regulators hold.
-    pull_tolerances: (tendons,) m, how far from where it was sent a tendon may come to rest; empty:
-    its device does not tell.
+    whether the vacuum of each segment is held by one, in place of valves.  stopped: why tendon
+    motion is stopped.  fault: why the arm cannot be operated, such as a stale node.
+    motion_failure: why the last motion was refused or ended early.  stops: total number of stops.
+    measured: time of the last measurement, on the clock of the ticks; None for never.  anomaly: of
+    the arm, from measurements.  obstructed: obstacle that now blocks the running plan.  departed:
+    deviation of the arm from that plan, if too large.  unseen: whether that plan has not yet been
+    checked against the present obstacles.  lost_tendons, lost_valves: whether tendon_actuation or
+    jamming_valves is stale.  agreed: whether the reported shape has these segments stiff, with the
+    vacuums that regulators hold.  pull_tolerances: (tendons,) m, position tolerance of a tendon at
+    rest; empty: not reported.
     """
 
     pulls: tuple[float, ...]
@@ -60,7 +58,7 @@ class Observation:
     pull_tolerances: tuple[float, ...] = ()
 
     def rests_at(self, pulls: Array, tolerance: float) -> bool:
-        """Return whether tendons rest at pulls (m), as near as ``tolerance`` (m) or they can."""
+        """Return whether tendons rest at pulls (m) within ``tolerance`` (m) or their own."""
         off = np.abs(np.subtract(self.pulls, pulls))
         return not self.moving and bool(
             (off <= np.maximum(tolerance, self.pull_tolerances or 0.0)).all())

@@ -1,12 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-All states that one soft segment can be brought to, as a table of its bendings.
+The reachable states of one soft segment, as a table of its bendings.
 
 A bending by the angle a towards the direction d is the complex number a e^(i d), rad: the disc
 above leans towards it, with its real part along x and its imaginary part along y of the disc
-below.  Pulls and tip are nearly linear in it, and interpolated between states that were solved
-for: on triangles, or, of a segment that is a hinge, as all are in the plane, on a line.
+below.  Pulls and tip are nearly linear in it, and interpolated between solved states: on
+triangles, or on a line if the segment is a hinge, as in planar arms.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,7 +23,7 @@ from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 
 WAYS = np.round(np.exp(2j * pi * np.arange(16) / 16), 15)
-"""Directions in which it is solved for; the axes are among them exactly."""
+"""Directions of the solved states; they include the axes exactly."""
 STEP, LINE_STEP = pi / 15, pi / 30  # rad between two states in one direction, at most
 INSIDE = 1.0 - 1e-9  # of the way to the edge, where triangles end
 PARTS = 0.0, 0.2, 0.4, 0.6, 0.8, 0.95  # of the way to the edge, where a search may begin
@@ -36,11 +36,11 @@ LOCAL = 1e-4  # rad, of differences
 @dataclass(frozen=True)
 class BendingLimits:
     """
-    What a state may need.
+    Limits of a state.
 
     pull_limits: m.  tension_limit: N.  antagonist_slack: m left in a tendon that does not carry
-    the arm.  offsets: (tendons,) m by which each tendon is pulled in beyond what its motor says,
-    or one for all.
+    the arm.  offsets: (tendons,) m by which each tendon is pulled in beyond its motor position, or
+    one for all.
     """
 
     pull_limits: tuple[float, float] = (-0.06, 0.06)
@@ -52,7 +52,7 @@ class BendingLimits:
         """Raise StaticsError if a state exceeds one of them with its pulls (tendons,), m."""
         low, high = self.pull_limits
         if found.jumped:
-            raise StaticsError('beyond it the arm jumps to another shape', found)
+            raise StaticsError('beyond it the arm snaps to another equilibrium', found)
         if found.tensions.max() > self.tension_limit:
             raise StaticsError(f'the tension_limit of {self.tension_limit:g} N', found)
         if pulls.min() < low or pulls.max() > high:
@@ -64,7 +64,7 @@ class BendingMap:
     """
     The states of one soft segment (0-based).
 
-    free: whether it leans along x and y.  middle: rad, straight, or as near to it as it can be.
+    free: whether it leans along x and y.  middle: rad, straight, or the nearest reachable bending.
     edge: (WAYS,) complex, rad, the largest change from there in each direction.
     limit_reasons: why it is the largest; empty in directions that a hinge does not have.
     table: of complex bendings (k,), returns pulls, which tendons carry, 0 to 1, and tips,
@@ -81,11 +81,11 @@ class BendingMap:
     slope: float
 
     def along(self, bending: complex) -> complex:
-        """Return the part of a bending that the segment can have, rad."""
+        """Return the part of a bending along the axes of the segment, rad."""
         return _along(self.free, bending)
 
     def clipped(self, bending: complex) -> complex:
-        """Return the bending of the map in the same direction, as large as it can be, rad."""
+        """Return the bending, limited to the map in its direction, rad."""
         bending = self.along(bending)
         away = bending - self.middle
         limit = self._limit(away)
@@ -97,7 +97,7 @@ class BendingMap:
         return self.limit_reasons[int(np.abs(np.angle(WAYS / (away or 1.0))).argmin())]
 
     def _limit(self, away: complex) -> float:
-        """Return how far it is to the edge, a polygon, in a direction from the middle, rad."""
+        """Return the distance to the edge, a polygon, in a direction from the middle, rad."""
         if not away:
             return float(np.inf)
         towards, count = away / abs(away), len(WAYS)
@@ -157,12 +157,11 @@ class BendingMap:
 def bending_map(statics: Any, state: Any, segment: int, limits: BendingLimits,
                 jamming: bool = True) -> BendingMap:
     """
-    Return what ``segment`` (0-based) can be bent to from ``state``, the others as they are.
+    Return the reachable bendings of ``segment`` (0-based) from ``state``, the others unchanged.
 
     jamming: whether the others are stiff; else tendons hold them where they are.  In each
     direction the map ends at the bending angle limit of the segment, or where a limit of tension
-    or pull is reached, or the arm has no stable state.  Raises StaticsError when there is nothing
-    in between.
+    or pull is reached, or the arm has no stable state.  Raises StaticsError if the range is empty.
     """
     arm = statics.chain.arm
     about_x, about_y = arm.bending_axes[segment].tolist()

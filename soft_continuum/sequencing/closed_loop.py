@@ -1,15 +1,15 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Setting shapes by measurements: soften, move, measure, correct, stiffen, make up for what that did.
+Closed-loop shape setting: soften, move, measure, correct, stiffen, compensate.
 
-Each correction is a Newton step on the pulls, with the arm as it is estimated to be.  The paper
-asks for it as future work (VI).
+Each correction is a Newton step on the pulls, with the estimated arm.  The paper mentions it as
+future work (VI).
 
-A shape with vacuums is set to what it is to give way from, and measured once they are lowered.
-Where it is off, every segment is stiffened and it is planned and set again, by what the estimate
-has learned of the arm.  What measurably makes a shape worse is said, and not done once more; of a
-shape without vacuums it is taken back.
+A shape with vacuums is set with an offset for its relaxation, and measured once they are lowered.
+If it is off, every segment is stiffened and the shape is planned and set again with the updated
+estimate.  A correction that makes a shape worse is reported and not repeated; for shapes without
+vacuums it is undone.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -36,11 +36,11 @@ GROWS = 1e-3  # rad: nor is a change this small expected to shrink
 @dataclass(frozen=True)
 class Loop:
     """
-    What a ClosedLoopRunner asks for; each begins to plan from the present state of the arm.
+    Planning functions of a ClosedLoopRunner; each plans from the present state of the arm.
 
-    aim: of a shape.  step: the next step with segments (0-based) that are still to be locked, of
-    which the first is soft.  again: which of the segments are worth setting again, if softening
-    one may move the tip by so many m.  state: of the arm now; None where it is not known.
+    aim: of a shape.  step: the next step with segments (0-based) still to be locked, the first one
+    soft.  again: the segments worth setting again, if softening one may move the tip by so many m.
+    state: of the arm now; None if unknown.
     """
 
     aim: 'Callable[[Shape], Future[Aim]]'
@@ -54,7 +54,7 @@ class _LostError(Exception):
 
 
 class ClosedLoopRunner(Runner):
-    """A Runner that looks at what it does, as long as there are measurements."""
+    """A Runner that corrects shapes while measurements are available."""
 
     def __init__(self, shapes: Sequence[Shape], plan: Plan, loop: Loop, port: ArmPort,
                  settings: RunnerSettings, loop_settings: LoopSettings, tendons: Sequence[str]
@@ -67,7 +67,7 @@ class ClosedLoopRunner(Runner):
         self._corrections, self._measured = 0, False
         self._lost_since = ''  # the arm is as predicted, though it was measured; for people
         self.aim: Aim | None = None
-        """Of the last shape, if it was set by measurements."""
+        """Aim of the last shape, if it was set by measurements."""
 
     def _outcome(self, code: Code, message: str) -> Outcome:
         return replace(super()._outcome(code, message), measured=self._measured,
@@ -96,7 +96,7 @@ class ClosedLoopRunner(Runner):
         yield from super()._set(index, shape)
 
     def _set_to_relax(self, index: int, shape: Shape) -> Iterator[None]:
-        """Set a shape with vacuums to what it is to give way from, as it is planned."""
+        """Set a shape with vacuums to the state from which it relaxes, as planned."""
         self.aim = None
         yield from self._set_segments(index, shape)
         self.aim = None
@@ -140,7 +140,7 @@ class ClosedLoopRunner(Runner):
                 yield from self._set_to_relax(index, shape)
             except EndError as end:
                 if end.code is not Code.MODEL_FAILURE or self.plan is not None:
-                    raise  # an arm that is set by halves gives way as nobody planned
+                    raise  # the relaxation of a partly set arm is not planned
                 why = f'; it cannot be corrected: {end}'
                 yield from self._wind_down()
                 yield from self._all_stiff()
@@ -196,7 +196,7 @@ class ClosedLoopRunner(Runner):
         if before is None or not (worse := _worse(aim, aim.error(before), error)):
             return ''
         back = yield from self._set_worthwhile(index, shape, aim.at(before), release_limit)
-        return f'{worse} ({aim.text(error)} after it), and was set back' if back else worse
+        return f'{worse} ({aim.text(error)} after it), and was undone' if back else worse
 
     def _set_worthwhile(self, index: int, shape: Shape, aim: Aim, release_limit: float
                         ) -> Generator[None, None, bool]:
@@ -229,7 +229,7 @@ class ClosedLoopRunner(Runner):
                 self.warning = (f'{shape.name} drifted while it was held: it is '
                                 f'{aim.text(error)} off')
                 if self._held:
-                    self.warning += '; with its vacuums it is not set again'
+                    self.warning += '; shapes with vacuums are not corrected'
                 elif settings.correct_drift:
                     yield from self._correct_drift(index, shape, aim)
                 at_first, within = self._error(aim), self._now
@@ -237,7 +237,7 @@ class ClosedLoopRunner(Runner):
         yield from super()._hold(index, replace(shape, hold_time=max(0.0, until - self._now)))
 
     def _correct_drift(self, index: int, shape: Shape, aim: Aim) -> Iterator[None]:
-        """Set segments again; where that cannot be, say so and hold what there is."""
+        """Set segments again; if that fails, warn and hold the present shape."""
         try:
             worse = yield from self._set_again(
                 index, shape, aim, self.loop_settings.release_limit)
@@ -252,8 +252,8 @@ class ClosedLoopRunner(Runner):
             self.warning += f'; it cannot be corrected: {error}'
         else:
             if worse is None:
-                self.warning += ('; setting segments again would not better it, or is more than '
-                                 'loop.release_limit allows')
+                self.warning += ('; correcting segments would not improve it, or would exceed '
+                                 'loop.release_limit')
             elif self._error(aim) <= self._tolerance(aim):
                 self.warning = ''
             else:
@@ -261,15 +261,16 @@ class ClosedLoopRunner(Runner):
         self._report(index, 1.0, Phase.HOLDING, segment=0)
 
     def _lost(self) -> None:
-        """End the run when measurements have stopped, or go on as predicted, and say so."""
+        """End the run when measurements have stopped, or continue as predicted and warn."""
         self._measured, self.aim = False, None
         measured = self._observed.measured
         since = self._now if measured is None else self._now - measured
         lost = 'the arm, or one of its discs, has not been measured'
         if self.loop_settings.abort_when_lost:
-            why = self._observed.anomaly or 'see what the camera and the other sensors report'
-            raise EndError(Code.HARDWARE_FAULT, f'{lost} for {since:.1f} s; {why}. With '
-                           'loop.abort_when_lost false it would go on as predicted')
+            why = self._observed.anomaly or 'check the camera and the other sensors'
+            raise EndError(Code.HARDWARE_FAULT, f'{lost} for {since:.1f} s; {why}. Set '
+                                                'loop.abort_when_lost to false to continue as '
+                                                'predicted')
         then = datetime.now() - timedelta(seconds=since)
         self._lost_since = self.warning = f'{lost} since {then:%H:%M:%S}: the shape is predicted'
 
@@ -278,7 +279,7 @@ class ClosedLoopRunner(Runner):
         return settings.tip_tolerance if aim.on_tip else settings.angle_tolerance
 
     def _error(self, aim: Aim) -> float:
-        """Return how far the arm is from its aim, and report it; nan where it is not known."""
+        """Return the error of the arm from its aim, and report it; nan if unknown."""
         state = self._loop.state()
         error = None if state is None else aim.error(state)
         self.progress = replace(self.progress, error=error)
@@ -346,9 +347,9 @@ class ClosedLoopRunner(Runner):
 
     def _pause(self, soft: int | None) -> Generator[None, None, bool]:
         """
-        Wait if something is said to be wrong with the arm, as long as the settings say so.
+        Wait during an anomaly of the arm, if the settings request it.
 
-        It does not end by itself: somebody may be at the arm.  Returns whether it waited.
+        It does not end automatically: a person may be at the arm.  Returns whether it waited.
         """
         self._check_anomaly()
         if not self._observed.anomaly or self.loop_settings.on_anomaly != PAUSE:
@@ -367,9 +368,9 @@ class ClosedLoopRunner(Runner):
 
 
 def _worse(aim: Aim, before: float, error: float) -> str:
-    """Return what to say where an arm that was set again is farther off than before."""
+    """Return the text for a correction that increased the error."""
     return '' if error <= before else (
-        f'; setting it again made it worse, it was {aim.text(before)} off')
+        f'; correcting it made it worse, it was {aim.text(before)} off')
 
 
 def _way_point(plan: ShapePlan, move: int) -> Aim:

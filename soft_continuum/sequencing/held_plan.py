@@ -4,8 +4,8 @@
 Plans of shapes that are held with less than the full vacuum.
 
 They are set with every segment stiff; then the vacuum of one segment after the other is lowered,
-and the arm gives way under tendons and gravity by the law of its jams.  It is set so much further
-before that the wanted angles, or the wanted tip, hold after it, as far as that can be.
+and the arm relaxes under tendons and gravity by the law of its jams.  It is set with an offset so
+that the wanted angles, or the wanted tip, hold after the relaxation, as far as possible.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,12 +22,12 @@ from soft_continuum.sequencing.reach.limits import Clear, NoObstacles, ReachSett
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 
 PASSES = 6
-"""Plans of a shape that are made at most, each set further by what the one before it missed."""
+"""Largest number of plans of a shape, each corrected by the error of the previous one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """What a shape with vacuums is set to, and how the arm gives way from there."""
+    """The state to which a shape with vacuums is set, and its relaxation."""
 
     node: Node
     relaxing: PlannedStep
@@ -39,26 +39,26 @@ class Held:
 
 
 SetTo = Callable[[Array | None], Held]
-"""Sets what is wanted, moved by a shift, None for not; raises PlanError or BlockedError."""
+"""Sets the goal, moved by a shift or None; raises PlanError or BlockedError."""
 
 
 def held(validator: MotionValidator, node: Node, vacuums: Sequence[float]) -> Held:
-    """Return how the arm gives way under vacuums (Pa) of every segment; raises BlockedError."""
+    """Return the relaxation under vacuums (Pa) of every segment; raises BlockedError."""
     try:
         return Held(node, validator.relaxed(node, vacuums))
     except BlockedError as error:
-        raise BlockedError(f'as the arm gives way under its vacuums, {error}', error.obstacle,
+        raise BlockedError(f'as the arm relaxes under its vacuums, {error}', error.obstacle,
                            error.limit) from None
 
 
 def compensate_relaxation(planner: MovePlanner, set_to: SetTo, missed: Callable[[Any], Array],
                 tolerance: float) -> tuple[Held, float]:
     """
-    Return what to set, so that what is wanted holds in the end, and by how much it is off then.
+    Return the setting for a wanted final state, and the remaining error.
 
-    missed: by how much a state misses what is wanted, (n, ...), as ``set_to`` takes it.
-    tolerance: by which each of the n may be off.  Where a limit stands in the way of more, it is
-    the best that was found.  Raises what ``set_to`` raises at first, or for an obstacle.
+    missed: errors of a state, (n, ...), as ``set_to`` takes them.  tolerance: of each of the n.
+    If a limit prevents more, the best setting found is returned.  Raises exceptions of the first
+    ``set_to``, and those for obstacles.
     """
     best: Held | None = None
     least, shift = np.inf, None
@@ -83,9 +83,9 @@ def compensate_relaxation(planner: MovePlanner, set_to: SetTo, missed: Callable[
 
 def plan_held(planner: MovePlanner, shape: Shape, set_to: SetTo) -> tuple[ShapePlan, Held]:
     """
-    Return the plan of a shape given by angles, without ways, and what it sets.
+    Return the plan of a shape given by angles, without paths, and its setting.
 
-    set_to: takes rad as State.bending.  Raises what it raises.
+    set_to: takes rad as State.bending.  Its exceptions are passed on.
     """
     tolerance = planner.settings.angle_tolerance
     wanted = bending_vectors(

@@ -3,8 +3,8 @@
 """
 Plans to a goal of the tip that is held with less than the full vacuum.
 
-The tip is planned to where the arm gives way to the goal from: what the first plan missed after
-its vacuums are lowered moves the goal of the next one, which sets the same segments if it can.
+The tip is planned with an offset for the relaxation: the error of the first plan after its vacuums
+are lowered shifts the goal of the next one, which sets the same segments if possible.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,7 +35,7 @@ from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidato
 from soft_continuum.sequencing.reach.search import AIM, as_shape, reach, Search
 
 SHARE = 0.7
-"""Of the budget that is left, for one search."""
+"""Share of the remaining budget for one search."""
 
 
 def reach_held(planner: MovePlanner, state: Any, pulls: Sequence[float], shape: Shape,
@@ -96,13 +96,13 @@ class _Search:
         self._start = self._last = self._validator.start(state, np.array(pulls, dtype=float))
 
     def note(self, error: BlockedError) -> None:
-        """Keep why there is no plan."""
+        """Store why there is no plan."""
         self.why = self.why or str(error)
         self.blocked_by = tuple(dict.fromkeys(
             (*self.blocked_by, *([error.obstacle] if error.obstacle else []))))
 
     def plans(self, first: bool) -> Iterator[Node]:
-        """Yield where plans to the goal itself lead, the best first; or the first to be found."""
+        """Yield the end states of plans to the goal itself, the best first; or only the first."""
         each = self._reached(self._goal)
         yield from each if first else reversed(list(each))
 

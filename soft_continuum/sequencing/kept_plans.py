@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plans that were shown: they are what is run, as long as they begin where the arm is."""
+"""Cache of plans that were shown: they are run if the arm is still at their start."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -25,9 +25,9 @@ class _Kept:
 
 class KeptPlans:
     """
-    The plans of the shapes that were planned last, one after the other.
+    The last plans of a sequence of shapes.
 
-    A situation is whatever else must be equal for a plan to hold: limits, obstacles and stops.
+    A situation is everything else that must be equal: limits, obstacles and stops.
     """
 
     def __init__(self) -> None:
@@ -36,7 +36,7 @@ class KeptPlans:
 
     def keep(self, situation: object, state: Any, pulls: Sequence[float],
              shapes: Sequence[Shape], found: Sequence[Reach]) -> None:
-        """Keep the plans of shapes, and forget those before; state, pulls: where they begin."""
+        """Store the plans of shapes, in place of earlier ones; state, pulls: their start."""
         kept: list[_Kept] = []
         for shape, one in zip(shapes, found, strict=False):
             if one.plan is None or one.why:
@@ -49,11 +49,11 @@ class KeptPlans:
     def find(self, situation: object, bending: Array, rests_at: Callable[[Array], bool],
              shapes: Sequence[Shape], tolerance: float, take: bool) -> list[ShapePlan]:
         """
-        Return the plans of shapes from where the arm is; none unless all were kept.
+        Return the plans of shapes from the present state; none unless all are stored.
 
         bending: of the arm, as State.bending.  rests_at: whether the tendons rest at pulls, m.
-        tolerance: rad by which a segment may be away from where the plan begins.  take: forget
-        them, so that a shape that has to be planned again on its way gets another plan.
+        tolerance: rad, of each segment from the start of the plan.  take: remove them, so that
+        replanning a shape on its way gives another plan.
         """
         then, kept = self._kept
         for i, first in enumerate(kept):

@@ -11,11 +11,11 @@ Time = TypeVar('Time', float, Array)
 
 
 def progress(t: Time) -> Time:
-    """Return which part of the way is done at a part of the time, both 0 to 1."""
+    """Return the completed part of the path at a part of the time, both 0 to 1."""
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
 
 
 def duration(length: float, speed: float, acceleration: float) -> float:
-    """Return the time (s) for a way (m) within a speed (m/s) and an acceleration (m/s^2)."""
+    """Return the time (s) for a distance (m) within a speed (m/s) and an acceleration (m/s^2)."""
     # Their peaks: 15/8 and 10/sqrt(3) of the mean.
     return max(15 / 8 * length / speed, sqrt(10 / sqrt(3) * length / acceleration))

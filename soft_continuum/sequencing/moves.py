@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Moves: how the tendons move while a segment is soft, so that it bends as it should.
+Moves: tendon motions that bend a soft segment to its goal.
 
 Segments are set from the base to the tip, one soft at a time (paper, IV-B).  The model, under
-gravity, gives for every bending angle on the way the tendon that carries the arm and its pull;
-the others follow with a little slack; in space it gives the pulls with the least tensions.
+gravity, gives for every bending angle on the path the tendon that carries the arm and its pull;
+the others follow with a little slack; for spatial arms it gives the pulls with the least tensions.
 Without jamming all segments are soft and go to their goals at once.
 """
 
@@ -26,9 +26,9 @@ from soft_continuum.sequencing.plans import Move, PlanError, Shape, WHOLE_ARM
 from soft_continuum.sequencing.timing import timed
 
 SLACK_DEVIATIONS = 2.0
-"""Deviations of a tendon's length by which one that does not carry is paid out more."""
+"""Extra slack of tendons that do not carry, in standard deviations of their length."""
 MAX_SOFTENING_TILT = 0.1
-"""Angle (rad) that a segment may lean when it becomes soft, until its tendons hold it."""
+"""Largest tilt (rad) of a segment when it becomes soft, until its tendons hold it."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class PlanSettings:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> 'PlanSettings':
-        """Return those of the parameters of shape_sequencer."""
+        """Return the settings in the parameters of shape_sequencer."""
         low, high = values['pull_limits']
         return cls((low, high), values['tension_limit'], values['antagonist_slack'],
                    values['tendon_speed'], values['tendon_acceleration'], values['angle_step'],
@@ -85,7 +85,7 @@ class MovePlanner:
         Prepare to plan for ``arm``.
 
         abandoned: whether the plan is no longer wanted.  offsets: (tendons,) m by which each
-        tendon is pulled in beyond what its motor says.
+        tendon is pulled in beyond its motor position.
         """
         self.statics: Any = Statics(arm)
         self.settings = settings
@@ -125,7 +125,7 @@ class MovePlanner:
     def goals_of(self, shape: Shape, shift: Array | None = None
                  ) -> Sequence[tuple[int, Array, str]]:
         """
-        Return the segments to set, one after the other, where to, and how errors begin.
+        Return the segments to set in order, their goals, and the prefixes of error messages.
 
         shift: as of ``moves``; the goals stay within the limits of the arm.
         """
@@ -143,7 +143,7 @@ class MovePlanner:
         return [(i, goal, f'{text}: ') for i, text in enumerate(texts)]
 
     def away(self, state: Any, segment: int, goal: Array) -> float:
-        """Return how far a segment, or the worst of WHOLE_ARM, is from its goal, rad."""
+        """Return the error of a segment, or of the worst of WHOLE_ARM, from its goal, rad."""
         left = np.linalg.norm(goal - state.bending, axis=1)
         return float(left[self._soft(segment)].max())
 
@@ -151,14 +151,14 @@ class MovePlanner:
         """
         Plan one segment (0-based), or WHOLE_ARM; return the move and the state at its end.
 
-        start: (tendons,) the present pulls of the motors, m.  Of the goal the bending of what is
-        soft counts; it is gone to on a straight line.  Raises PlanError beyond a limit,
-        StaticsError where no tendon holds the segment at its goal.
+        start: (tendons,) the present pulls of the motors, m.  Only the bending of soft segments
+        counts in the goal; the path to it is straight.  Raises PlanError beyond a limit,
+        StaticsError if no tendon holds the segment at its goal.
         """
         bent = self.softened(state, start, segment)
         if bent.jumped and np.abs(bent.bending - state.bending).max() > MAX_SOFTENING_TILT:
-            raise PlanError('when it becomes soft, the arm goes over to another shape: its '
-                            'tendons do not hold it; pull them in, or straighten the arm by '
+            raise PlanError('the arm would snap to another equilibrium when it softens, because '
+                            'its tendons do not hold it; pull them in, or straighten the arm by '
                             '`soft_continuum home`')
         present, change = bent.bending, self._change(bent, segment, goal)
         sliding = self.statics.sliding_towards(change)
@@ -179,7 +179,7 @@ class MovePlanner:
 
     def bent(self, state: Any, segment: int, goal: Array) -> Any:
         """
-        Return the state at the end of a move, without the way there.
+        Return the state at the end of a move, without its path.
 
         segment, goal: as of ``move``.  Raises StaticsError.
         """
@@ -187,7 +187,7 @@ class MovePlanner:
         return self.statics.hold(state, goal, self._soft(segment), sliding=sliding).state
 
     def _change(self, state: Any, segment: int, goal: Array) -> Array:
-        """Return by how much what is soft bends on the way to a goal, as State.bending."""
+        """Return the change of bending of soft segments to a goal, as State.bending."""
         chosen = self.statics.chain.arm.bending_axes & np.array(self._soft(segment))[:, None]
         return np.where(chosen, goal - state.bending, 0.0)
 
@@ -203,7 +203,7 @@ class MovePlanner:
         """
         Return the same planner, whose plans are abandoned also once a budget is spent.
 
-        spent: is asked before every state that is solved for.
+        spent: called before every state that is solved.
         """
         limited = copy(self)
         limited._abandoned = lambda: self._abandoned() or spent()
@@ -222,7 +222,7 @@ class MovePlanner:
         """
         Return the state at which pulls hold the arm while a segment (0-based) is soft.
 
-        state: that it is followed from.  pulls, sliding: of the motors, m, as of a Move.  Raises
+        state: to continue from.  pulls, sliding: of the motors, m, as of a Move.  Raises
         StaticsError.
         """
         self.check_wanted()

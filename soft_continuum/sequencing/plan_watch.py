@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Whether the rest of a plan may still be followed: it has to be clear, and the arm on it."""
+"""Checks whether the rest of a plan is clear, and the arm close to it."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -19,7 +19,7 @@ ROUNDING = 1e-9  # m
 
 class PlanWatch:
     """
-    Watches a plan with the states on its ways.
+    Watches a plan with the states on its paths.
 
     ``look`` takes some ms per state and may run on another thread; the rest costs little.
     """
@@ -28,9 +28,9 @@ class PlanWatch:
         """
         Watch ``plan``.
 
-        margin: m that the arm has to stay away from obstacles; a move that begins nearer to one
-        may be as near as it was planned.  max_deviation: m by which the arm may be away from the
-        plan where nothing is near.
+        margin: m that the arm has to stay away from obstacles; a move that starts closer to one
+        may be as close as planned.  max_deviation: m by which the arm may deviate from the plan
+        away from obstacles.
         """
         self._plan, self._margin, self._max_deviation = plan, margin, max_deviation
         self._least = [min(margin, near) - ROUNDING for near in plan.clearances] or (
@@ -42,16 +42,16 @@ class PlanWatch:
 
     @property
     def looked(self) -> bool:
-        """Whether any obstacles were looked at yet."""
+        """Whether the plan was checked against obstacles yet."""
         return bool(self._clear)
 
     def look(self, scene: CollisionScene) -> None:
-        """Find out how far the states, and what is between them, are from obstacles."""
+        """Compute the distances of the states, and of the motion between them, to obstacles."""
         self._clear = [list(zip(clear, self._onward(way, clear), strict=True)) for way, clear in (
             (way, scene.clearances(way)) for way in self._plan.ways)]
 
     def _onward(self, way: Sequence[Any], clear: Sequence[Clearance]) -> Iterator[Clearance]:
-        """Yield how near obstacles are between each state and the next, and at the last one."""
+        """Yield the clearance between each state and the next, and at the last one."""
         for (one, near), (other, there) in pairwise(zip(way, clear, strict=True)):
             nearest = min(near, there, key=lambda found: found.distance)
             yield Clearance(between(one, near.distance, other, there.distance, self._radius)[0],
@@ -60,10 +60,10 @@ class PlanWatch:
 
     def obstructed(self, move: int, state: Any) -> str:
         """
-        Return which obstacle is in the way of what is left, and where; empty for none.
+        Return which obstacle blocks the rest of the plan, and where; empty for none.
 
-        move: the way (0-based) that is gone or comes next: a move, or lowering the vacuums in the
-        end.  state: of the arm, None where it is not known.
+        move: the present or next path (0-based): a move, or lowering the vacuums at the end.
+        state: of the arm, None if unknown.
         """
         if not self._clear:
             return ''
@@ -88,11 +88,11 @@ class PlanWatch:
 
     def departed(self, move: int, state: Any) -> str:
         """
-        Return how far the arm is from the plan, if that is too far; else nothing.
+        Return the deviation of the arm from the plan, if it is too large; empty otherwise.
 
-        It may always be the margin away; and more, up to ``max_deviation``, where that leaves the
-        margin to every obstacle.  After the last move, when segments may be set again or
-        vacuums are lowered, only obstacles limit how far.
+        It may always deviate by the margin; and more, up to ``max_deviation``, if that leaves the
+        margin to every obstacle.  After the last move, when segments may be set again or vacuums
+        are lowered, only obstacles limit the deviation.
         """
         if state is None:
             return ''
@@ -110,7 +110,7 @@ class PlanWatch:
                 f'{_millimetres(allowed)}')
 
     def _away(self, move: int, state: Any) -> Array:
-        """Return how far the arm is from each state of a move, m."""
+        """Return the deviation of the arm from each state of a move, m."""
         away: Array = np.linalg.norm(self._points[move] - state.backbone, axis=2).max(axis=1)
         return away
 

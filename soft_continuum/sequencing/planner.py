@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plans: which segment to soften in which order, and how the tendons move meanwhile.
+Plans: the order of softened segments, and the tendon motions.
 
-``Planner`` sets shapes from the base to the tip; what plans are made for and of is here too.
+``Planner`` sets shapes from the base to the tip; goals and parts of plans are here too.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ __all__ = ['Move', 'ObstructedError', 'PlanError', 'PlanSettings', 'Planner', 'S
 
 
 class Planner(MovePlanner):
-    """Plans shapes for one arm, given by angles."""
+    """Plans shapes of one arm, given by angles."""
 
     def plan(self, state: Any, pulls: Sequence[float], shapes: Sequence[Shape]
              ) -> list[ShapePlan]:

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What plans are made for, shapes and goals of the tip, and what they are made of."""
+"""Shapes and tip goals, and the plans made for them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +12,7 @@ import numpy as np
 from soft_continuum.mechanics.arm import Arm, Array
 
 WHOLE_ARM = -1
-"""In the place of a segment (0-based): all of an arm without jamming, set at once."""
+"""In place of a segment (0-based): the whole arm without jamming, set at once."""
 Kind = Literal['position', 'direction', 'pose']
 KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
 FINEST, FINEST_TURN = 1e-5, 1e-4  # m, rad: tolerances below what friction and springs allow
@@ -23,29 +23,28 @@ class PlanError(ValueError):
     """
     A shape cannot be set from the present state within the limits; the message says why.
 
-    limit: the parameter that stands in the way, empty for none.
+    limit: the limiting parameter, empty for none.
     """
 
     def __init__(self, message: str, limit: str = '') -> None:
-        """Say why, and by which limit."""
+        """Store the message and the limit."""
         super().__init__(message)
         self.limit = limit
 
 
 class ObstructedError(PlanError):
-    """An obstacle is in the way."""
+    """An obstacle blocks the way."""
 
 
 @dataclass(frozen=True, eq=False)
 class TipGoal:
     """
-    Where the tip shall be, in base_link.
+    A tip goal, in base_link.
 
     position: (3,) m, of the centre of the top of the last disc; y is 0 for a planar arm.
     rotation: (3, 3) of that disc, of which 'direction' needs the z axis only; None for a position.
-    kind: what counts: 'position', 'direction' (also where the tip points) or 'pose'.
-    position_tolerance: m, angle_tolerance: rad, that the tip may be away and turned.
-    Raises PlanError for what is no such goal.
+    kind: 'position', 'direction' (also the direction of the tip) or 'pose'.  position_tolerance:
+    m.  angle_tolerance: rad.  Raises PlanError for an invalid goal.
     """
 
     position: Array
@@ -55,7 +54,7 @@ class TipGoal:
     angle_tolerance: float = radians(2.0)
 
     def __post_init__(self) -> None:
-        """Refuse what is no goal."""
+        """Refuse an invalid goal."""
         position = np.array(self.position, dtype=float)
         object.__setattr__(self, 'position', position)
         if position.shape != (3,) or not np.all(np.isfinite(position)):
@@ -83,7 +82,7 @@ class TipGoal:
                             'columns must be right-handed, orthogonal and of length 1')
 
     def check(self, arm: Arm) -> None:
-        """Raise PlanError if the tip of ``arm`` cannot be there for lack of a dimension."""
+        """Raise PlanError if a planar ``arm`` cannot reach the goal outside of its plane."""
         for k in np.flatnonzero(~arm.pose_axes[:3]):  # the axis across the plane of the arm
             if abs(self.position[k]) > self.position_tolerance:
                 raise PlanError(
@@ -105,8 +104,8 @@ class Shape:
     """
     A shape: its name, the bending angle of every segment (rad), how long to hold it (s).
 
-    bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.  tips: where
-    the tip shall be, one goal or several as a path; the angles are then empty until it is planned.
+    bending_directions: of every segment of a spatial arm, rad; empty for 0 of all.  tips: one tip
+    goal, or several as a path; the angles are then empty until it is planned.
     vacuums: of every segment while the shape is held, Pa below ambient; empty for all stiff.
     """
 
@@ -123,9 +122,9 @@ class Move:
     """
     One segment (0-based) softened, bent and stiffened, or WHOLE_ARM bent.
 
-    goal: as State.bending, rad, of which that of what is soft counts.  times: (points,) s from the
-    start of the motion.  pulls: (points, tendons) m.  largest_tension: N, as the model predicts.
-    sliding: of each tendon through its guides, as Statics.solve takes it.
+    goal: as State.bending, rad; only soft segments count.  times: (points,) s from the start of
+    the motion.  pulls: (points, tendons) m.  largest_tension: N, as the model predicts.
+    sliding: of each tendon through its guides, as in Statics.solve.
     """
 
     segment: int
@@ -146,9 +145,9 @@ class PlannedStep:
     """
     One Move of a plan, as the model predicts it.
 
-    states: from the one in which its segment becomes soft to the one that is stiffened, all in
-    equilibrium with the pulls of the move.  clearance: m, the smallest on the way and between
-    these states.  obstacle: the name of the nearest, empty for none.  tension: N, the largest.
+    states: from softening the segment to stiffening it, all in equilibrium with the pulls of the
+    move.  clearance: m, the smallest at and between these states.  obstacle: the name of the
+    nearest, empty for none.  tension: N, the largest.
     duration: s, of the motion and of softening and stiffening.
     """
 
@@ -164,11 +163,10 @@ class ShapePlan:
     """
     The moves that set one shape, and the state of the model after them.
 
-    ways: of each move the states on its way, from soft to stiffened, and at last of ``relaxing``;
-    empty where nobody needs them.  clearances: of each way the smallest distance to obstacles that
-    it was planned with, m; empty without obstacles.  relaxing: how the arm gives way from stiff
-    when the shape's vacuums are lowered, None where it has none.  warning: how far off the shape
-    is held with them; empty for not far.
+    ways: states on the path of each move, from soft to stiffened, and last those of ``relaxing``;
+    empty if not needed.  clearances: smallest planned distance to obstacles on each path, m; empty
+    without obstacles.  relaxing: relaxation of the arm when the shape's vacuums are lowered, None
+    without vacuums.  warning: error of the shape with its vacuums; empty if small.
     """
 
     shape: Shape
@@ -181,12 +179,12 @@ class ShapePlan:
 
     @property
     def stiff(self) -> Any:
-        """The state before the shape's vacuums are lowered, None where it has none."""
+        """The state before the shape's vacuums are lowered, None without vacuums."""
         return None if self.relaxing is None else self.relaxing.states[0]
 
     @property
     def as_set(self) -> Shape:
-        """The shape that is set before its vacuums are: where they let it give way, another."""
+        """The shape that is set before its vacuums are lowered."""
         if self.stiff is None:
             return self.shape
         tip = self.stiff.backbone[-1]
@@ -201,14 +199,13 @@ class Reach:
     """
     A plan by tip.
 
-    plan: its moves and the state after them; None where nothing better than to stay is known.
-    why: empty; or why the goal is not reached, and then the plan is to the nearest that is known.
-    steps: one for each move; the last one also has the way on which the arm gives way when the
-    vacuums of its shape are lowered.  tip_error: m from the tip to the goal in the end, of a path
-    the largest distance of the tip from it on the way.  turn_error: rad, likewise.  blocked_by:
-    the names of obstacles that stopped what was tried, the most frequent first, if there is no
-    plan.  cut_short: whether time_limit ended the search, not what it had judged: with more time
-    it may find another.
+    plan: its moves and the state after them; None if no plan improves on the present state.  why:
+    empty; or why the goal is not reached, and then the plan leads to the nearest known state.
+    steps: one for each move; the last one includes the relaxation when the vacuums of its shape
+    are lowered.  tip_error: m from the tip to the goal in the end, of a path the largest distance
+    of the tip from it on the way.  turn_error: rad, likewise.  blocked_by: the names of obstacles
+    that blocked candidates, the most frequent first, if there is no plan.  cut_short: whether
+    time_limit ended the search: with more time it may find another plan.
     """
 
     plan: ShapePlan | None
@@ -221,7 +218,7 @@ class Reach:
 
     @property
     def softenings(self) -> int:
-        """How often a segment is softened; of an arm without jamming, how often it moves."""
+        """Number of softenings; without jamming, of moves."""
         return len(self.steps)
 
     @property
@@ -243,12 +240,12 @@ class Reach:
 
 def ways_of(steps: Sequence[PlannedStep]
             ) -> tuple[tuple[tuple[Any, ...], ...], tuple[float, ...]]:
-    """Return the ways of a plan and how near to obstacles they were planned, as of ShapePlan."""
+    """Return the ways and clearances of a plan, as in ShapePlan."""
     return tuple(step.states for step in steps), tuple(step.clearance for step in steps)
 
 
 def with_relaxing(steps: Sequence[PlannedStep], relaxing: PlannedStep) -> tuple[PlannedStep, ...]:
-    """Return steps, of which the last one goes on with the way on which the arm gives way."""
+    """Return steps, with the relaxation appended to the last one."""
     if not steps:
         return ()
     last = steps[-1]

@@ -1,16 +1,16 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""How far a run is, and how it ended; the terms that the action and every client share."""
+"""Progress and outcome of a run, in terms of the action and its clients."""
 
 from dataclasses import dataclass
 from enum import auto, Enum, StrEnum
 
 AIMS = ('angles', 'tip')
-"""What is to be right in the end; the values of aim in the goal of RunShapeSequence, from 0."""
+"""The controlled quantity; the values of aim in the goal of RunShapeSequence, from 0."""
 
 
 class Phase(StrEnum):
-    """What a run is doing; the values of phase in the feedback of RunShapeSequence."""
+    """Phases of a run; the values of phase in the feedback of RunShapeSequence."""
 
     PREPARING = 'preparing'
     SOFTENING = 'softening'
@@ -23,7 +23,7 @@ class Phase(StrEnum):
 
 
 class Code(Enum):
-    """How a run ended, as the error_code in the result of RunShapeSequence is named."""
+    """How a run ended; names as of error_code in the result of RunShapeSequence."""
 
     SUCCESSFUL = auto()
     PREEMPTED = auto()
@@ -41,9 +41,9 @@ class Progress:
     """
     Where a run is: shape (0-based), segment (1-based, 0: whole arm), phase, part done 0-1.
 
-    correction: of the running segment, from 1; 0: none.  error: how far the running shape is from
-    its aim by the last measurement, None while nothing is measured: m of the tip for the aim
-    'tip', rad of the worst segment for 'angles'; aim: '' where that is not known.
+    correction: of the running segment, from 1; 0: none.  error: of the running shape by the last
+    measurement, None without measurements: m of the tip for the aim 'tip', rad of the worst
+    segment for 'angles'; aim: '' if unknown.
     """
 
     shape_index: int = 0
@@ -61,8 +61,8 @@ class Outcome:
     """
     How a run ended, and how many shapes were completed.
 
-    measured: whether the last shape was set by measurements.  lost: it was not, but measurements
-    were there before.  corrections, replans: that were made.
+    measured: whether the last shape was set by measurements.  lost: whether measurements stopped
+    before.  corrections, replans: their numbers.
     """
 
     code: Code

@@ -5,10 +5,10 @@ The state machine that runs shapes: all stiff, soften one, move, stiffen, wait, 
 
 A Runner is ticked with an observation of the arm and acts through an ArmPort.  At most one segment
 is softened at a time.  A shape with vacuums is held with them: they are lowered one after the
-other once it is set, and before the next shape every segment is stiff again.  Whatever ends a run
-early, other than a stop, ends with tendons at rest and every segment stiff; a stop leaves
-everything as it is.  An arm without jamming is moved as a whole, and nothing of it is switched or
-has to be stiff.  A plan that must not be followed any further is left likewise; another is made.
+other once it is set, and before the next shape every segment is stiff again.  A run that ends
+early, except by a stop, ends with tendons at rest and every segment stiff; a stop leaves
+everything as it is.  An arm without jamming is moved as a whole, without switching.  An
+invalidated plan is abandoned in the same way, and replaced.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -25,13 +25,13 @@ from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
 from soft_continuum.sequencing.settings import ABORT, RunnerSettings
 
 LOST = 2.0
-"""Of the tolerance of a vacuum that was reached: so far off it is lost."""
+"""A vacuum this many tolerances off its set-point is lost."""
 SETTLED = 0.3, 300.0
-"""s for which vacuums may change by so many Pa at most, for a shape that is held with them."""
+"""Vacuums of a held shape are steady if they change by at most so many Pa in so many s."""
 
 Result = TypeVar('Result')
 Plan = Callable[[Sequence[Shape]], 'Future[list[ShapePlan]]']
-"""Begins to plan shapes from the present state of the arm; the future carries what it raises."""
+"""Starts to plan shapes from the present state of the arm; the future carries exceptions."""
 
 
 class EndError(Exception):
@@ -43,7 +43,7 @@ class EndError(Exception):
 
 
 class PlanInvalidError(EndError):
-    """The plan must not be followed any further; ends the run unless there is another one."""
+    """The plan is no longer valid; ends the run unless it can be replanned."""
 
 
 class Runner:
@@ -54,16 +54,16 @@ class Runner:
         """
         Prepare to run ``shapes``.
 
-        plan: begins to plan a shape when its turn comes.  tendons: their names.
+        plan: starts to plan a shape when its turn comes.  tendons: their names.
         """
         self.progress = Progress(shape=shapes[0].name)
         self.outcome: Outcome | None = None
         self.warning = ''
-        """In what the shape that was set last is not as it should be; empty for nothing."""
+        """Problem of the shape that was set last; empty for none."""
         self.plan: ShapePlan | None = None
-        """Of the running shape, from when it was planned on."""
+        """Plan of the running shape, once planned."""
         self.move = 0
-        """The way of that plan (0-based) that is gone or next: a move, or lowering the vacuums."""
+        """Present or next path of that plan (0-based): a move, or lowering the vacuums."""
         self._shapes = shapes
         self._plan = plan
         self._port = port
@@ -152,8 +152,8 @@ class Runner:
             except PlanInvalidError as reason:
                 self.plan = None
                 if not left:
-                    raise EndError(reason.code, f'{reason}; it was planned again '
-                                   f'{self._settings.max_replans} times') from None
+                    raise EndError(reason.code, f'{reason}; replanned '
+                                                f'{self._settings.max_replans} times') from None
                 self._replans += 1
                 yield from self._wind_down()
                 yield from self._all_stiff()
@@ -200,7 +200,7 @@ class Runner:
             self._held[segment] = vacuum
             yield from self._request(
                 segment, partial(self._port.set_vacuum, segment, vacuum), lowered,
-                f'follow its regulator, which was told {vacuum / 1e3:.1f} kPa,')
+                f'follow its regulator, which was set to {vacuum / 1e3:.1f} kPa,')
         if self._held:
             yield from self._settle()
         if shape.vacuums and self.plan is not None:
@@ -208,7 +208,7 @@ class Runner:
             self.warning = self.plan.warning
 
     def _settle(self) -> Iterator[None]:
-        """Wait until no vacuum changes any more, as the arm gives way meanwhile."""
+        """Wait until no vacuum changes any more, since the arm relaxes meanwhile."""
         begin, since, before = self._now, self._now, self._observed.vacuum
         while self._now < min(since + SETTLED[0], begin + self._settings.settle_timeout):
             if any(abs(a - b) > SETTLED[1]
@@ -287,8 +287,8 @@ class Runner:
         requested = -np.inf
         while segments:
             if self._observed.lost_valves:
-                raise EndError(Code.HARDWARE_FAULT, 'the segments are left as they are: what '
-                               'switches them is not heard of any more')
+                raise EndError(Code.HARDWARE_FAULT, 'the segments are left as they are: '
+                                                    'jamming_valves is stale')
             if self._now >= requested + self._settings.retry:
                 for segment in segments:
                     self._port.set_stiff(segment, True)
@@ -395,7 +395,7 @@ class Runner:
                 if self._off(segment) > LOST * self._settings.vacuum_tolerance:
                     raise EndError(
                         Code.HARDWARE_FAULT, f'segment {segment + 1} lost its vacuum: it has '
-                        f'{self._observed.vacuum[segment] / 1e3:.1f} kPa and was told '
+                        f'{self._observed.vacuum[segment] / 1e3:.1f} kPa and was set to '
                         f'{self._held[segment] / 1e3:.1f} kPa')
             elif not stiff:
                 raise EndError(Code.HARDWARE_FAULT,

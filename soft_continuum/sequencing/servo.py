@@ -1,16 +1,15 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Following a moving target with one segment: that which is soft, or, without jamming, any one.
+Following a moving target with one segment: the soft one or, without jamming, any one.
 
 A bending is the complex number angle times e^(i direction), rad, as of a BendingMap; towards x and
--x it is a real one, as always of a planar arm.
+-x it is real, as always for a planar arm.
 
 The pulls come from the model, at a reference angle: the target plus a correction.  The correction
-is what the reference was when the arm was measured, less the angle that was measured, through a
-low-pass filter.  A constant target is so reached without an error, and a delay that is known from
-the stamps does not count as one: docs/how_to/follow_a_moving_target.md has the proof that this is
-stable.
+is the reference at the time of the measurement minus the measured angle, through a low-pass
+filter.  So a constant target is reached without an error, and delays known from stamps cause none:
+docs/how_to/follow_a_moving_target.md has the proof of stability.
 """
 
 from cmath import isfinite
@@ -28,25 +27,25 @@ from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
 
 LEAD = 0.035
-"""s from now from which a piece may change what was sent before: tendon_actuation reads ahead."""
+"""Lead time (s) of changes in a piece, since tendon_actuation reads ahead."""
 AHEAD_STEPS = 2
-"""Periods that a piece then goes on before it brakes: the next one may come that late."""
+"""Periods before a piece brakes, which allow the next one to be late."""
 OFFSET_SHARE = 0.25
-"""Part of speed and acceleration for going from the first pulls to those of the map."""
+"""Share of speed and acceleration for the motion from the first pulls to those of the map."""
 MAX_GAP = 0.5  # s between two targets from which its speed is found
 MAX_MEASURING_GAP = 0.2
-"""s that one measurement counts for: the first after a gap is no more certain than others."""
+"""Longest time (s) that one measurement counts for, also after a gap."""
 MEMORY = 5.0  # s for which it is remembered where the reference was
 MAX_HELD_CHANGE = 0.17
-"""rad by which another segment may turn; the map is that of the shape it had."""
+"""Largest rotation (rad) of another segment, for which the map remains valid."""
 
 
 class TargetError(ValueError):
-    """A target that is not followed; the message says what is allowed."""
+    """A target is refused; the message has the allowed range."""
 
 
 class HeldSegmentMovedError(RuntimeError):
-    """Another segment does not have the shape any more with which the map was made."""
+    """Another segment no longer has the shape for which the map was made."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +54,11 @@ class ServoSettings:
     Limits and times of a servo.
 
     limits: of pulls and tension.  speed, acceleration: of the fastest tendon, m/s and m/s^2.
-    period: s between two pieces.  horizon: s after which the tendons rest when no further piece
-    comes.  integral_time: s, time constant of the correction.  response_time: s by which the arm
-    is later than its pulls were planned.  extrapolation: s for which a target is assumed to go on
-    as it moved.  friction_band: m of pull; a smaller correction is not sent.  target_timeout: s
-    after which a target is no longer followed.  measurement_timeout: s after which the last
-    measurement is old.
+    period: s between two pieces.  horizon: s after which the tendons rest without a further piece.
+    integral_time: s, time constant of the correction.  response_time: s, delay of the arm behind
+    its planned pulls.  extrapolation: s for which a target is assumed to continue its motion.
+    friction_band: m of pull; smaller corrections are not sent.  target_timeout: s after which a
+    target is no longer followed.  measurement_timeout: s after which a measurement is stale.
     """
 
     limits: BendingLimits = BendingLimits()
@@ -83,14 +81,14 @@ class ServoSettings:
 
     @property
     def braking_time(self) -> float:
-        """Time that is left to brake in, s."""
+        """Time available for braking, s."""
         return self.horizon - LEAD - (AHEAD_STEPS + 2) * self.period
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
     """
-    A short trajectory, at the end of which the tendons rest.
+    A short trajectory that ends at rest.
 
     start: s, on the clock of the servo.  times: (k,) s from start, the first above zero.  pulls:
     (k, tendons) m.
@@ -164,16 +162,15 @@ class _Motion:
 
 class AngleServo:
     """
-    Follows a target with one segment; all times are of one steady clock, s.
+    Follows a target with one segment; all times are s of one steady clock.
 
-    It is made for the shape that the arm has when it is enabled, and moves nothing before a
-    target was given.
+    It is created for the shape of the arm when enabled, and moves nothing before the first target.
     """
 
     def __init__(self, statics: Any, settings: ServoSettings, state: Any, segment: int,
                  jamming: bool = True) -> None:
         """
-        Find what a segment (0-based) can be bent to; raises StaticsError when that is nothing.
+        Compute the bending range of a segment (0-based); raises StaticsError if it is empty.
 
         jamming: whether the other segments are stiff.
         """
@@ -196,7 +193,7 @@ class AngleServo:
     # Targets.
 
     def set_angle(self, angle: complex, now: float) -> None:
-        """Follow a bending, rad; raises TargetError and goes on as before."""
+        """Follow a bending, rad; a TargetError leaves the present target in place."""
         if not isfinite(angle):
             raise TargetError(f'a bending angle of {angle} rad; needed: a finite number')
         if abs(angle) > self._limit:
@@ -215,17 +212,17 @@ class AngleServo:
             self._target.speed = (before.speed + speed) / 2.0
 
     def set_tip(self, x: float, z: float, now: float, y: float = 0.0) -> None:
-        """Follow a point (m) with the tip, as near as this segment can bring it."""
+        """Follow a point (m) with the tip, as closely as this segment can."""
         if not (isfinite(x) and isfinite(y) and isfinite(z)):
             raise TargetError(f'a tip at {x}, {y}, {z} m; needed: finite numbers')
         self.set_angle(self.map.angle_for_tip(x, z, y), now)
 
     def clear_target(self) -> None:
-        """Follow no target from now on: brake and hold, until there is another one."""
+        """Clear the target: brake and hold until the next one."""
         self._target = None
 
     def has_target(self, now: float) -> bool:
-        """Whether a target is followed, and not too old."""
+        """Whether there is a target that is not too old."""
         return (self._target is not None
                 and now - self._target.time <= self.settings.target_timeout)
 
@@ -234,10 +231,10 @@ class AngleServo:
     def observe(self, state: Equilibrium, time: float, measured_time: float | None,
                 now: float) -> None:
         """
-        Take in an estimate of the arm.
+        Process an estimate of the arm.
 
-        time: at which the arm had this shape.  measured_time: of the newest measurement in it,
-        None without: then the correction is held.  Raises HeldSegmentMovedError.
+        time: of this shape.  measured_time: of its newest measurement, None without: then the
+        correction is held.  Raises HeldSegmentMovedError.
         """
         self._state = state
         turned = np.linalg.norm(state.bending - self._made_for.bending, axis=1)
@@ -259,7 +256,7 @@ class AngleServo:
         correction.update(error, measured_time, self.settings.integral_time, now)
 
     def is_measured(self, now: float) -> bool:
-        """Whether the arm was measured, and not too long ago."""
+        """Whether there is a measurement that is not stale."""
         return now - self._correction.seen <= self.settings.measurement_timeout
 
     def _bending(self, state: Equilibrium) -> complex:
@@ -268,16 +265,16 @@ class AngleServo:
 
     @property
     def correction(self) -> complex:
-        """What is added to the target, rad."""
+        """Correction added to the target, rad."""
         return self._correction.sent
 
     # Motion.
 
     def advance(self, now: float, pulls: Sequence[float] | Array) -> Piece | None:
         """
-        Return the next piece of trajectory, to be sent now; None when nothing has to move.
+        Return the next piece of trajectory to send now; None if nothing has to move.
 
-        pulls: (tendons,) m, where the tendons are; of interest before the first piece only.
+        pulls: (tendons,) m, present; only used before the first piece.
         """
         target = self._target if self.has_target(now) else None
         if self._motion is None:
@@ -285,7 +282,7 @@ class AngleServo:
                 return None
             self._motion = self._begin(now, np.asarray(pulls, dtype=float))
         motion = self._motion
-        while motion.last.time < now:  # the tendons went on as the last piece says
+        while motion.last.time < now:  # the tendons followed the last piece
             motion.go_to(self._ahead.pop(0) if self._ahead else
                          replace(motion.last, time=motion.last.time + self.settings.period))
         self._correct()
@@ -332,7 +329,7 @@ class AngleServo:
         return _Motion(begin, past=deque([begin]))
 
     def _offset_at(self, followed: float) -> Array:
-        """Return by how much the pulls are not yet those of the map, (tendons,), m."""
+        """Return the remaining difference of the pulls from those of the map, (tendons,), m."""
         t = min(followed / self._offset_time, 1.0)
         offset: Array = self._offset * (1.0 - minimum_jerk.progress(t))
         return offset

@@ -37,9 +37,9 @@ from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidato
 Ended = TypeVar('Ended')
 
 STATES = 20
-"""At most so many states on the way of a move where there are no obstacles."""
+"""Largest number of states on the path of a move without obstacles."""
 ORDERS = 24
-"""Orders of segments that are tried among obstacles, the one from the base first."""
+"""Number of segment orders tried among obstacles; the one from the base is first."""
 
 
 def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float],
@@ -49,8 +49,8 @@ def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float],
     Yield the plan of each shape, from where the one before it ends, up to the first that fails.
 
     state: with all segments stiff.  pulls: (tendons,) m of the motors.  first: take the first plan
-    to a tip goal, and look for no better one.  The shape of each plan has the angles that it is
-    planned to have.  Raises PlanError when the plans were abandoned.
+    to a tip goal, without looking for a better one.  The shape of each plan has the planned
+    angles.  Raises PlanError when the plans were abandoned.
     """
     for shape in shapes:
         try:
@@ -76,7 +76,7 @@ def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float],
 
 
 def plan_of(found: Reach, shape: Shape) -> ShapePlan:
-    """Return the plan to a shape; raises PlanError, or ObstructedError, where there is none."""
+    """Return the plan to a shape; raises PlanError or ObstructedError if there is none."""
     if found.plan is not None and not found.why:
         return found.plan
     raise (ObstructedError if found.blocked_by else PlanError)(f'{shape.name}: {found.why}')
@@ -150,7 +150,7 @@ def _ordered(validator: MotionValidator, start: Node, shape: Shape, blocked_by: 
     """
     Return what comes of the first order of segments that is clear of obstacles.
 
-    blocked_by: is told the obstacles that stopped orders.  ended: of where an order leads; may
+    blocked_by: receives the obstacles that blocked orders.  ended: of where an order leads; may
     raise BlockedError too.  shift: as of Planner.moves.  Raises BlockedError.
     """
     planner, why = validator.planner, ''

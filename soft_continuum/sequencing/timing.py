@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How tendons move smoothly along a path, within speed and acceleration.
+Smooth tendon motion along a path, within limits of speed and acceleration.
 
-The curve is not that of SciPy, which would take 20 MB and a second of every start.
+SciPy's curve is not used: importing it would take 20 MB and a second at every start.
 """
 
 from collections.abc import Callable
@@ -48,7 +48,7 @@ def timed(points: Array, speed: float, acceleration: float,
 
 def monotone_cubic(x: Array, y: Array) -> Callable[[Array], Array]:
     """
-    Return the cubic curve through points that turns nowhere but at the points.
+    Return the cubic curve through points with extrema only at the points.
 
     x: (k,), rising, k of at least 2.  y: (k, n).  The curve takes (m,) and returns (m, n).
     F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300; at the ends as SciPy's

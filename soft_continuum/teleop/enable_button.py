@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""When a joystick may move an arm: while its enable button is held, and nothing is odd."""
+"""The enable button: a joystick may move an arm only while it is held and all checks pass."""
 
 from math import inf
 
@@ -12,13 +12,13 @@ RELEASE = 'release the enable button, let go of the stick, then press it again'
 
 class EnableButton:
     """
-    Lets motion begin when the button is pressed at rest, and ends it when anything is odd.
+    Allows motion when the button is pressed with the stick at rest, and ends it on any fault.
 
-    Times are of one steady clock, s.  After every end the button has to be seen released, then
-    pressed with every stick at rest.
+    Times are of one steady clock, s.  After every end the button must be released, then pressed
+    with every stick at rest.
 
-    A message that comes late, compared with the others of its sender, is an old one: its stick may
-    be released by now.  Only differences between stamps count, so the clocks need not agree.
+    A message that is delayed more than others of its sender is stale: the stick may be released by
+    now.  Only differences between stamps count, so the clocks need not agree.
     """
 
     def __init__(self, timeout: float, unchanged_timeout: float) -> None:
@@ -26,12 +26,12 @@ class EnableButton:
         Begin without a device.
 
         timeout: s without a message after which motion ends.  unchanged_timeout: s after which it
-        ends although the messages go on, because nothing in them changes: a pad that has lost
-        its radio, or somebody who is not there.
+        ends if messages continue unchanged, as from a pad that has lost its radio, or without its
+        operator.
         """
         self.timeout, self.unchanged_timeout = timeout, unchanged_timeout
         self.problem = ''
-        """Why a button that is held moves nothing, or why motion ended; empty while it may."""
+        """Why a held button moves nothing, or why motion ended; empty while motion is allowed."""
         self._controls: Controls | None = None  # None: no device
         self._received = self._changed = -inf
         self._was_released = self._may_move = False
@@ -43,7 +43,7 @@ class EnableButton:
         return self._controls is not None and ENABLE in self._controls.pressed
 
     def receive(self, controls: Controls, now: float, stamp: float | None = None) -> None:
-        """Take in a message; stamp: s by the clock of its sender, None for none."""
+        """Process a message; stamp: s by the clock of its sender, None without one."""
         self.check(now)
         if stamp is not None:
             delay, least = now - stamp, self._delay
@@ -69,7 +69,7 @@ class EnableButton:
             self.end(f'nothing changed for {self.unchanged_timeout:g} s')
 
     def lose(self, reason: str) -> None:
-        """End motion: what came is no message of the device, or not of now."""
+        """End motion: a message was invalid or stale."""
         self._controls = None
         self.end(reason)
 
@@ -85,12 +85,12 @@ class EnableButton:
         return self._controls.stick if self._controls is not None and self._may_move else None
 
     def connected(self, now: float) -> bool:
-        """Whether messages come."""
+        """Whether messages are received."""
         self.check(now)
         return self._controls is not None
 
     def end(self, reason: str) -> None:
-        """End motion, for a reason that is told as long as the button is held."""
+        """End motion, for a reason that is shown while the button is held."""
         self._was_released = self._may_move = False
         self.problem = reason
 

@@ -3,10 +3,9 @@
 """
 A keyboard as a joystick.
 
-A terminal tells that a key is pressed, and again and again while it is held, but never that it is
-released.  So a key counts as held for HELD after it was told last.  When it is pressed, the
-keyboard waits for 0.25 to 0.7 s before it repeats: a key first nudges the arm for HELD, and goes
-on once it repeats.
+A terminal reports a pressed key, repeatedly while it is held, but never its release.  So a key
+counts as held for HELD after its last report.  Keyboards repeat only after 0.25 to 0.7 s: a key
+first nudges the arm for HELD, and continues once it repeats.
 """
 
 from math import inf
@@ -49,7 +48,7 @@ class Keyboard:
         return SPEEDS[self._speed]
 
     def press(self, key: str, now: float) -> None:
-        """Take in that a key is pressed, or still held."""
+        """Process a key that is pressed, or still held."""
         if key in STICK:
             self._last = key, now
         elif key in PRESSED:
@@ -67,7 +66,7 @@ class Keyboard:
         self._last = self._button = '', -inf
 
     def controls(self, now: float) -> Controls:
-        """Return what a joystick would say now: its button is held first, then it is deflected."""
+        """Return the state as of a joystick: first its button is held, then it is deflected."""
         button, pressed = self._button
         if now - pressed <= HELD:
             return Controls(pressed=frozenset({button}))

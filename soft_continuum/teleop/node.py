@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that steers an arm by a joystick, or by what publishes the messages of one."""
+"""The node that steers an arm by messages of a joystick."""
 
 from typing import Any
 
@@ -42,10 +42,10 @@ class Teleop(Node):
     """
     Steers one segment by a joystick while its enable button is held.
 
-    Subscribes to joy (sensor_msgs/Joy), and to what a client of the arm needs.  Publishes targets
-    of the servo, emergency_stop (std_msgs/Bool), ~/state (TeleopState, latched), ~/status and
-    /diagnostics.  All it asks for goes through the services of the other nodes: whatever they
-    refuse is refused.  It knows no mechanics.
+    Subscribes to joy (sensor_msgs/Joy), and to the topics of a client.  Publishes targets of the
+    servo, emergency_stop (std_msgs/Bool), ~/state (TeleopState, latched), ~/status and
+    /diagnostics.  All requests go through the services of the other nodes, which may refuse them.
+    It does not use the mechanics.
     """
 
     def __init__(self, **options: Any) -> None:
@@ -59,7 +59,7 @@ class Teleop(Node):
         self._enable_button = EnableButton(
             self.parameters['teleop.timeout'], self.parameters['teleop.unchanged_timeout'])
         self._arm = SteeredArm(self, self.parameters)
-        self._device_problem = ''  # why nobody can steer: two devices, or two of this node
+        self._device_problem = ''  # why steering is impossible: two devices, or two of this node
         self._pressed: frozenset[str] | None = None  # by the last message; None: not known
         self._refusal = ''  # why a button did nothing, as long as the enable button is held
         self._actions = {
@@ -69,7 +69,7 @@ class Teleop(Node):
         repeat(self, PERIOD, self._tick)
 
     def start(self) -> None:
-        """Ask which arm it is, again and again."""
+        """Request the description of the arm, repeatedly."""
         self._arm.follow_description()
         repeat(self, DESCRIPTION_PERIOD, self._arm.follow_description)
         self._report()
@@ -136,7 +136,7 @@ class Teleop(Node):
             arm.rest()
         elif problem := self._device_problem or arm.problem() or interruption:
             arm.rest()
-            self._enable_button.end(problem)  # when it is gone, nothing moves by itself
+            self._enable_button.end(problem)  # afterwards nothing moves automatically
         else:
             arm.move(stick)
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the axes and buttons of a joystick mean."""
+"""Mapping of the axes and buttons of a joystick."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class PadError(ValueError):
 @dataclass(frozen=True)
 class Controls:
     """
-    What is held.
+    The state of stick and buttons.
 
     stick: deflection along x, y and z, each from -1 to 1, exactly 0 at rest.  pressed: names in
     BUTTONS.
@@ -47,9 +47,9 @@ class Controls:
 @dataclass(frozen=True)
 class Pad:
     """
-    Which axes and buttons of a message mean what.
+    Numbers and scales of the axes and buttons of a message.
 
-    axes, scales: of x, y, z.  buttons: number by name.  dead_zone: deflection that is at rest.
+    axes, scales: of x, y, z.  buttons: number by name.  dead_zone: deflection that counts as rest.
     """
 
     axes: tuple[int, ...]
@@ -59,7 +59,7 @@ class Pad:
 
     @staticmethod
     def from_parameters(values: Mapping[str, Any]) -> 'Pad':
-        """Return the described one; raises ParameterError when two of its names are the same."""
+        """Return the described pad; raises ParameterError if two functions share a number."""
         pad = Pad(tuple(values[f'teleop.{axis}_axis'] for axis in AXES),
                   tuple(values[f'teleop.{axis}_scale'] for axis in AXES),
                   {name: values[f'teleop.{name}_button'] for name in BUTTONS},
@@ -75,7 +75,7 @@ class Pad:
         return pad
 
     def read(self, axes: Sequence[float], buttons: Sequence[int]) -> Controls:
-        """Return what a message of the device says; raises PadError."""
+        """Return the controls in a message of the device; raises PadError."""
         if not axes and not buttons:
             raise PadError('the message has no axes and no buttons; is the joystick plugged in?')
         for n, value in enumerate(axes):
@@ -94,7 +94,7 @@ class Pad:
         return Controls((stick[0], stick[1], stick[2]), frozenset(pressed))
 
     def write(self, controls: Controls) -> tuple[list[float], list[int]]:
-        """Return the axes and buttons of a message that says this, as far as the pad can."""
+        """Return the axes and buttons of a message with these controls, if the pad has them."""
         axes = [0.0] * (max(self.axes) + 1)
         buttons = [0] * (max(self.buttons.values()) + 1)
         for value, number, scale in zip(controls.stick, self.axes, self.scales, strict=True):
@@ -108,7 +108,7 @@ class Pad:
         return axes, buttons
 
     def _beyond(self, value: float) -> float:
-        """Return by how much a deflection is beyond the dead zone, -1 to 1."""
+        """Return the deflection beyond the dead zone, -1 to 1."""
         beyond = max(0.0, min(abs(value), 1.0) - self.dead_zone) / (1.0 - self.dead_zone)
         return copysign(beyond, value) if beyond else 0.0
 

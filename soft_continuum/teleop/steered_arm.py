@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The arm as teleop steers it: one segment, by targets of the servo."""
+"""The arm in teleop: one segment, by targets of the servo."""
 
 from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
@@ -47,7 +47,7 @@ ANSWER_TIMEOUT, DISCOVERY_TIMEOUT = 5.0, 0.5  # s
 ENABLING_TIMEOUT = 10.0  # s for a servo in space to find what its segment can be bent to
 RETRY = 1.0  # s from the end of an attempt to enable the servo to the next
 LEAD_TIME = 0.5
-"""s of full speed by which a target may be ahead of the arm: so much is left when that sticks."""
+"""Lead (s at full speed) of a target over the arm, which limits the motion after it sticks."""
 OFF_TIME = 1.0  # s for which it is said that the emergency stop is off
 MAX_STEP = 0.1  # s of motion that one message counts for
 BENDING, TIP = TeleopState.BENDING, TeleopState.TIP
@@ -55,14 +55,14 @@ BENDING, TIP = TeleopState.BENDING, TeleopState.TIP
 
 class SteeredArm:
     """
-    Steers one segment, or the tip with it; all that is asked for goes to the nodes of the arm.
+    Steers one segment, or the tip with it, through the nodes of the arm.
 
-    segment: that is chosen, from 1, 0 for none.  mode: of TeleopState.  doing: what is being done,
-    that takes a while.  note: how the last of that ended.  Everything on the thread of ROS.
+    segment: chosen one, from 1, 0 for none.  mode: of TeleopState.  doing: action in progress.
+    note: how the last action ended.  Everything runs on the ROS thread.
     """
 
     def __init__(self, node: Node, parameters: Mapping[str, Any]) -> None:
-        """Create what it takes, on a node with the parameters of teleop."""
+        """Create publishers and clients on a node with the parameters of teleop."""
         self.segment, self.mode = 0, BENDING
         self.doing = self.note = ''
         self._node, self._parameters = node, parameters
@@ -99,7 +99,7 @@ class SteeredArm:
         self._servo_status = message
 
     def follow_description(self) -> None:
-        """Ask again which arm it is; that may change when its nodes are started again."""
+        """Request the description again; it may change when the nodes restart."""
         if self._describing is None or self._describing.done():
             self._describing = self._requests.start(self._describe())
 
@@ -109,7 +109,7 @@ class SteeredArm:
             self._actuated = fully_actuated(self._arm)
             self._jamming = await self._requests.has_jamming()
         except ClientError:
-            return  # what is known stays; problem() tells what does not run
+            return  # known values stay; problem() reports missing nodes
         for name in (f'{SERVO}/enable', *(
                 f'{JAMMING_VALVES}/segment_{n}/set_stiff'
                 for n in range(1, self.segments * self._jamming + 1))):
@@ -122,7 +122,7 @@ class SteeredArm:
 
     @property
     def segments(self) -> int:
-        """How many there are; 0 while the arm is not known."""
+        """Number of segments; 0 while the arm is unknown."""
         return 0 if self._arm is None else len(self._arm.segments)
 
     @property
@@ -132,18 +132,18 @@ class SteeredArm:
 
     @property
     def stopped(self) -> bool:
-        """Whether motion is stopped, by whomever."""
+        """Whether motion is stopped, by any node."""
         tendons = self._observed.tendon_actuation
         return tendons is not None and tendons.stopped != TendonActuationState.NOT_STOPPED
 
     @property
     def servo_text(self) -> str:
-        """What the servo says, unless all is well."""
+        """Status of the servo, empty for OK."""
         status = self._servo_status
         return '' if status.level == DiagnosticStatus.OK else f'{SERVO}: {plain(status.message)}'
 
     def choose(self) -> None:
-        """Unless one is chosen, choose the soft segment, or, without jamming, the last."""
+        """If none is chosen, choose the soft segment or, without jamming, the last one."""
         if self.segment > self.segments:
             self.segment = 0
         if self.segment == 0 and self._arm is not None:
@@ -155,17 +155,17 @@ class SteeredArm:
         return [n for n in range(1, self.segments + 1) if self._observed.stiff(n) is False]
 
     def problem(self) -> str:
-        """Return why the arm cannot be moved now, and what to do; empty when it can."""
+        """Return why the arm cannot be moved now, with the remedy; empty if it can."""
         tendons = self._observed.tendon_actuation
         if self._arm is None or tendons is None:
-            return 'the arm is not known: its nodes do not run, or have not answered yet'
+            return 'no arm found: its nodes do not run, or have not answered yet'
         if not (self._jamming or self._actuated):
-            return ('without jamming the tendons of this arm do not bend each segment by itself: '
+            return ('without jamming the tendons of this arm do not bend segments independently: '
                     'it cannot be steered')
         if self._emergency:
             return self._other_stops() or 'the emergency stop is on: reset turns it off'
         if tendons.emergency_stop:
-            return 'an emergency stop is on: whoever turned it on has to turn it off'
+            return 'an emergency stop is on: the program that turned it on must turn it off'
         if self.stopped:
             return f'motion is stopped ({plain(tendons.stop_message)}): reset resumes it'
         if self._observed.progress() is not None:
@@ -179,7 +179,7 @@ class SteeredArm:
         return ''
 
     def interruption(self) -> str:
-        """Return, once, why something else disabled the servo; empty when nothing has."""
+        """Return, once, why another node disabled the servo; empty if none has."""
         was, self._interrupted = self._interrupted, False
         return (self.servo_text or 'something disabled the servo') if was else ''
 
@@ -196,7 +196,7 @@ class SteeredArm:
     # Motion.
 
     def move(self, stick: tuple[float, float, float]) -> None:
-        """Move as the stick says, once the servo is ready for that; each part -1 to 1."""
+        """Move by the stick once the servo is ready; each component -1 to 1."""
         velocity = self._velocity(stick)
         if not self._ready:
             self._prepare()
@@ -204,7 +204,7 @@ class SteeredArm:
             self.rest()
         elif (present := self._present()) is None:
             self.rest()
-            self.note = 'kinematics knows no shape of the arm: see its status'
+            self.note = 'kinematics reports no shape of the arm: see its status'
         else:
             self._advance(present, velocity)
 
@@ -252,7 +252,7 @@ class SteeredArm:
         self._tips.publish(message)
 
     def rest(self) -> None:
-        """Let the arm come to rest, if it is moved; the servo stays ready."""
+        """Let the arm come to rest if it moves; the servo stays ready."""
         if self._target is not None:
             self._target = None
             self._hold.publish(Empty())
@@ -320,7 +320,7 @@ class SteeredArm:
             raise RefusedError(answer.message)
         if not await until(lambda: self._enabled or not self._asked, ENABLING_TIMEOUT):
             raise NoAnswerError(self.servo_text or (
-                f'the servo still finds what segment {segment} can be bent to, for more than '
+                f'the servo has not found the bending range of segment {segment} within '
                 f'{ENABLING_TIMEOUT:g} s'))
         self._ready = self._enabled and self._asked == self.segment  # until() looks now and then
         self._asked = 0
@@ -341,7 +341,7 @@ class SteeredArm:
             if other != segment and self._observed.stiff(other) is not True:
                 await self._requests.set_stiff(other, True)
         await self._requests.set_stiff(segment, False)
-        # Who is told to move it does so at once: a servo that has just started has to be known.
+        # Wait for the discovery of a servo that has just started, since motion may begin at once.
         servo = await until(lambda: running_nodes(self._node, [SERVO])[SERVO], ANSWER_TIMEOUT)
         return f'segment {segment} is soft: {MOVE if servo else NO_SERVO}'
 
@@ -373,7 +373,7 @@ class SteeredArm:
         self.release()
 
     def keep_stopped(self) -> None:
-        """Say again that the emergency stop is on, if it is: one may be lost."""
+        """Repeat that the emergency stop is on, if it is, since messages may be lost."""
         if self._emergency:
             self._emergency_stop.publish(Bool(data=True))
         elif monotonic() > self._silent_time:
@@ -385,7 +385,7 @@ class SteeredArm:
     def reset(self) -> None:
         """Turn the emergency stop off; if it is off, allow motion again."""
         if self._emergency and self._other_stops():
-            return  # problem() says so
+            return  # problem() reports it
         if self._emergency:
             self._emergency, self._silent_time = False, monotonic() + OFF_TIME
             self._emergency_stop.publish(Bool(data=False))
@@ -401,7 +401,7 @@ class SteeredArm:
         others = ', '.join(sorted({  # besides one of this name that was killed a moment ago
             plain(info.node_name) for info in node.get_publishers_info_by_topic(
                 node.resolve_topic_name(EMERGENCY_STOP)) if info.node_name != node.get_name()}))
-        return others and (f'the emergency stop stays on: {others} may have it on too; end it '
+        return others and (f'the emergency stop stays on: {others} may hold it on too; stop that '
                            'first')
 
 

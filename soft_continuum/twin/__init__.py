@@ -1,3 +1,3 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated rig that is not the suite's own model: MuJoCo behind the serial bytes of a rig."""
+"""A simulated rig, independent of the suite's model: MuJoCo behind emulated serial devices."""

@@ -3,12 +3,12 @@
 """
 The joints of a plant in MuJoCo: hinges of a planar arm, balls of others, with springs and jams.
 
-The springs of MuJoCo's ball joints are as stiff about every axis and know no moment.  So each
-ball has three actuators instead, about the rows of J^-1: with the rotation vector phi of the
-joint, and the velocity omega of the body in its own frame, phi' = J^-1 omega (Chirikjian,
-Stochastic Models, Information Theory, and Lie Groups, volume 2, 10.86).  Their damping is a
-property of the model, which MuJoCo integrates implicitly: that is what makes stiff ones stable.
-What is described as infinitely stiff is RIGID times as stiff as the softest bending.
+The springs of MuJoCo's ball joints are isotropic and have no preload.  So each ball has three
+actuators instead, about the rows of J^-1: with the rotation vector phi of the joint, and the
+velocity omega of the body in its own frame, phi' = J^-1 omega (Chirikjian, Stochastic Models,
+Information Theory, and Lie Groups, volume 2, 10.86).  Their damping is a property of the model,
+which MuJoCo integrates implicitly: this keeps stiff ones stable.  Infinite stiffness in the
+description becomes RIGID times that of the softest bending.
 """
 
 from math import cos, inf, pi, sin
@@ -25,10 +25,9 @@ RIGID = 1e6
 HINGE_ARMATURE = 1e-3  # kg m^2: with less, taut tendons chatter at this time step
 ARMATURE, HEAVIEST = 5e-4, 30.0
 """
-kg m^2 of each ball for each N m/rad, of what is stiff at most for this many times its spring.
-
-MuJoCo finds the tensions as if its joints moved freely, as stiff ones do not.  As long as these
-are heavier tensions settle; else they chatter.
+Armature of each ball, kg m^2 per N m/rad; stiffness up to this many times its spring counts.
+MuJoCo solves for tensions as if joints moved freely, which stiff ones do not.  Without this
+armature tensions chatter.
 """
 
 
@@ -36,8 +35,9 @@ class Hinges:
     """
     Joints that turn about y, with springs of MuJoCo.
 
-    springs: (joints, axes), N m/rad.  jams: to what jams are proportional.  actuator: MJCF of
-    what drives a joint.  shape: of what touches obstacles, of half a width and half a length.
+    springs: (joints, axes), N m/rad.  jams: stiffness to which jams are proportional.  actuator:
+    MJCF of the actuator of a joint.  shape: of the contact geometry, by half a width and half a
+    length.
     """
 
     actuator = ''
@@ -55,7 +55,7 @@ class Hinges:
                 f'armature="{HINGE_ARMATURE!r}"/>')
 
     def angles(self, data: Any) -> Array:
-        """Return by how much every joint is turned about its axes, (joints, axes), rad."""
+        """Return the rotation of every joint about its axes, (joints, axes), rad."""
         return np.array(data.qpos[:, None])
 
     def pull(self, model: Any, data: Any, turned: Array, jam: Array, held: Array) -> None:
@@ -70,11 +70,11 @@ class Hinges:
         model.dof_damping[:] = self._damping_time * total[:, 0]
 
     def energy(self, data: Any, jam: Array, held: Array) -> float:
-        """Return the energy of springs and jams that MuJoCo does not know of, J."""
+        """Return the energy of springs and jams outside of MuJoCo's model, J."""
         return 0.0
 
     def direction(self, random: np.random.Generator) -> Array:
-        """Return a random direction (axes,) in which a joint turns, times up to 1."""
+        """Return a random rotation direction (axes,) of a joint, times up to 1."""
         return random.uniform(-1.0, 1.0, 1)
 
 
@@ -102,7 +102,7 @@ class Balls:
         return f'<joint name="j{joint}" type="ball" armature="{armature!r}"/>'
 
     def angles(self, data: Any) -> Array:
-        """Return by how much every joint is turned about its axes, (joints, axes), rad."""
+        """Return the rotation of every joint about its axes, (joints, axes), rad."""
         turns = data.qpos.reshape(-1, 4)
         sines = np.linalg.norm(turns[:, 1:], axis=1)
         angles = 2.0 * np.arctan2(sines, np.abs(turns[:, 0]))
@@ -123,12 +123,12 @@ class Balls:
         model.actuator_biasprm[:, 2] = -self._damping_time * total.ravel()
 
     def energy(self, data: Any, jam: Array, held: Array) -> float:
-        """Return the energy of springs and jams that MuJoCo does not know of, J."""
+        """Return the energy of springs and jams outside of MuJoCo's model, J."""
         turned = self.angles(data)
         return 0.5 * float((self.springs * turned**2 + jam * (turned - held)**2).sum())
 
     def direction(self, random: np.random.Generator) -> Array:
-        """Return a random direction (axes,) in which a joint turns, times up to 1."""
+        """Return a random rotation direction (axes,) of a joint, times up to 1."""
         direction, size = random.uniform(0.0, 2.0 * pi), random.uniform(0.0, 1.0)
         return np.array([size * cos(direction), size * sin(direction), 0.0])
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The elements of MJCF, the format of MuJoCo's models, that plants are made of; SI units."""
+"""Elements of MJCF, the format of MuJoCo's models, for plants; SI units."""
 
 from collections.abc import Iterable, Sequence
 
@@ -10,11 +10,11 @@ from soft_continuum.twin.model_errors import Obstacle
 LIMIT = 'solreflimit="0.01 1" solimplimit="0.9 0.95 0.001 0.5 1"'
 CONTACT = 'condim="1" solref="0.01 1" solimp="0.99 0.999 0.001 0.5 1"'
 ARM = 'contype="1" conaffinity="0"'
-"""Of what touches obstacles and not itself."""
+"""Contact with obstacles, without self-contact."""
 
 
 def opened(name: str, below: float, joint: str, length: float, mass: float) -> str:
-    """Return a body on the one before, of which the end is left open; below: length of that."""
+    """Return a body on the previous one, without closing tag; below: length of that one."""
     inertia = max(mass * length**2 / 12.0, 1e-8)
     return (f'<body name="{name}" pos="0 0 {below!r}">{joint}'
             f'<inertial pos="0 0 {length / 2.0!r}" mass="{max(mass, 1e-6)!r}" '
@@ -22,7 +22,7 @@ def opened(name: str, below: float, joint: str, length: float, mass: float) -> s
 
 
 def payload(below: float, mass: float) -> str:
-    """Return a point of mass on the top of the body before; none of no mass."""
+    """Return a point mass on top of the body before; empty for zero mass."""
     return (f'<body pos="0 0 {below!r}"><inertial pos="0 0 0" mass="{mass!r}" '
             'diaginertia="1e-8 1e-8 1e-8"/></body>') if mass else ''
 
@@ -33,7 +33,7 @@ def site(name: str, x: float, y: float, z: float) -> str:
 
 
 def tendon(sites: Iterable[str], longest: float = 0.0) -> str:
-    """Return a tendon through sites; longest: m, 0: only its length counts."""
+    """Return a tendon through sites; longest: m, 0: only measure its length."""
     limit = f' limited="true" range="0 {longest!r}" {LIMIT}' if longest else ''
     return f'<spatial{limit}>' + ''.join(f'<site site="{name}"/>' for name in sites) + '</spatial>'
 

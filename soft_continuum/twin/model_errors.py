@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""In what the twin differs from the description of the arm: config/twin.yaml."""
+"""Model errors of the twin against the description of the arm: config/twin.yaml."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, MISSING
@@ -16,7 +16,7 @@ DEFAULT_PRESET = 'typical'
 
 
 class TwinError(ValueError):
-    """A file of model errors, or an arm, that no twin can be made of."""
+    """A file of model errors, or an arm, cannot be used for a twin."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ class ModelErrors:
     picture_noise: grey values of 255, standard deviation.  picture_blur: px, standard deviation.
     shade: 0 to 1, how dark a corner is.  occluders: number of dark bars that move through the
     picture.  lens_distortion: k1.  calibration_error: of focal length and distortion, relative,
-    standard deviation.  camera_shift, camera_tilt: m and rad by which the camera stands and looks
-    off the middle at most.  tag_offset: m, standard deviation of where the tags of the discs are
-    stuck; over their size, rad, of how they are turned.  fixed_offset, depth_offset: m, standard
-    deviations of where the fixed tags are, and of the depth.  seed: of everything random.
+    standard deviation.  camera_shift, camera_tilt: m and rad, largest misalignment of the camera.
+    tag_offset: m, standard deviation of the positions of disc tags; divided by their size, rad, of
+    their rotations.  fixed_offset, depth_offset: m, standard deviations of the positions of the
+    fixed tags, and of the depth.  seed: of everything random.
 
     Of spatial arms, and they may be left out: lateral_stiffness_factor, of bending about x
     besides; angle_error, rad, standard deviation of the angles of the tendons.
@@ -95,7 +95,7 @@ class ModelErrors:
 
 
 def load_cell_parameters(tendons: int) -> dict[str, Value]:
-    """Return the parameters of nodes that are to use the load cells of the twin."""
+    """Return the parameters of nodes that use the load cells of the twin."""
     return {'load_cells.enabled': True, 'load_cells.zeros': (0.0,) * tendons,
             'load_cells.scales': (1.0,) * tendons}
 
@@ -126,11 +126,11 @@ def read_model_errors(path: str | Path, preset: str) -> ModelErrors:
     Return a preset of a file.
 
     Raises OSError for a file that cannot be read, ParameterError for one that is not YAML,
-    TwinError for one that holds something else.
+    TwinError for other contents.
     """
     presets = read_yaml(path)
     if not isinstance(presets, dict):
-        raise TwinError(f'{path}: it must hold presets by name')
+        raise TwinError(f'{path}: it must be a mapping from names to presets')
     if preset not in presets:
         raise TwinError(f'{path} has no preset {preset}; it has: {", ".join(map(str, presets))}')
     values = presets[preset]

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What a drawn webcam does with light: rays through its lens, what its sensor adds, paper, bars.
+Optics of a simulated webcam: lens, sensor noise, paper, occluders.
 
-It shares no projection with what measures in the pictures: rays go out from the camera,
-undistorted by fixed-point iteration.
+It shares no projection with the measuring code: rays go out from the camera, undistorted by
+fixed-point iteration.
 """
 
 from abc import ABC, abstractmethod
@@ -35,7 +35,7 @@ OCCLUDER_PERIODS = (30.0, 90.0)  # s to and fro
 
 class Webcam(ABC):
     """
-    A webcam that looks a little aside; ``lens`` is what its calibration says of it.
+    A slightly misaligned webcam; ``lens`` is its calibration.
 
     Directions and points are in the axes of a camera that looks straight: right, down, forward.
     """
@@ -43,7 +43,7 @@ class Webcam(ABC):
     sensor: 'Sensor'
 
     def __init__(self, given: ModelErrors, random: np.random.Generator) -> None:
-        """Draw where it looks, and how wrong its calibration is."""
+        """Draw its misalignment and its calibration errors."""
         focal = WIDTH / 2.0 / FIELD
         self._focal, self._middle = focal, np.array([WIDTH / 2.0 - 0.5, HEIGHT / 2.0 - 0.5])
         self._bent = given.lens_distortion
@@ -58,10 +58,10 @@ class Webcam(ABC):
 
     def picture(self, discs: Array, time: float = 0.0) -> Picture:
         """
-        Return what it sees.
+        Return its image.
 
         discs: (discs, 7), pose of the bottom of each, position (m) and quaternion x, y, z, w.
-        time: s, of what moves before it.
+        time: s, for moving occluders.
         """
         grey = self.drawn(discs)
         for corners in self.occluders.corners(time):
@@ -73,7 +73,7 @@ class Webcam(ABC):
         """Return the grey values (height, width) of an arm, before light and sensor."""
 
     def seen(self, points: Array) -> Array:
-        """Return where points (k, 3) m are in the picture, (k, 2) px."""
+        """Return the pixels (k, 2) of points (k, 3) m."""
         solid = points @ self._turn.T
         flat = solid[:, :2] / solid[:, 2:]
         flat = flat * (1.0 + self._bent * (flat**2).sum(axis=1, keepdims=True))
@@ -99,10 +99,10 @@ def _undistorted(focal: float, right: float, down: float, bent: float) -> Array:
 
 
 class Sensor:
-    """What shade, blur and noise make of a picture."""
+    """Shade, blur and noise of an image."""
 
     def __init__(self, given: ModelErrors, random: np.random.Generator) -> None:
-        """Draw the noise; which part of it a picture has is drawn with each."""
+        """Draw the noise; each image uses a random part of it."""
         v, u = np.mgrid[:HEIGHT, :WIDTH]
         dark = (u / WIDTH + v / HEIGHT) / 2.0 * given.shade * SUNK
         self._light = (1.0 - dark).astype(np.float32)
@@ -111,7 +111,7 @@ class Sensor:
             0.0, max(given.picture_noise, 1e-9), WIDTH * HEIGHT * 2).astype(np.float32)
 
     def exposed(self, grey: NDArray[np.float32]) -> Picture:
-        """Return a picture of grey values (height, width) as lens and sensor give it."""
+        """Return an image of grey values (height, width) with the effects of lens and sensor."""
         lit = grey * self._light
         if self._blur > 0.0:
             lit = cv2.GaussianBlur(lit, (0, 0), self._blur)
@@ -122,7 +122,7 @@ class Sensor:
 
 
 class Occluders:
-    """Dark bars, such as hands, that move through a picture; each swings along x and along y."""
+    """Dark bars, such as hands, that move through an image; each swings along x and y."""
 
     def __init__(self, count: int, seed: int) -> None:
         """Draw their sizes and ways."""
@@ -139,7 +139,7 @@ class Occluders:
         self._phases = random.uniform(0.0, 2.0 * np.pi, (count, 2))
 
     def corners(self, time: float) -> Array:
-        """Return where their corners are at a time, s, (count, 4, 2), px."""
+        """Return their corners at a time (s), (count, 4, 2) px."""
         middle = self._half_size * (1.0 + np.sin(self._rates * time + self._phases))
         corners: Array = middle[:, None] + self._corners
         return corners
@@ -154,7 +154,7 @@ def box(seen: Array) -> tuple[slice, slice]:
 
 
 def blotched(random: np.random.Generator) -> NDArray[np.float32]:
-    """Return a board whose grey is not even, (height, width)."""
+    """Return a board of uneven grey, (height, width)."""
     blotches = random.normal(0.0, 1.0, (12, 16)).astype(np.float32)
     board: NDArray[np.float32] = BOARD + 12.0 * cv2.resize(
         blotches, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The twin's camera on ROS topics, in a process of its own: to draw takes most of a core."""
+"""The twin's camera on ROS topics, in a separate process: drawing takes most of a core."""
 
 from geometry_msgs.msg import PoseArray
 import numpy as np
@@ -18,7 +18,7 @@ FRAME = 'simulated_{}'
 
 
 class Pictures(Publisher):
-    """Publishes the pictures and the calibration of a camera, drawn from twin/disc_poses."""
+    """Publishes images, drawn from twin/disc_poses, and the calibration of a camera."""
 
     def __init__(self, camera: Webcam, rate: float, namespace: str = '',
                  name: str = CAMERA) -> None:

@@ -3,13 +3,13 @@
 """
 The arm as a dynamic plant in MuJoCo.
 
-Of soft_continuum.mechanics it uses the description of the arm only: a loop that is closed on its
-own statics would prove nothing.  The chain is the described one, springs between rigid bodies.
-A jam adds a spring to each joint, about the angle that it had when the vacuum came, in series with
-a dry friction: beyond the yield moment that angle creeps.  A tendon is a longest length.  Friction
-at its guides (Capstan) is a force along each span that follows the tension, in the direction in
-which its motor moved last: MuJoCo's own dry friction lets go at rest.
-The arm touches obstacles, without friction, but not itself.
+It only uses the description of the arm from soft_continuum.mechanics: closing a loop on the
+suite's own statics would prove nothing.  The chain is the described one, springs between rigid
+bodies.  A jam adds a spring to each joint, about its angle when the vacuum was applied, in series
+with dry friction: beyond the yield moment that angle creeps.  A tendon is an upper limit of a
+length.  Friction at its guides (Capstan) is a force along each span that follows the tension, in
+the direction in which its motor moved last: MuJoCo's own dry friction lets go at rest.  The arm
+touches obstacles, without friction, but not itself.
 """
 
 from dataclasses import dataclass
@@ -34,13 +34,13 @@ PRESLIDING = 5e-5  # m of a motor until the friction has turned round
 
 class Plant:
     """
-    The arm, at rest and straight in the beginning, all segments soft.
+    The arm, initially at rest and straight, with all segments soft.
 
     Arrays have one entry for each tendon (m, N), joint (rad), or segment.
     """
 
     def __init__(self, arm: Arm, model_errors: ModelErrors) -> None:
-        """Build the arm with these errors; raises TwinError for what MuJoCo cannot be given."""
+        """Build the arm with these errors; raises TwinError for unsupported arms."""
         self.arm, self.model_errors = arm, model_errors
         self._per_segment = arm.bodies_per_segment + 1
         self._joints = (Hinges if arm.planar else Balls)(
@@ -65,8 +65,8 @@ class Plant:
         mujoco.mj_forward(self._model, self._data)
         if self._data.ncon:
             touched = self._model.geom(self._data.contact.geom[0].min()).name
-            raise TwinError(f'{touched} is where the straight arm is, with which the twin begins; '
-                            'move it')
+            raise TwinError(f'{touched} overlaps the straight arm, in which the twin starts; move '
+                            'it')
         self._tendons = slice(tendons)
         self._straight = self._data.ten_length[self._tendons].copy()
         self._sliding = np.zeros(tendons)  # 1: pulled in, -1: paid out
@@ -134,8 +134,8 @@ class Plant:
         Angular velocity and specific force of every disc, (discs, 6), rad/s and m/s^2.
 
         In the frame of the disc, and at its origin, the bottom centre: z along the disc, y the
-        axis of bending in the plane.  Specific force is acceleration less gravity: what
-        accelerometers measure.
+        axis of bending in the plane.  Specific force is acceleration minus gravity, as
+        accelerometers measure it.
         """
         model, data, frame = self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY
         data.qacc[:] = self._acceleration  # nothing uses it any more
@@ -162,8 +162,7 @@ class Plant:
         """
         Let one time step pass.
 
-        pulls: (tendons,) m, by how much each motor has pulled its tendon in.  vacuum: (segments,),
-        parts of full vacuum.
+        pulls: (tendons,) m, of the motors.  vacuum: (segments,), parts of full vacuum.
         """
         self._set_jams(np.asarray(vacuum, dtype=float))
         given, tensions = self.model_errors, self.tensions
@@ -313,10 +312,10 @@ def _stiffnesses(arm: Arm, model_errors: ModelErrors) -> Array:
     Raises TwinError for another number of factors, and for segments that are no linear springs.
     """
     if any(segment.soft_law is not None for segment in arm.segments):
-        raise TwinError('the twin knows linear springs only; the description has a measured '
+        raise TwinError('the twin supports only linear springs; the description has a measured '
                         'moment-curvature law')
     if any(segment.friction for segment in arm.segments):
-        raise TwinError('the twin knows friction of tendons only, as guide_friction of its '
+        raise TwinError('the twin supports only friction of tendons, as guide_friction of its '
                         'presets; the description has some of segments')
     factors = model_errors.stiffness_factors
     if len(factors) not in (1, len(arm.segments)):

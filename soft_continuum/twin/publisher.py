@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What publishes something of the twin, on a node of its own."""
+"""A publisher of the twin, on a separate node."""
 
 from abc import abstractmethod
 from typing import Self

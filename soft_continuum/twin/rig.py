@@ -29,9 +29,9 @@ class TwinRig:
     """
     The emulated boards and the plant behind them; runs while this context manager is open.
 
-    It begins stiff, as a rig whose pump runs, if its segments can be stiff.  While ``lock`` is
-    held no time passes for the plant.  lost: s of real time for which the plant stood still since
-    the computer was too slow.
+    It starts stiff, like a rig with a running pump, if its segments have jamming.  While ``lock``
+    is held no time passes for the plant.  lost: s of real time that the plant lost because the
+    computer was too slow.
     """
 
     def __init__(self, arm: Arm, model_errors: ModelErrors, tendon_link: str | Path = '',
@@ -74,7 +74,7 @@ class TwinRig:
         self._devices.close()
 
     def parameters(self) -> dict[str, Value]:
-        """Return the parameters of nodes that are to drive this rig."""
+        """Return the parameters of nodes that drive this rig."""
         return self.motors.parameters() | modbus_parameters(self.modbus.port) | {
             'modbus.regulators': self.modbus.regulators}
 

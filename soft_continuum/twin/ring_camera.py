@@ -3,8 +3,8 @@
 """
 Simulated pictures of a spatial arm and its rings of tags, by casting rays through every pixel.
 
-Everything is convex flat pieces; what a ray meets first is what is seen.  A segment is a strip
-that faces the camera.
+Everything consists of flat convex faces; a pixel shows the first face that its ray meets.  A
+segment is a strip that faces the camera.
 """
 
 from collections.abc import Iterator, Sequence
@@ -62,7 +62,7 @@ class RingTwinCamera(Webcam):
 
     def __init__(self, layout: RingLayout, model_errors: ModelErrors, direction: float = FRONT
                  ) -> None:
-        """Place it in a direction from the arm, rad about z from x, where it sees all of it."""
+        """Place it in a direction from the arm, rad about z from x, with the whole arm in view."""
         self._layout, given = layout, model_errors
         tags = np.random.default_rng(given.seed)  # the same for all cameras of one arm
         self._random = np.random.default_rng([given.seed, round(1e3 * direction) % 2**16])
@@ -81,11 +81,11 @@ class RingTwinCamera(Webcam):
         self.sensor = Sensor(given, self._random)
 
     def drawn(self, discs: Array) -> NDArray[np.float32]:
-        """Return the grey values of the arm before what stands still."""
+        """Return the grey values of the arm in front of the static background."""
         return self._with(self._still, [*self._rings_at(discs), *self._segments_at(discs)])
 
     def project(self, points: Array) -> Array:
-        """Return where points (k, 3) m in base_link are in the picture, (k, 2) px."""
+        """Return the pixels (k, 2) of points (k, 3) m in base_link."""
         return self.seen((points - self._eye) @ self._axes.T)
 
     def _place(self, direction: float, shift: float) -> None:

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What load cells and IMUs on the twin show: the truth with the errors of its preset."""
+"""Readings of load cells and IMUs on the twin: ground truth with the errors of its preset."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ class Sensors:
     """A load cell in each tendon, and an IMU at the bottom centre of each disc, base first."""
 
     def __init__(self, plant: Plant) -> None:
-        """Draw the errors that stay; what they are drawn from is apart from that of the plant."""
+        """Draw the constant errors, independently of those of the plant."""
         self._plant, given = plant, plant.model_errors
         self._random = np.random.default_rng([given.seed, 1])
         tendons = len(plant.arm.tendon_names)
@@ -24,7 +24,7 @@ class Sensors:
         self._noise = np.repeat([given.gyro_noise, given.accelerometer_noise], 3)
 
     def tensions(self) -> Array:
-        """Return what the load cells show, (tendons,), N."""
+        """Return the readings of the load cells, (tendons,), N."""
         size = self._plant.model_errors.tension_noise
         noise = self._random.normal(0.0, size, len(self._zero))
         shown: Array = self._zero + self._scale * self._plant.tensions + noise

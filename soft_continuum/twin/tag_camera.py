@@ -64,7 +64,7 @@ class TagTwinCamera(Webcam):
         self._offsets[:, 2] /= layout.disc_size
 
     def drawn(self, discs: Array) -> NDArray[np.float32]:
-        """Return the grey values of the arm before the board."""
+        """Return the grey values of the arm in front of the board."""
         grey, discs = self._still.copy(), planar_pose(discs)
         for below, above, height in zip(
                 discs, discs[1:], self._layout.disc_heights, strict=False):
@@ -77,7 +77,7 @@ class TagTwinCamera(Webcam):
         return grey
 
     def project(self, points: Array, depth: float) -> Array:
-        """Return where points (k, 2) m on a plane before the board are in the picture, px."""
+        """Return the pixels of points (k, 2) m on a plane in front of the board."""
         return self.seen(np.column_stack([
             points[:, 0] - self._foot[0], self._foot[1] - points[:, 1],
             np.full(len(points), self._distance - depth)]))

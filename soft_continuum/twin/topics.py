@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The twin on topics: its sensors as those of a rig would be, and where it really is."""
+"""The twin on topics: its sensors, as on a rig, and its ground truth."""
 
 from geometry_msgs.msg import PoseArray
 import numpy as np
@@ -20,7 +20,7 @@ class GroundTruth(Publisher):
     """
     Publishes the joints, tendons and discs of a twin while this context manager is open.
 
-    That is for tests and benchmarks: no node of the suite reads it.
+    For tests and benchmarks: no node of the suite subscribes to it.
     """
 
     def __init__(self, rig: TwinRig, namespace: str = '') -> None:

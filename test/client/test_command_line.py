@@ -190,7 +190,7 @@ def test_a_watch_goes_on_until_it_is_interrupted_or_its_reader_has_seen_enough(s
 
 def test_reference_and_reset_say_what_they_did(straight, call):
     assert 'counts as the straight arm' in call('reference')[1]
-    assert 'taken to be straight' in call('reset')[1]
+    assert 'assumed straight' in call('reset')[1]
 
 
 @pytest.mark.parametrize('words', [

@@ -118,8 +118,9 @@ def test_sensors_that_send_nothing_are_a_failure_if_all_of_them_do() -> None:
 
 
 def test_the_status_of_the_camera_is_repeated_with_what_fits_badly() -> None:
-    message = DiagnosticStatus(level=DiagnosticStatus.OK, message='all discs are seen', values=[
-        KeyValue(key='tags', value='0 1 100'), KeyValue(key='deviation_px', value='1.800')])
+    message = DiagnosticStatus(
+        level=DiagnosticStatus.OK, message='all discs are detected', values=[
+            KeyValue(key='tags', value='0 1 100'), KeyValue(key='deviation_px', value='1.800')])
     camera, = list(judged({'camera/status': [(NOW, message)]}, {}, '/'))[-1:]
     assert camera.status == 'WARN'
     assert 'tags 0 1 100, corners off by 1.800 px; calibrate the lens' in camera.message
@@ -132,7 +133,7 @@ def test_discs_in_space_are_seen_by_several_cameras() -> None:
     found = only('disc_1/measured_pose', heard(message), **spatial)
     assert found.status == 'OK'
     assert found.message.startswith('by camera, in base_link, 1.00 mm, 0.57 degrees')
-    second = DiagnosticStatus(level=DiagnosticStatus.OK, message='all discs are seen')
+    second = DiagnosticStatus(level=DiagnosticStatus.OK, message='all discs are detected')
     checks = list(judged({'camera_2/status': [(NOW, second)], 'disc_1/measured_pose': heard(
         message), **spatial}, {}, '/'))
     assert [(check.step, check.status) for check in checks] == [

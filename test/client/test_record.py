@@ -165,7 +165,7 @@ def test_a_disk_that_is_full_ends_it_and_keeps_what_there_is(recorder: RecordPro
     resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (size, size))
     status, _, err = recorder.end()
     assert status == 1
-    assert err.startswith(f'record: cannot write to {recorder.file} any more: ')
+    assert err.startswith(f'record: can no longer write to {recorder.file}: ')
     assert len(err.splitlines()) == 1
     assert len(read_recording(recorder.directory).tendons) > 2
 

@@ -69,7 +69,7 @@ def test_a_plan_moves(plan, monkeypatch):
 
 
 @pytest.mark.parametrize(('words', 'status', 'reason'), [
-    (('450', '220', '--unit', 'mm'), 1, 'out of reach: the nearest that was found is 206.9 mm'),
+    (('450', '220', '--unit', 'mm'), 1, 'out of reach: the nearest tip found is 206.9 mm'),
     (('150', '220'), 2, 'x is 150 m; allowed: up to 10 m; in mm? add --unit mm'),
     (('0.15',), 2, '1 number given; needed: x and z, or x, y and z'),
     (('0.15', 'nan'), 2, "'nan' given; needed: x and z"),

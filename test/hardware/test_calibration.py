@@ -84,7 +84,7 @@ def test_after_a_test_everything_is_vented_and_the_pump_rests(time):
 
 def test_a_segment_that_cannot_be_vented_is_not_tested(time):
     blocked = SimulatedJamming(time, 1, JammingPlant(venting_time=100.0), True)
-    with pytest.raises(HardwareError, match='segment 1 keeps its vacuum though it is vented'):
+    with pytest.raises(HardwareError, match='segment 1 keeps its vacuum after venting'):
         measure_segment(blocked, 0, 1, SETTINGS, SOFT, 1.0, time)
 
 
@@ -96,7 +96,7 @@ def test_a_segment_that_never_stiffens_has_no_other_figures(time):
 
 
 @pytest.mark.parametrize(('change', 'word'), [
-    ({'time_to_stiff': 1.5}, 'slow'), ({'ultimate_vacuum': 75e3}, 'never rest'),
+    ({'time_to_stiff': 1.5}, 'slow'), ({'ultimate_vacuum': 75e3}, 'never stop'),
     ({'leak_rate': 4e3}, 'start every 5.0 s'), ({'time_to_stiff': inf}, 'never stiff')])
 def test_what_is_wrong_with_a_segment_is_said(change, word):
     assert assess_vacuum(GOOD, SETTINGS) == ()

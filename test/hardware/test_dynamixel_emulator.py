@@ -470,4 +470,4 @@ def test_faults_are_typed_and_the_state_is_printed():
 def test_a_model_that_cannot_speak_protocol_1_is_refused(capsys):
     with pytest.raises(SystemExit):
         main(['--model', 'XL330-M288', '--protocol-1'])
-    assert 'cannot speak Protocol 1.0' in capsys.readouterr().err
+    assert 'does not support Protocol 1.0' in capsys.readouterr().err

@@ -49,7 +49,7 @@ def model(number):
     (each(ID=(3, 4)), 'servo 1 (first) does not answer at 1000000 baud, but servos 3, 4 do'),
     (each(Baud_Rate=(1, 1)), 'at 57600 baud: set dynamixel.baud to 57600'),
     (each(Protocol_Type=(1, 1)), 'answers in Protocol 1.0'),
-    (model(9), 'has the model number 9, which this driver does not know'),
+    (model(9), 'has the model number 9, which this driver does not support'),
     (model(1060), 'servo 1 (first) is an XL430-W250, which can neither measure nor limit its '
      'current'),
     (each(Operating_Mode=3), 'Operating Mode (11) is 3, needed: 5'),
@@ -76,7 +76,7 @@ def test_servos_without_fast_sync_read_do(tmp_path):
             packet.instruction == Instruction.FAST_SYNC_READ or read_many(packet, *rest))
         line = DynamixelBus(emulator.port, 1000000, emulator.clock)
         line.fast = True
-        with pytest.raises(NoReplyError, match='no reply of the servos on'):  # not of servo 254
+        with pytest.raises(NoReplyError, match='no reply from the servos on'):  # not of servo 254
             line.sync_read((1, 2), 132, 136)
         line.close()
         tendons = driver_of(emulator, tmp_path)
@@ -265,4 +265,4 @@ def test_a_provisional_zero_is_forgotten(real, tmp_path):
     clear_zero(values)
     check = {check.step: check for check in check_servos(values)}['tendon reference']
     assert check.status == WARN
-    assert 'no zero of it is kept' in check.message
+    assert 'no zero of it is stored' in check.message

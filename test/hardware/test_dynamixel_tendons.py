@@ -61,7 +61,7 @@ def test_opening_moves_nothing_and_lets_the_servos_hold(tmp_path):
         # 20 N on 10 mm are 0.2 N m, 112 mA of an XM430-W350 (4.1 N m at 2.3 A), 41.7 x 2.69 mA
         assert values(emulator, 'Goal Current') == [42, 42]
         assert all(0 < watchdog <= 10 for watchdog in values(emulator, 'Bus Watchdog'))  # 0.2 s
-        with pytest.raises(HardwareError, match='the position is not known.*no zero of it'):
+        with pytest.raises(HardwareError, match='the position is unknown.*no zero of it'):
             tendons.move((0.0, 0.0), 0.1)
         tendons.close()
 
@@ -147,7 +147,7 @@ def test_the_requests_of_the_control_loop_never_wait(tmp_path):
         made.driver.read()
         made.driver.stop()
         assert clock() == begin
-        assert 'no answer any more' in failed(made.driver)
+        assert 'stopped replying' in failed(made.driver)
 
 
 # What is known of the position
@@ -197,7 +197,7 @@ def test_after_a_power_cycle_a_turn_that_cannot_be_told_is_not_guessed(tmp_path)
         made.driver.open()
         why = made.driver.read().unreferenced
         assert not made.driver.read().referenced
-        assert 'servo 1 (first) was without power' in why
+        assert 'servo 1 (first) lost power' in why
         may_be = [1e-3 * float(found) for found in re.findall(r'(-?[0-9.]+) mm', why)]
         assert may_be == pytest.approx([at, at - 4096 * PULSE_PULL], abs=2e-4)
         assert 'servo 2' not in why
@@ -219,7 +219,7 @@ def test_without_a_kept_zero_or_its_mode_a_servo_does_not_know_its_position(tmp_
             (tmp_path / 'zeros.json').unlink()
         made.wait(0.5)
         made.driver.open()
-        assert 'no zero of it is kept' in made.driver.read().unreferenced
+        assert 'no zero of it is stored' in made.driver.read().unreferenced
 
 
 def test_a_zero_that_cannot_be_kept_is_an_error(tmp_path):
@@ -228,7 +228,7 @@ def test_a_zero_that_cannot_be_kept_is_an_error(tmp_path):
         tendons = driver_of(emulator, tmp_path / 'file')
         tendons.open()
         tendons.reference()
-        assert 'the zero cannot be kept' in failed(tendons)
+        assert 'the zero cannot be saved' in failed(tendons)
         tendons.close()
 
 
@@ -289,10 +289,10 @@ def ignore_writes(servo):
 
 
 @pytest.mark.parametrize(('fault', 'words'), [
-    (ignore_writes, 'servo 2 (second) does not keep what was written to it'),
-    (lambda servo: setattr(servo, 'hang', True), 'servo 2 (second): no answer any more'),
-    (lambda servo: (servo.power_off(), servo.power_on()), 'was reset or without power'),
-    (lambda servo: setattr(servo.motor, 'caught', True), 'see what holds the tendon')])
+    (ignore_writes, 'servo 2 (second) does not keep the values written to it'),
+    (lambda servo: setattr(servo, 'hang', True), 'servo 2 (second): stopped replying'),
+    (lambda servo: (servo.power_off(), servo.power_on()), 'was reset or lost power'),
+    (lambda servo: setattr(servo.motor, 'caught', True), 'check what blocks the tendon')])
 def test_what_ends_a_motion_is_named(monkeypatch, tmp_path, fault, words):
     monkeypatch.setattr(dynamixel_servo, 'BOOT_TIME', 0.0)
     with two(tmp_path) as made:
@@ -320,8 +320,8 @@ def test_a_torque_that_another_program_switched_off_is_noticed_within_a_second(t
 
 
 @pytest.mark.parametrize(('status', 'words'), [
-    (0x20, 'overload (see what caught the tendon'), (0x04, 'overheating'), (0x01, 'input voltage'),
-    (0x10, 'electrical shock'), (0x08, 'motor encoder')])
+    (0x20, 'overload (find what blocks the tendon'), (0x04, 'overheating'),
+    (0x01, 'input voltage'), (0x10, 'electrical shock'), (0x08, 'motor encoder')])
 def test_a_hardware_error_is_explained_and_nothing_is_rebooted(tmp_path, status, words):
     with two(tmp_path) as made:
         in_motion(made)

@@ -54,10 +54,10 @@ def test_every_command_is_listed_and_does_something(name):
 
 
 @pytest.mark.parametrize(('name', 'line', 'words'), [
-    ('grbl', 'dance', 'no command; type help'), ('grbl', 'alarm', 'takes: ALARM'),
+    ('grbl', 'dance', 'unknown command dance; type help'), ('grbl', 'alarm', 'takes: ALARM'),
     ('grbl', 'alarm 0', 'allowed: 1 to 9'), ('grbl', 'alarm 1.5', 'whole numbers'),
     ('grbl', 'late-ok nan', 'SECONDS is nan'), ('grbl', 'drop-ok -1', 'allowed'),
-    ('grbl', 'drop-ok 1 2', 'takes: COUNT'), ('grbl', 'reset 1', 'takes: nothing more'),
+    ('grbl', 'drop-ok 1 2', 'takes: COUNT'), ('grbl', 'reset 1', 'takes: no arguments'),
     ('dynamixel', 'hang 3', 'N is 3; allowed: 1 to 2'),
     ('modbus', 'late', 'takes: SECONDS'), ('modbus', 'drop 2', 'allowed: 0 to 1'),
     ('modbus', 'late x', 'SECONDS is x'), ('modbus', 'stuck-coil 4', 'allowed: 0 to 3'),
@@ -92,6 +92,6 @@ def test_a_program_serves_the_port_that_it_says_until_it_is_ended(
             rest, _ = process.communicate('nonsense\nstate\nquit\n', timeout=60)
         finally:
             process.kill()
-        assert 'nonsense is no command' in rest and state in rest
+        assert 'unknown command nonsense' in rest and state in rest
         assert process.returncode == 0
     assert not link.is_symlink()

@@ -40,7 +40,7 @@ def test_five_tendons_move_on_two_boards():
     with two_boards() as (emulators, tendons):
         tendons.open()
         assert not tendons.read().referenced
-        with pytest.raises(HardwareError, match='position is not known.* of a, b, c'):
+        with pytest.raises(HardwareError, match='position is unknown.* of a, b, c'):
             tendons.move(PULLS, 0.3)
         tendons.reference()
         tendons.move(PULLS, 0.3)

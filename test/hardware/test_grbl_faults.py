@@ -155,7 +155,7 @@ def test_a_board_that_reports_no_work_offset_is_refused():
     with board() as emulator:
         report = emulator.firmware._report
         emulator.firmware._report = lambda: report().split('|WCO')[0].rstrip('>') + '>'
-        with pytest.raises(HardwareError, match='WCO.*reset of the board could not be seen'):
+        with pytest.raises(HardwareError, match='WCO.*reset of the board goes undetected'):
             driver(emulator).open()
 
 

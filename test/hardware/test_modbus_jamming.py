@@ -215,7 +215,7 @@ def test_a_device_that_does_not_answer_holds_its_caller_for_one_timeout_and_then
     assert emulator.clock() - start <= TIMEOUT + 0.005
     assert 'does not answer' in words and 'unit' in words and 'power' in words
     for call in (driver.read, lambda: driver.set_evacuated(0, True)):
-        assert 'waiting until nothing is received' in eventually(emulator,
+        assert 'waiting until the line is quiet' in eventually(emulator,
             lambda call=call: fail(call), lambda words: 'waiting' in words)
     assert WRITE_COIL not in functions(emulator)
 
@@ -271,7 +271,7 @@ def test_relays_that_cannot_be_read_back_are_not_known(emulator):
             refused + crc(refused) if reply[:2] == b'\1\1' else reply)
         for call in (lambda: driver.set_evacuated(0, True), driver.read):
             eventually(emulator, lambda call=call: fail(call),
-                       lambda words: 'failed inside' in words)
+                       lambda words: 'reports an internal failure' in words)
 
 
 @pytest.mark.parametrize(('fault', 'words'), [
@@ -336,8 +336,8 @@ def test_a_unit_or_a_coil_that_is_not_there_is_named(emulator, changes, words):
 
 
 @pytest.mark.parametrize('code, words', [
-    (1, 'does not know the function'), (2, 'has no such address'), (3, 'refuses the number'),
-    (4, 'failed'), (6, 'busy'), (99, 'exception 99')])
+    (1, 'does not support the function'), (2, 'has no such address'), (3, 'refuses the number'),
+    (4, 'internal failure'), (6, 'busy'), (99, 'exception 99')])
 def test_a_refusal_says_why_and_is_no_reading(emulator, driver, code, words):
     emulator.refuse = code
     assert words in fail(driver.set_evacuated, 0, True)
@@ -383,7 +383,7 @@ WRONG_REPLIES = {
 def test_a_wrong_reply_is_never_taken(emulator, driver, change):
     emulator.transform = change
     words = fail(driver.read)
-    assert 'does not answer' in words
+    assert 'is no reply to' in words
     assert ('local echo' in words) == (change is WRONG_REPLIES['the echo of a request'])
     emulator.transform = None
     assert eventually(emulator, driver.read).pressures == (AMBIENT,) * 3

@@ -133,7 +133,7 @@ def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
     """Drawn: tags that are off by 1 mm, standard, in an arm that is straight, then bent."""
     drawn = views.camera('ideal', tag_offset=0.001)
     driver = Driver(rig, drawn)
-    assert 'no disc was seen' in driver.tare().message
+    assert 'no disc was detected' in driver.tare().message
     driver.tare_until('parameter file: camera: {ros__parameters',
                       drawn.picture(views.poses(0.0, 0.0, 0.0)))
     bent, tared = drawn.picture(full_poses(TRUTH)), rig.observer.get_clock().now().nanoseconds
@@ -151,7 +151,7 @@ def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
     for name in ('STALE_AFTER', 'FROZEN_AFTER'):
         monkeypatch.setattr(camera, name, 0.5)
     driver = Driver(rig, drawn)
-    wait_for(rig, driver.statuses, 'no picture from /arm_under_test/camera/image_raw')
+    wait_for(rig, driver.statuses, 'no image from /arm_under_test/camera/image_raw')
     for words, how in (
             ('stamped 36', {'late': 3600.2}), ('stamped -3', {'late': -3600.2}),
             ("encoding 'bayer", {'encoding': 'bayer_rggb8'})):
@@ -204,7 +204,7 @@ def test_a_second_camera_of_an_arm_in_space(rig: Rig) -> None:
     assert np.abs(error[:3]).max() < 2e-3
     assert np.diag(covariance).max() < 1e-3
     assert np.linalg.eigvalsh(covariance)[0] > 0.0
-    wait_for(rig, driver.statuses, 'all discs are seen')
+    wait_for(rig, driver.statuses, 'all discs are detected')
     driver.tare_until('is the arm straight', picture)
     driver.tare_until('camera_2: {ros__parameters: {tags: {reference_corners',
                       drawn.picture(space_views.discs(*[(0, 0)] * 3)))
@@ -247,5 +247,5 @@ def test_a_picture_that_is_none_is_refused(change: dict[str, Any]) -> None:
     message = grey_message(np.zeros((3, 4), dtype=np.uint8))
     for name, value in change.items():
         setattr(message, name, value)
-    with pytest.raises(ValueError, match='picture'):
+    with pytest.raises(ValueError, match='image'):
         grey_picture(message)

@@ -105,7 +105,7 @@ def test_poses_of_a_tracker_and_tilts_of_an_imu_come_out_with_their_covariances(
         rig: Rig, arm: str) -> None:
     path, row = ARMS[arm]
     axes, sensors = load_arm(path).pose_axes, Sensors(rig, **given_in(path, 'disc_sensors'))
-    assert 'nothing is measured yet' in sensors.statuses.last.message
+    assert 'no measurements yet' in sensors.statuses.last.message
 
     def send() -> None:
         message = PoseStamped()
@@ -183,15 +183,15 @@ def test_what_is_wrong_is_said_and_nothing_is_published(rig: Rig) -> None:
             (sensors.pose, _unstamped, 'no stamp'),
             (sensors.pose, _lost, 'length 0'),
             (lambda: sensors.array(3), None, '3 poses; the arm has 4 discs'),
-            (sensors.imu, _covariance(-1.0), 'says that it measures no linear_acceleration'),
-            (sensors.imu, _covariance(-4.0), 'is no covariance'),
-            (sensors.imu, _covariance(float('nan')), 'is no covariance'),
+            (sensors.imu, _covariance(-1.0), 'marks linear_acceleration as not measured'),
+            (sensors.imu, _covariance(-4.0), '_covariance is not valid'),
+            (sensors.imu, _covariance(float('nan')), '_covariance is not valid'),
             (sensors.imu, _rate, 'not finite'),
             (sensors.imu, _flat, 'IMUs cannot measure an arm that lies flat')):
         sensors.spoil = spoil or (lambda message: None)
         assert sensors.until_status(send, words).level == DiagnosticStatus.ERROR
     assert not any(map(len, sensors.poses))
-    assert 'nothing was measured' in sensors.tare().message
+    assert 'no measurements' in sensors.tare().message
     sensors.spoil = lambda message: None
     sensors.until(sensors.imu, lambda: len(sensors.poses[3]), 'it goes on')
 
@@ -203,7 +203,7 @@ def test_two_sources_of_one_disc_are_told(rig: Rig) -> None:
         sensors.pose()
         sensors.array()
 
-    sensors.until_status(both, 'one of both is enough')
+    sensors.until_status(both, 'use one of the two')
 
 
 def test_of_a_flood_only_so_much_is_taken() -> None:
@@ -231,7 +231,7 @@ def test_a_tare_takes_the_present_as_straight_and_says_how_to_keep_it(rig: Rig) 
         a for a in [sensors.tare()] if 'pose of disc 1; tilt of disc 3' in a.message), None),
         'a tare')
     assert answer.success
-    assert 'taken as straight' in answer.message
+    assert 'tared: ' in answer.message
     found = re.search(r'disc_sensors: (\{.*\})$', answer.message)
     assert found
     kept = yaml.safe_load(found[1])['ros__parameters']

@@ -31,5 +31,5 @@ def test_a_trajectory_that_was_given_up_is_not_followed(begun: bool) -> None:
     assert controller.hold.called == begun
     assert control.snapshot().state.accepted.status == (
         MotionRequest.ENDED if begun else MotionRequest().status)
-    with pytest.raises(MotionRefusedError, match='given it up'):
+    with pytest.raises(MotionRefusedError, match='withdrew it'):
         control.prepare(request)

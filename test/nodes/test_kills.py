@@ -108,7 +108,7 @@ def test_servos_whose_node_is_killed_are_known_to_the_next_one_which_sets_the_sh
     node = processes.node('tendon_actuation', parameters=given)
     rig.start(*(name for name in ALL if name != 'tendon_actuation'), settle_timeout=1.0, **slow)
     rig.wait_until_ready(*ALL)
-    rig.wait_for(lambda: 'without power' in rig.statuses['tendon_actuation'].last.message,
+    rig.wait_for(lambda: 'lost power' in rig.statuses['tendon_actuation'].last.message,
                  'why the position is not referenced')
     rig.stiffen()
     assert rig.trigger('tendon_actuation/reference').success

@@ -99,10 +99,10 @@ def test_without_dds_security_or_keys_nothing_starts_and_the_reason_is_said(
     (tmp_path / 'enclaves' / 'client').mkdir(parents=True)
     node, client = (processes.start(module_command(verb), environment=secured)
                     for verb in ('jamming_valves', 'status'))
-    assert node.wait() == 2 and 'make the keys' in node.output, node.output
+    assert node.wait() == 2 and 'create the keys' in node.output, node.output
     assert client.wait() == 1, client.output
     # With ROS from apt it is the key that is missing.
-    assert 'without DDS security' in client.output or 'make the keys' in client.output
+    assert 'without DDS security' in client.output or 'create the keys' in client.output
     assert 'Traceback' not in node.output + client.output
 
 

@@ -103,7 +103,7 @@ def test_a_node_whose_sign_of_life_is_of_another_type_is_of_another_version(
         shared_arm: Rig) -> None:
     with shared_arm.stranger() as stranger:
         publisher = stranger.create_publisher(String, f'{SERVO}/heartbeat', 1)
-        words = f'/{SERVO}/heartbeat is also of type std_msgs/msg/String: that node is of another'
+        words = f'/{SERVO}/heartbeat is also of type std_msgs/msg/String: that node runs another'
         shared_arm.wait_for(lambda: all(
             words in shared_arm.statuses[node].last.message for node in ALL), 'a conflict')
         assert not shared_arm.goal((0.0, 0.0, 0.2)).accepted

@@ -87,7 +87,7 @@ BAD_GOALS = {
          ['bending_directions without bending_angles', '3 each']),
     'a tip and angles':
         ([Shape(bending_angles=[0.1] * 3, tips=[tip(0.15, 0.22)])],
-         ['tips and bending angles', 'give one of both']),
+         ['tips and bending angles', 'give only one of the two']),
     'a tip that is not a number':
         ([Shape(tips=[tip(float('nan'), 0.22)])], ['nan', 'three finite numbers']),
     'a tip out of the bending plane':

@@ -149,12 +149,12 @@ def without(field: str, count: int) -> Callable[[JointState], JointState]:
 
 FAULTS = {
     'a topic that stops': (lambda m: None, 'nothing new on /joint_state_broadcaster'),
-    'stamps that stand still': (frozen(), 'its stamps stand still'),
+    'stamps that stand still': (frozen(), 'its stamps do not advance'),
     'a position that is nan': (with_positions(lambda p: nan), 'positions nan, nan'),
     'positions in degrees': (with_positions(lambda p: 57.3 * p), 'jumped by'),
     'positions that jump': (with_positions(lambda p: p + 3.0), 'jumped by (29|30|31)'),
     'too few positions': (without('position', 1), '2 values in position and 3 names'),
-    'a missing joint': (without('name', 1), 'spool_right not once'),
+    'a missing joint': (without('name', 1), 'must have spool_right exactly once'),
 }
 
 
@@ -247,12 +247,12 @@ def test_a_second_publisher_ends_a_motion_and_lets_none_begin(
 
 
 REFUSED = {
-    'no publisher': ({'state_topic': 'nowhere'}, 'nobody publishes /nowhere'),
-    'no subscriber': ({'command_topic': 'nowhere'}, 'nobody subscribes to /nowhere'),
+    'no publisher': ({'state_topic': 'nowhere'}, 'state_topic) has no publisher'),
+    'no subscriber': ({'command_topic': 'nowhere'}, 'command_topic) has no subscriber'),
     'another type': ({'command_topic': 'joint_state_broadcaster/joint_states'},
                      'cannot be used: .* incompatible type'),
     'no topic': ({'state_topic': 'a topic'}, "ros_tendons.state_topic is 'a topic', which is no"),
-    'no such joint': ({'joints': ('spool_right', 'spool')}, 'have spool not once; they have'),
+    'no such joint': ({'joints': ('spool_right', 'spool')}, 'have spool exactly once; they have'),
     'positions of 90 degrees': ({'start': 90.0}, 'reports 90, a pull of 900.0 mm'),
     'known zeros in degrees': ({'start': 8.0, 'absolute': True}, 'reports 8, a pull of 80.0 mm'),
     'no effort': ({'effort_scales': (100.0, 100.0)}, 'no effort, or nan'),

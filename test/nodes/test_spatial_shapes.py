@@ -182,11 +182,11 @@ def test_a_segment_that_takes_long_to_prepare_is_prepared_once_and_a_stick_bends
         joystick.show(LB)
         for _ in range(2):
             joystick.wait_for(steered_arm.PREPARING)
-            joystick.wait_for('still finds what segment 3 can be bent to')
+            joystick.wait_for('has not found the bending range of segment 3')
         assert len(made) == 1
         # Nor is it for whoever has given up before its turn.
         joystick.show()
-        joystick.wait_for('still finds what segment 3 can be bent to', enabled=False)
+        joystick.wait_for('has not found the bending range of segment 3', enabled=False)
         enable = partial(rig.call, SetBool, 'servo/enable')
         for _ in range(3):
             assert enable(data=False).success

@@ -134,7 +134,7 @@ def test_no_other_publisher_turns_its_emergency_stop_off(joystick: Joystick) -> 
         assert not rig.trigger('tendon_actuation/resume').success
     assert states.last.stops == stops
     joystick.show(START, RB)
-    joystick.wait_for('observer may have it on too', segment=3)  # both buttons were seen
+    joystick.wait_for('observer may hold it on too', segment=3)  # both buttons were seen
     joystick.show()
     rig.on_ros_thread(rig.observer.destroy_publisher, other)
     joystick.wait_for('reset turns it off')  # it has seen that the other one is gone

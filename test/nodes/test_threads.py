@@ -77,10 +77,10 @@ def test_a_call_that_is_not_done_in_time_says_what_was_waited_for(
     worker, go = Worker('devices', lambda _: None, limit=1), threading.Event()
     loop.post(go.wait, DEADLINE)
     worker.submit(go.wait, DEADLINE)
-    with pytest.raises(TimeoutError, match='the thread test has not done len within 0.05 s'):
+    with pytest.raises(TimeoutError, match='the thread test has not finished len within 0.05 s'):
         loop.call(len, '')
     for _ in range(2):  # also when another one waits already
-        with pytest.raises(TimeoutError, match='thread devices has not done len within 0.05 s'):
+        with pytest.raises(TimeoutError, match='thread devices has not finished len within'):
             worker.call(0.05, len, '')
     go.set()
     worker.close(DEADLINE)

@@ -130,9 +130,9 @@ def test_a_pass_that_makes_the_shape_worse_is_the_last_and_is_taken_back_and_sai
     assert rig.run(check).code is Code.SUCCESSFUL
     again = asked_to_soften(rig)[2:]  # once, and once more to set it back
     assert again in [a + b for a in PASSES for b in PASSES]
-    assert 'setting it again made it worse, it was 2.' in rig.runner.warning
+    assert 'correcting it made it worse, it was 2.' in rig.runner.warning
     assert not once or (rig.error < errors[0] + REACHED
-                        and 'and was set back' in rig.runner.warning)
+                        and 'and was undone' in rig.runner.warning)
 
 
 def test_several_shapes_are_set_one_after_the_other():

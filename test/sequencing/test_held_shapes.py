@@ -154,7 +154,7 @@ def test_a_regulator_that_does_not_follow_ends_the_run():
     rig.run(until=lambda rig: rig.runner.move == 1)
     rig.broken.add(0)
     outcome = rig.run()
-    assert outcome.code is Code.TIMEOUT and 'told 30.0 kPa' in outcome.message
+    assert outcome.code is Code.TIMEOUT and 'set to 30.0 kPa' in outcome.message
 
 
 def test_a_vacuum_that_is_lost_while_a_shape_is_held_ends_the_run():
@@ -231,7 +231,7 @@ def test_the_tip_is_at_its_goal_once_the_vacuums_are_lowered(kind):
 def test_a_tip_that_cannot_be_held_is_refused():
     tip = TipGoal(np.array((-0.1, 0.0, 0.25)))
     refused = found(Shape('tip', (), tips=(tip,), vacuums=WEAK.vacuums))
-    assert 'as the arm gives way under its vacuums, segment 3 would bend' in refused.why
+    assert 'as the arm relaxes under its vacuums, segment 3 would bend' in refused.why
 
 
 def test_a_path_is_not_followed_with_vacuums():
@@ -292,7 +292,7 @@ def test_a_shape_that_is_worse_after_it_was_set_again_is_not_set_a_third_time():
 
     assert rig.run(check).code is Code.SUCCESSFUL
     assert asked_to_soften(rig) == [0, 1, 2] * 2
-    assert 'setting it again made it worse, it was' in rig.runner.warning
+    assert 'correcting it made it worse, it was' in rig.runner.warning
 
 
 def test_a_camera_that_is_lost_leaves_a_shape_held_as_predicted():

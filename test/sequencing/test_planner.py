@@ -324,7 +324,7 @@ IN_SPACE = r'^bow: segment 1 to 34\.4 degrees in the direction 57\.3'
         '3 tendons cannot set 6 bendings']),
     # Nothing holds what is softened.
     ([Shape('bow', (0.2, 0.0, 0.0))], {'arm': coarse(payload=1.0), 'pulls': (-0.02,) * 3}, [
-        'goes over to another shape: its tendons do not hold it']),
+        'because its tendons do not hold it']),
 ])
 def test_what_cannot_be_planned_is_refused_with_its_shape_and_what_stands_in_the_way(
         shapes, changes, words):

@@ -203,7 +203,7 @@ def test_a_tip_that_is_there_already_needs_no_move():
 
 def test_what_is_out_of_reach_says_by_how_much():
     found = Query(at(0.0, ARM.length + 0.05)).last()
-    assert found.why == ('the goal is out of reach: the nearest that was found is 50.0 mm from it')
+    assert found.why == ('the goal is out of reach: the nearest tip found is 50.0 mm from it')
     aside = Query(at(0.31, 0.1)).last()
     assert aside.plan is not None
     end = aside.plan.state.backbone[-1]
@@ -236,7 +236,7 @@ def test_what_is_blocked_says_by_which_obstacle_and_comes_near():
 @pytest.mark.parametrize(('name', 'value'), [('tension_limit', 0.5),
                                              ('pull_limits', (-0.004, 0.004))])
 def test_what_a_limit_forbids_names_the_limit(name, value):
-    assert f'{name} would be passed' in Query(at(0.2, 0.2), settings=QUICK, **{name: value}
+    assert f'{name} would be exceeded' in Query(at(0.2, 0.2), settings=QUICK, **{name: value}
                                               ).last().why
 
 

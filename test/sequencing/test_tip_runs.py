@@ -232,7 +232,7 @@ def test_a_shape_is_planned_again_so_many_times_only():
         rig.observe_really(), departed='gone astray' if rig.runner.plan else '')
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
     assert (outcome.code, outcome.replans) == (Code.HARDWARE_FAULT, 2)
-    assert outcome.message == 'gone astray; it was planned again 2 times'
+    assert outcome.message == 'gone astray; replanned 2 times'
     fractions = [p.fraction for p in rig.progress]
     assert fractions == sorted(fractions)
     at_rest_and_stiff(rig)

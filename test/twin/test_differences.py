@@ -52,7 +52,7 @@ def test_a_value_that_is_not_allowed_is_named(tmp_path, capsys, values, words):
 
 
 @pytest.mark.parametrize(('text', 'words'), [
-    ('', 'presets by name'), ('a: [', 'my_twin.yaml'), ('a: {}', 'has no preset typical')])
+    ('', 'names to presets'), ('a: [', 'my_twin.yaml'), ('a: {}', 'has no preset typical')])
 def test_a_file_of_something_else_is_refused(tmp_path, capsys, text, words):
     path = tmp_path / 'my_twin.yaml'
     path.write_text(text)

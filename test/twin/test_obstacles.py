@@ -80,5 +80,5 @@ def test_the_arm_does_not_touch_itself():
 
 
 def test_an_obstacle_in_the_straight_arm_is_refused():
-    with pytest.raises(TwinError, match='obstacle 2 is where the straight arm is'):
+    with pytest.raises(TwinError, match='obstacle 2 overlaps the straight arm'):
         plant(obstacles=(Obstacle(0.1, 0.2, 0.02), Obstacle(-0.03, 0.2, 0.02)))

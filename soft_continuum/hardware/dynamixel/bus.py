@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-One bus of Dynamixel servos: requests, and replies that are taken for nothing else.
+One bus of Dynamixel servos: requests and their validated replies.
 
-A reply counts only if its CRC, its ID, its length and its order are those that were asked for.
-Every request waits for its reply, a few milliseconds; so one thread owns a bus.
+A reply counts only if its CRC, ID, length and order match the request. Every request waits for its
+reply, a few milliseconds; so one thread owns a bus.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -22,9 +22,9 @@ from soft_continuum.hardware.serial_ports import discard_output, open_serial
 from soft_continuum.hardware.serial_tendons import Wakeable
 
 REPLY_TIME, SEARCH_TIME = 0.15, 0.03
-"""s that a reply to one servo's request may take, and while servos are looked for."""
+"""Time limits of replies, s: to requests to one servo, and in searches."""
 REPLY_GAP = 0.004
-"""s after a reply in which a second servo of the same ID would reply too."""
+"""Time after a reply in which a second servo of the same ID would also reply, s."""
 ALERT = 0x80
 """Bit of the error of a reply: the servo has a hardware error."""
 BROADCAST, LAST_ID = 0xFE, 0xFC
@@ -34,22 +34,22 @@ FAST_OVERHEAD = 4  # bytes around the data of each servo in the reply to a fast 
 PROTOCOL_1_PING = 0x01
 TIMED_OUT = -3001  # COMM_RX_TIMEOUT of the SDK
 REASONS = {
-    1: 'the instruction failed', 2: 'it does not know the instruction',
+    1: 'the instruction failed', 2: 'it does not support the instruction',
     3: 'the request was damaged', 4: 'the value is out of range', 5: 'the data are too short',
     6: 'the value is beyond a limit', 7: 'the register cannot be written now'}
 """Errors in replies, e-Manual, Protocol 2.0, status packet."""
 
 
 class NoReplyError(HardwareError):
-    """Nothing came in time."""
+    """No reply was received in time."""
 
 
 class DamagedReplyError(HardwareError):
-    """What came is not a reply to what was asked."""
+    """The received bytes are not a reply to the request."""
 
 
 class RefusedError(HardwareError):
-    """A servo replied that it does not do what was asked."""
+    """A servo rejected the request."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class DynamixelBus(Wakeable):
         self._port = Port(open_serial(port, baud_rate), clock)
         self._packets = Packets()
         self.fast: bool | None = None
-        """Whether all answer a sync read in one packet (Fast Sync Read); None: not tried."""
+        """Whether all servos support Fast Sync Read; None: not tried."""
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
@@ -96,7 +96,7 @@ class DynamixelBus(Wakeable):
         try:
             self._port.set_speed(bits)
         except (OSError, ValueError) as error:
-            raise HardwareError(f'{self.name} cannot do {bits} baud ({error})') from None
+            raise HardwareError(f'{self.name} does not support {bits} baud ({error})') from None
 
     # One servo.
 
@@ -104,12 +104,12 @@ class DynamixelBus(Wakeable):
         """
         Return the model number of a servo; reply_time: s that it may take.
 
-        Raises DamagedReplyError when more than one reply came: two servos have this ID.
+        Raises DamagedReplyError when more than one servo replied: two servos have this ID.
         """
         data = self._ask(servo, 0x01, b'', 3, reply_time).data
         self._port.setPacketTimeoutMillis(1e3 * REPLY_GAP)
         if self._received():
-            raise DamagedReplyError(f'more than one reply came to the ID {servo}')
+            raise DamagedReplyError(f'more than one servo replied to the ID {servo}')
         return int.from_bytes(data[:2], 'little')
 
     def read(self, servo: int, register: Register) -> int:
@@ -127,7 +127,7 @@ class DynamixelBus(Wakeable):
         self._ask(servo, 0x03, register.address.to_bytes(2, 'little') + register.encode(value), 0)
 
     def reboot(self, servo: int) -> None:
-        """Restart a servo, which drops its torque and its turns, and clears its error."""
+        """Restart a servo, which loses its torque and turn count, and clears its error."""
         self._ask(servo, 0x08, b'', 0)
 
     def pings_in_protocol_1(self, servo: int) -> bool:
@@ -191,7 +191,7 @@ class DynamixelBus(Wakeable):
             self._port, register.address, register.size, data, len(data)))
 
     def find(self, servos: Iterable[int]) -> list[int]:
-        """Return which of some IDs answer, in whatever state they are."""
+        """Return which of these IDs reply, whatever their state."""
         found = []
         for servo in servos:
             with contextlib.suppress(NoReplyError):
@@ -203,7 +203,7 @@ class DynamixelBus(Wakeable):
         return found
 
     def find_all(self) -> list[int]:
-        """Return the IDs that answer a ping to everybody, each in its turn; takes 1 to 4 s."""
+        """Return the IDs that reply to a broadcast ping; takes 1 to 4 s."""
         self._transmit(BROADCAST, 0x01, b'')
         self._port.setPacketTimeoutMillis(
             1e3 * LAST_ID * (TURN_TIME + (STATUS_OVERHEAD + 3) * self._port.tx_time_per_byte))
@@ -238,10 +238,10 @@ class DynamixelBus(Wakeable):
         received, result = self._next_packet(fast)
         who = 'the servos' if fast else f'servo {servo}'
         if result == TIMED_OUT:
-            raise NoReplyError(f'no reply of {who} on {self.name}')
+            raise NoReplyError(f'no reply from {who} on {self.name}')
         wanted = size if fast else received[5] + 256 * received[6] + 7 if len(received) > 7 else 0
         if result != 0 or received[4] != servo or len(received) < size or wanted != size:
-            raise DamagedReplyError(f'the reply of {who} on {self.name} is damaged')
+            raise DamagedReplyError(f'the reply from {who} on {self.name} is damaged')
         return received[:size]
 
     def _next_packet(self, fast: bool = False) -> tuple[bytes, int]:
@@ -268,7 +268,7 @@ class DynamixelBus(Wakeable):
 
 
 def latency_timer(port: str, folder: Path = Path('/sys/class/tty')) -> int | None:
-    """Return for how many ms a USB adapter (FTDI) keeps what it receives; None if not known."""
+    """Return the latency timer (ms) of a USB adapter (FTDI); None if unknown."""
     with contextlib.suppress(OSError, ValueError):
         return int((folder / Path(port).resolve().name / 'device' / 'latency_timer').read_text())
     return None

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What goes over the bus while servos hold: goals, and replies that can be believed.
+Bus traffic while servos hold: goals, and validated replies.
 
-A write is not acknowledged.  Each reply repeats what was written, so one that was lost is noticed,
-and written again.  For the one thread that owns the bus.
+A write is not acknowledged.  Each reply repeats the written values, so a lost write is detected
+and repeated.  For the one thread that owns the bus.
 """
 
 from collections.abc import Sequence
@@ -31,14 +31,14 @@ from soft_continuum.hardware.dynamixel.state import BLOCK, fastest, ServoState, 
 from soft_continuum.hardware.protocols import HardwareError
 
 SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
-"""s without a reply that can be taken, and cycles in succession, that are a failure."""
+"""Time (s) and number of successive cycles without a valid reply that are a failure."""
 
 
 class Exchange:
     """
     Writes to servos and reads them.
 
-    missed: how many reads in succession gave nothing that could be believed.
+    missed: number of successive reads without a valid reply.
     """
 
     def __init__(self, bus: DynamixelBus, servos: Sequence[Servo], found: Sequence[ServoState]
@@ -56,7 +56,7 @@ class Exchange:
         self._bus.sync_write(register, dict(zip(self._ids, values, strict=True)))
 
     def send(self, wanted: Sequence[Written]) -> None:
-        """Write what the servos have not repeated; goals first, so that no current is jerked."""
+        """Write values that the servos have not confirmed; goals first: no current jumps."""
         known, repeat = [state.written for state in self._states], self._repeat
         self._repeat = False
         if repeat or any(a.goal != b.goal for a, b in zip(wanted, known, strict=True)):
@@ -66,10 +66,10 @@ class Exchange:
 
     def receive(self, written: Sequence[Written]) -> list[ServoState] | None:
         """
-        Return the state of all servos, or None if it cannot be believed.
+        Return the state of all servos, or None if it is not valid.
 
         Raises HardwareError for a hardware error of a servo, a torque that was switched off, and
-        when nothing could be believed for too long.
+        when no valid reply was received for too long.
         """
         asked = self._bus.clock()
         try:
@@ -93,32 +93,32 @@ class Exchange:
                 self._miss(self._why_other(servo, state.written, wanted))
                 return None
             if not state.follows(before, fastest(wanted)):
-                self._miss(f'{servo} replies what cannot be: position {state.position} after '
+                self._miss(f'implausible reply from {servo}: position {state.position} after '
                            f'{before.position}, {REALTIME_TICK} {state.tick} after {before.tick}')
                 return None
         self._states, self._heard, self.missed = states, now, 0
         return states
 
     def _miss(self, why: str, unanswered: bool = False) -> None:
-        """Count a reply that was not taken; raises HardwareError when there are too many."""
+        """Count an invalid reply; raises HardwareError when there are too many."""
         self.missed += 1
         if self.missed < MIN_MISSED or self._bus.clock() - self._heard < SILENCE_TIMEOUT:
             return
         answering = self._bus.find(self._ids) if unanswered else self._ids
         silent = [str(servo) for servo in self._servos if servo.id not in answering]
         if silent:
-            why = f'{" and ".join(silent)}: no answer any more; check its cable and supply'
+            why = f'{" and ".join(silent)}: stopped replying; check its cable and supply'
         raise HardwareError(why)
 
     def _why_other(self, servo: Servo, found: Written, written: Written) -> str:
-        """Say why a servo does not have what was written to it."""
+        """Explain why a servo does not hold the written values."""
         if found.watchdog == WATCHDOG_TRIGGERED:
-            return (f'the watchdog of {servo} stopped it, because it heard nothing for '
+            return (f'the watchdog of {servo} stopped it, because it received nothing for '
                     f'{written.watchdog * WATCHDOG_UNIT:g} s; the computer is too busy')
         if found.watchdog == 0:
-            return (f'{servo} was reset or without power for a moment: its torque was off, and '
-                    'its turns are not known; check its supply')
-        return f'{servo} does not keep what was written to it ({found} instead of {written})'
+            return (f'{servo} was reset or lost power for a moment: its torque was off, and its '
+                    'turn count is lost; check its supply')
+        return f'{servo} does not keep the values written to it ({found} instead of {written})'
 
     def _explain_alert(self, servo: Servo) -> None:
         with contextlib.suppress(NoReplyError, DamagedReplyError):

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether servos go on as their goals pull them: one that is caught soon stops the others.
+Detection of blocked servos: one blocked servo soon stops the others.
 
-A servo lags behind its goal, by more under load, so that where it is tells little.  How far it
-goes tells more: it is compared with a motor that nothing holds.  What a load or friction changes
-is a part of the way, or comes once; a servo that is caught does not go at all.
+A servo lags behind its goal, by more under load, so its position error is a poor indicator.  Its
+travel is a better one: it is compared with that of an unloaded motor.  Load and friction change a
+part of the travel, or change it once; a blocked servo does not travel at all.
 """
 
 from collections import deque
@@ -16,16 +16,16 @@ from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spool
 from soft_continuum.hardware.dynamixel.state import profile_speed, ServoState
 
 SHORT, SHARE = 1.5e-4, 0.15
-"""m by which a servo may be short of its way, and share of the way that is none."""
+"""Tolerated travel error (m), and share of the expected travel below which a servo is blocked."""
 MEMORY = 1.0  # s in which the way is looked at
 MOTOR_TIME, MAX_MOTOR_TIME = 0.015, 0.03
 """s in which a motor follows a voltage, est, and of one with much inertia, by its current."""
-MAX_LATE = 0.005  # s between request and reply after which nobody knows which goal was in force
+MAX_LATE = 0.005  # s between request and reply after which the goal in force is unknown
 CYCLE, STEP = 0.01, 1e-3  # s
 
 
 class Following:
-    """Compares servos with motors that nothing holds; for one thread at a time."""
+    """Compares servos with unloaded motors; for one thread at a time."""
 
     def __init__(self, servos: Sequence[Servo], spools: Spools, states: Sequence[ServoState]
                  ) -> None:
@@ -38,7 +38,7 @@ class Following:
         self.place(states)
 
     def place(self, states: Sequence[ServoState]) -> None:
-        """Begin anew with servos at rest."""
+        """Start again with servos at rest."""
         self._places = [float(state.written.goal) for state in states]  # of the motors, pulses
         self._most = [  # pulses/s^2 with what its load leaves of the current of a servo
             max(0, servo.goal_current - abs(state.current)) * servo.tension(1) * servo.radius
@@ -50,7 +50,7 @@ class Following:
 
     def add(self, before: Sequence[ServoState], states: Sequence[ServoState], missed: bool
             ) -> None:
-        """Take in how servos went on; missed: whether there were states between these."""
+        """Add the latest positions; missed: whether states before them were lost."""
         for i, (old, new) in enumerate(zip(before, states, strict=True)):
             self._go_on(i, old, 1e-3 * ((new.tick - old.tick) % TICK_RANGE))
             seen = self._behind[i]
@@ -74,7 +74,7 @@ class Following:
 
     @property
     def caught(self) -> int | None:
-        """Which servo does not follow; None where all do."""
+        """Which servo does not follow; None if all do."""
         for i, (seen, scale, short) in enumerate(zip(
                 self._behind, self._scale, self._short, strict=True)):
             place, position = seen[-1] if seen else (0.0, 0.0)

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What the SDK of ROBOTIS (dynamixel-sdk 4.1.0) does not do as a driver of tendons needs it.
+Replacements for parts of the ROBOTIS SDK (dynamixel-sdk 4.1.0) that do not suit this driver.
 
 Its port can be opened by two programs, keeps the processor busy while it waits for a reply, and
 measures timeouts with a clock that can be set.  Its packet handler stuffs the bytes FF FF FD in a
@@ -22,7 +22,7 @@ REPLY_TIME = 0.03
 
 
 class Port(PortHandler):  # type: ignore[misc]
-    """An open serial port as the SDK wants it, on a clock of ours; it sleeps while it waits."""
+    """An open serial port with the SDK's interface, on our clock; it sleeps while it waits."""
 
     def __init__(self, line: serial.Serial, clock: Clock) -> None:
         """Use an open ``line``."""
@@ -46,16 +46,16 @@ class Port(PortHandler):  # type: ignore[misc]
         return cast('bytes', self.ser.read(length))
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
-        """Give a reply of so many bytes its time."""
+        """Start the timeout of a reply with so many bytes."""
         self.setPacketTimeoutMillis(
             1e3 * (self.tx_time_per_byte * packet_length + self.reply_time))
 
     def setPacketTimeoutMillis(self, msec: float) -> None:  # noqa: N802
-        """Give a reply so many ms."""
+        """Start a timeout, ms."""
         self._deadline, self._late_reads = self.clock() + 1e-3 * msec, 0
 
     def isPacketTimeout(self) -> bool:  # noqa: N802
-        """Whether that time is over, and nothing that came within it waits to be read."""
+        """Whether the timeout is over and all bytes received within it were read."""
         if self.clock() < self._deadline:
             return False
         self._late_reads += 1

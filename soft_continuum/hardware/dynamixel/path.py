@@ -1,12 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which goals the servos are sent: a path within speed and acceleration limits, and a lead.
+Goals of the servos: a path within speed and acceleration limits, and a lead.
 
 A servo holds a load only with a position error: its goal is a little ahead of where it is.  This
 ``lead`` is adapted while the path rests, until the tendons are where they should be.  It is
-proportional to the current, and so a stop knows what it must keep of it, in order not to let a
-loaded tendon go.
+proportional to the current, so a stop keeps the part of it that loaded tendons need.
 """
 
 from collections.abc import Sequence
@@ -19,7 +18,7 @@ MAX_STEP = 0.03
 LEAD_RATE = 8.0  # 1/s with which the lead removes an error at rest
 MAX_LEAD = 0.01  # m
 SATURATED = 0.95  # of the current that a servo may use: a lead would only wind up
-MIN_COUNTS = 5  # of current, from which on it tells the lead
+MIN_COUNTS = 5  # of current, above which it determines the lead
 PATH_RESOLUTION = 1e-9  # m
 
 
@@ -28,14 +27,14 @@ class HeldPath:
 
     def __init__(self, spools: Spools, zeros: Sequence[int], positions: Sequence[int],
                  goals: Sequence[int]) -> None:
-        """Hold servos at their ``positions`` by the ``goals`` that they have; zeros: of pulls."""
+        """Hold servos at their ``positions`` by their present ``goals``; zeros: of pulls."""
         self._spools, self._scale = spools, spools.pull_per_pulse
         self.zeros = list(zeros)
         self._leads_per_count = [0.0] * len(self._scale)  # as found at rest, pulses
         self.place(positions, goals)
 
     def place(self, positions: Sequence[int], goals: Sequence[int]) -> None:
-        """Hold the servos where they are, by the goals that they have."""
+        """Hold the servos at their positions, by their present goals."""
         self.wanted = [float(position) for position in positions]
         """Where the servos should be now, pulses."""
         self.lead = [
@@ -68,7 +67,7 @@ class HeldPath:
 
     def adapt(self, elapsed: float, positions: Sequence[int], currents: Sequence[int],
               limits: Sequence[int]) -> None:
-        """Lead the goals more where servos are short of the end; currents and limits: counts."""
+        """Increase the lead of servos that are short of the end; currents and limits: counts."""
         for i, (error, current, limit, most) in enumerate(zip(
                 self.errors(positions), currents, limits, self._max_lead(), strict=True)):
             if abs(error) > self.tolerances[i] / 2.0:
@@ -90,12 +89,12 @@ class HeldPath:
         return [round(a + b) for a, b in zip(self.wanted, self.lead, strict=True)]
 
     def errors(self, positions: Sequence[int]) -> list[float]:
-        """Return how far servos are short of where they should be, pulses."""
+        """Return the position errors of servos, pulses."""
         return [a - b for a, b in zip(self.wanted, positions, strict=True)]
 
     @property
     def tolerances(self) -> list[float]:
-        """How near servos must be to have arrived, pulses."""
+        """Position tolerances of arrival, pulses."""
         return [tolerance / abs(scale) for tolerance, scale in zip(
             self._spools.arrival_tolerances, self._scale, strict=True)]
 

@@ -1,13 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How the zero of Dynamixel servos survives, and what of it is known after a loss of power.
+How the zero of Dynamixel servos survives restarts and losses of power.
 
 A servo counts its turns while it has power.  So the zero is marked in four spare bytes of its RAM:
-whoever finds the mark, after a restart of node or computer, knows the turns and the zero.  A servo
-that was without power, or was rebooted, has no mark any more and knows its angle within one turn
-only.  For that case the zero is kept in a file of the user too; which turn it is, is known if
-just one lies within pull_limits.
+after a restart of node or computer, the mark proves that turns and zero are valid.  A servo that
+lost power, or was rebooted, has lost the mark and measures its angle only within one turn.  For
+that case the zero is also stored in a file of the user; the turn is determined if only one lies
+within pull_limits.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ ZERO_BITS = 22
 CHECK_BASE = 1021
 MAX_ZERO = 1 << ZERO_BITS - 1
 TURN_MARGIN = 0.1
-"""Turns beyond pull_limits in which a tendon may be that was left to itself without power."""
+"""Turns beyond pull_limits that a tendon may have moved without power."""
 MAX_FILE = 100_000  # bytes
 
 
@@ -49,7 +49,7 @@ def _check(servo: int, bits: int) -> int:
 
 @dataclass(frozen=True)
 class Zero:
-    """The zero of a servo, pulses without Homing Offset; unknown: why it is none, else empty."""
+    """The zero of a servo, pulses without Homing Offset; unknown: why it is unknown."""
 
     position: int
     unknown: str = ''
@@ -58,14 +58,14 @@ class Zero:
 def zero_within_turn(servo: str, position: int, kept: int | None, pull_per_pulse: float,
                      limits: tuple[float, float]) -> Zero:
     """
-    Return the zero of a servo that was without power since its zero was kept.
+    Return the zero of a servo that lost power since its zero was stored.
 
-    position: now.  kept: the zero from the file, None if it has none.  pull_per_pulse: m.
+    position: now.  kept: the stored zero, None if there is none.  pull_per_pulse: m.
     limits: smallest and largest pull, m.
     """
     if kept is None:
-        return Zero(position, f'{servo} was without power or was rebooted, and no zero of it is '
-                    'kept on this computer')
+        return Zero(position, f'{servo} lost power or was rebooted, and no zero of it is stored '
+                              'on this computer')
     low, high = sorted(limit / pull_per_pulse for limit in limits)
     low, high = low - TURN_MARGIN * PULSES_PER_TURN, high + TURN_MARGIN * PULSES_PER_TURN
     # position - zero is between low and high, where zero is kept and any number of turns.
@@ -74,9 +74,9 @@ def zero_within_turn(servo: str, position: int, kept: int | None, pull_per_pulse
     zeros = [kept + PULSES_PER_TURN * turn for turn in turns]
     if len(zeros) == 1:
         return Zero(zeros[0])
-    reason = f'{servo} was without power or was rebooted, so its turns are not known: '
+    reason = f'{servo} lost power or was rebooted, so its turn count is lost: '
     if not zeros:
-        return Zero(position, reason + 'its angle fits to no pull within pull_limits')
+        return Zero(position, reason + 'its angle matches no pull within pull_limits')
     pulls = ' or '.join(f'{1e3 * pull_per_pulse * (position - zero):.1f} mm' for zero in zeros)
     return Zero(position, f'{reason}it may be at {pulls}')
 
@@ -93,7 +93,7 @@ class ZeroFile:
         self._path, self._port = path, port
 
     def read(self, servo: int) -> int | None:
-        """Return the zero of a servo; None if there is none that can be read."""
+        """Return the zero of a servo; None without a readable one."""
         zero = self._all().get(self._port, {}).get(str(servo))
         return zero if isinstance(zero, int) else None
 
@@ -101,7 +101,7 @@ class ZeroFile:
         """
         Keep zeros, None for none.
 
-        Raises HardwareError: an older one that stays would be a wrong one.
+        Raises HardwareError if it cannot, since an older stored zero would be wrong.
         """
         known = self._all()
         known[self._port] = known.get(self._port, {}) | {
@@ -110,8 +110,8 @@ class ZeroFile:
             self._path.parent.mkdir(parents=True, exist_ok=True)
             write_whole(self._path, json.dumps(known, indent=1, sort_keys=True) + '\n')
         except OSError as error:
-            raise HardwareError(f'the zero cannot be kept in {self._path} ({error.strerror}); '
-                                'make that possible, and reference again') from None
+            raise HardwareError(f'the zero cannot be saved in {self._path} ({error.strerror}); '
+                                'make it writable, and reference again') from None
 
     def _all(self) -> dict[str, dict[str, int | None]]:
         try:

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The registers of Dynamixel X servos that the driver uses, and the models that it can use.
+The registers of Dynamixel X servos that the driver uses, and the supported models.
 
 Source: the control tables and specifications of the ROBOTIS e-Manual
 (https://emanual.robotis.com/docs/en/dxl/x/, one page per model) and the model files of
@@ -19,12 +19,12 @@ RADIANS_PER_PULSE = 2.0 * pi / PULSES_PER_TURN
 VELOCITY_UNIT = 0.229 * 2.0 * pi / 60.0  # rad/s
 CURRENT_BASED_POSITION = 5
 P_GAIN_UNIT, FULL_PWM = 1.0 / 128.0, 885
-"""Of Position P Gain, steps of PWM for each pulse of position error; PWM at the full voltage."""
+"""Unit of Position P Gain, PWM steps per pulse of position error; PWM at full voltage."""
 WATCHDOG_UNIT = 0.02  # s
 WATCHDOG_TRIGGERED = 255
 """Bus Watchdog reads as -1 after it stopped the servo; goals are then refused until it is 0."""
 DISABLED_ID = 253
-"""Smallest Secondary ID that is none."""
+"""Smallest value of Secondary ID that disables it."""
 
 
 @dataclass(frozen=True)
@@ -90,13 +90,13 @@ Four bytes of RAM without a function of their own, 0 after the servo was switche
 Indirect Data 1 to 4, in the XL330 and XC330 Indirect Data 17 to 20, as long as the Indirect
 Addresses that belong to them are not changed.
 """
-TICK_RANGE = 32768  # ms after which the Realtime Tick begins anew
+TICK_RANGE = 32768  # ms after which the Realtime Tick wraps around
 
 
 @dataclass(frozen=True)
 class Model:
     """
-    What the data sheet says of a model with a current sensor.
+    Data sheet values of a model with a current sensor.
 
     current_unit: A of one count of current.  stall_torque: N m, with which current: A, at the
     recommended voltage.  no_load_speed: rad/s there.
@@ -147,14 +147,14 @@ HARDWARE_ERRORS = {
     0x04: ('overheating', 'let it cool down; it holds too much tension for too long'),
     0x08: ('motor encoder', 'its encoder failed: have the servo repaired'),
     0x10: ('electrical shock', 'check its wiring, and that the supply gives enough current'),
-    0x20: ('overload', 'see what caught the tendon; lower dynamixel.tension_limits if it was '
-           'only held'),
+    0x20: ('overload', 'find what blocks the tendon; lower dynamixel.tension_limits if it only '
+                       'held a load'),
 }
-"""By bit of Hardware Error Status: what happened, and what to do."""
+"""By bit of Hardware Error Status: the error and its remedy."""
 
 
 def explain_hardware_error(status: int) -> str:
-    """Return the bits of Hardware Error Status in words, with what to do."""
+    """Return the bits of Hardware Error Status as text, with remedies."""
     known = [f'{name} ({remedy})' for bit, (name, remedy) in HARDWARE_ERRORS.items()
              if status & bit]
-    return ', '.join(known) or f'an error that is not known (status {status})'
+    return ', '.join(known) or f'an unknown error (status {status})'

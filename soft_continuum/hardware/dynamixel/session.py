@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-One connection to Dynamixel servos: what they are to do, and how far they have come.
+One connection to Dynamixel servos: their commands and their progress.
 
 ``cycle`` talks to the servos and waits for their replies, on the one thread that owns the bus;
 requests from other threads only take a lock, and return at once.  Every cycle sends the goals of
@@ -36,7 +36,7 @@ CYCLE, RESTING_CYCLE = 0.01, 0.05
 STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
 ARRIVAL_TIMEOUT = 2.0  # s after the end of the path
 DISTANCE_BEHIND, TIME_BEHIND, BEHIND_TIMEOUT = 0.003, 0.15, 0.25
-"""m, and s of the fastest motion, by which a tendon may be behind; s for which by more."""
+"""Allowed lag of a tendon, m and s of the fastest motion; s for which it may be exceeded."""
 REFERENCE = 'straighten the arm, make all tendons just taut and call reference'
 
 
@@ -54,11 +54,11 @@ BUSY = State.MOVING, State.STOPPING, State.TAKING_UP
 
 
 class DynamixelSession:
-    """Servos that hold, and what is known of them."""
+    """Servos that hold, and their known state."""
 
     def __init__(self, bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
                  found: Sequence[ServoState], zeros: Sequence[Zero], zero_file: ZeroFile) -> None:
-        """Take over servos that hold, as they were ``found``, with what was written to them."""
+        """Take over holding servos as they were ``found``, with the values written to them."""
         self.link, self._servos, self._spools = bus, tuple(servos), spools
         self._zero_file = zero_file
         self._lock = threading.Lock()  # of all that follows
@@ -84,7 +84,7 @@ class DynamixelSession:
 
     @property
     def busy(self) -> bool:
-        """Whether the tendons may move, or something is still to be written or to be answered."""
+        """Whether the tendons may move, or writes or replies are pending."""
         return self.state in BUSY or self._mark_due or self._exchange.missed > 0
 
     @property
@@ -93,7 +93,7 @@ class DynamixelSession:
         return CYCLE if self.busy else RESTING_CYCLE
 
     def reading(self) -> TendonReading:
-        """Return the state of the last replies; without any for 0.3 s it fails."""
+        """Return the state of the last replies; it fails after 0.3 s without any."""
         with self._lock:
             self._check()
             scale = self._spools.pull_per_pulse
@@ -119,11 +119,11 @@ class DynamixelSession:
             self._check()
             rested = not self.busy
             if self._unknown:
-                raise HardwareError(f'the position is not known: {self._unknown}; {REFERENCE}')
+                raise HardwareError(f'the position is unknown: {self._unknown}; {REFERENCE}')
             if max(map(abs, self._path.to_pulses(pulls))) > MAX_POSITION - PULSES_PER_TURN:
                 raise HardwareError(
-                    'a servo counts 256 turns and would be beyond; with slack tendons switch the '
-                    'servos off and on, and reference again')
+                    'a servo counts at most 256 turns and would exceed them; with slack tendons '
+                    'switch the servos off and on, and reference again')
             self._target = pulls, self.link.clock() + duration
             if self.state is not State.STOPPING:
                 self._aim(self.link.clock())
@@ -235,7 +235,7 @@ class DynamixelSession:
                              self._written, goals, currents, strict=True)]
 
     def _receive(self) -> None:
-        """Read all servos; take what they reply if all of it can be believed."""
+        """Read all servos; use their replies if all of them are valid."""
         missed = self._exchange.missed
         states = self._exchange.receive(self._written)
         if states is not None:
@@ -288,7 +288,8 @@ class DynamixelSession:
             raise HardwareError(
                 f'{servo} is at {1e3 * self._path.to_pulls(self._positions())[at]:.2f} mm instead '
                 f'of {1e3 * wanted:.2f} mm, with about {abs(servo.tension(state.current)):.1f} N '
-                f'(dynamixel.tension_limits {servo.tension_limit:g} N): see what holds the tendon')
+                f'(dynamixel.tension_limits {servo.tension_limit:g} N): check what blocks the '
+                'tendon')
 
     def _end_take_up(self, take_up: TakeUp) -> None:
         self._take_up = None
@@ -310,7 +311,7 @@ class DynamixelSession:
     # The end
 
     def fail(self, reason: str) -> None:
-        """Hold where the tendons are, and be over."""
+        """Hold the tendons where they are, and end the session."""
         with self._lock:
             moved = self.state in BUSY and not self._exchange.missed
             self.state, self.failure = State.FAILED, reason
@@ -321,6 +322,6 @@ class DynamixelSession:
                 self._exchange.write(GOAL_POSITION, goals)
 
     def release(self) -> None:
-        """Let servos at rest hold from now on without being talked to."""
+        """Let servos at rest hold without further communication."""
         with contextlib.suppress(HardwareError):
             self._exchange.write(BUS_WATCHDOG, [0] * len(self._servos))

@@ -1,9 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What Dynamixel servos must be set to, and how they are found and checked.  Nothing is changed here.
+Required settings of Dynamixel servos, and how they are found and checked.
 
-The settings are in the EEPROM of the servos, which is locked while their torque is on.
+The settings are in the EEPROM of the servos, which is locked while their torque is on.  Only
+``write_settings`` changes anything.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,7 +52,7 @@ from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 
 BAUD_RATES = 57600, 1000000, 115200, 2000000, 3000000, 4000000, 9600
-"""At which servos are looked for when none answers; 57600 is how they are sold."""
+"""Baud rates of the search when no servo replies; 57600 is the factory setting."""
 PINGS = 3
 """Requests to each servo: two of the same ID rarely damage each other's replies always alike."""
 MAX_MISSED = 1  # of them, where the computer is busy
@@ -68,7 +69,7 @@ CALIBRATE = 'soft_continuum calibrate servos'
 @dataclass(frozen=True)
 class Spools:
     """
-    The servos, one per tendon, and what winds on them.
+    The servos and spools, one per tendon.
 
     tendons: their names.  ids: of the servos.  radii: of the spools to the middle of the tendon,
     m.  signs: 1 where a turn to larger positions (counter-clockwise, looking at the horn) pulls.
@@ -137,7 +138,7 @@ class Spools:
 
     @property
     def arrival_tolerances(self) -> tuple[float, ...]:
-        """How near each tendon comes to where it is sent, m: friction keeps a servo from more."""
+        """Position tolerance of each tendon, m, limited by friction."""
         return tuple(max(2.0 * abs(pulse), ARRIVAL_TOLERANCE) for pulse in self.pull_per_pulse)
 
 
@@ -162,12 +163,12 @@ class Servo:
         return f'servo {self.id} ({self.tendon})'
 
     def current(self, tension: float) -> int:
-        """Return the counts of current that hold a tension (N)."""
+        """Return the current (counts) that holds a tension (N)."""
         amperes = tension * self.radius / self.torque_constant
         return round(amperes / self.model.current_unit)
 
     def tension(self, counts: int) -> float:
-        """Return the tension (N) of counts of current that pull."""
+        """Return the tension (N) of a current (counts) that pulls."""
         return counts * self.model.current_unit * self.torque_constant / self.radius
 
     def stddev(self, tension: float) -> float:
@@ -188,7 +189,7 @@ class Servo:
     @property
     def stop_time(self) -> float:
         """
-        Return how far ahead of a turning servo the goal is at which it rests soonest, as time, s.
+        Return the lead of the goal at which a turning servo stops soonest, as time, s.
 
         It lags behind a moving goal by its speed over the gain of its position loop.  Half of that
         leaves the least swing, whatever the delay of the motor; with some more none comes back.
@@ -197,22 +198,22 @@ class Servo:
 
     @property
     def full_error(self) -> float:
-        """How far the goal must be ahead for the full voltage, pulses."""
+        """Position error at which the servo applies the full voltage, pulses."""
         return FULL_PWM / max(self.get(POSITION_P_GAIN) * P_GAIN_UNIT, 1e-9)
 
     @property
     def lag_time(self) -> float:
-        """By which a turning servo lags behind its goal, s."""
+        """Lag of a turning servo behind its goal, s."""
         return self.full_error * RADIANS_PER_PULSE / self.model.no_load_speed
 
     @property
     def homing_offset(self) -> int:
-        """What the servo adds to its position, pulses."""
+        """Offset that the servo adds to its position, pulses."""
         return self.get(HOMING_OFFSET)
 
     @property
     def goal_current(self) -> int:
-        """Counts of current that tension_limit allows."""
+        """Current that tension_limit allows, counts."""
         return self.current(self.tension_limit)
 
     def describe(self) -> str:
@@ -251,7 +252,7 @@ def _table(bus: DynamixelBus, number: int, name: str) -> bytes:
             continue
     if damaged:
         raise _doubled(number, name, damaged)
-    raise HardwareError(f'{name} answers a ping but no read: its {STATUS_RETURN_LEVEL} is 0 '
+    raise HardwareError(f'{name} answers pings but not reads: its {STATUS_RETURN_LEVEL} is 0 '
                         '(switch it off and on), or its cable is bad')
 
 
@@ -278,13 +279,13 @@ def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
 
 def _doubled(number: int, name: str, damaged: int) -> HardwareError:
     return HardwareError(
-        f'{damaged} of {PINGS} replies of {name} are damaged or doubled: two servos may have the '
-        f'ID {number} (connect one of them alone and give it another ID), or the baud rate or the '
-        'line is wrong')
+        f'{damaged} of {PINGS} replies of {name} are damaged or duplicated: two servos may have '
+        f'the ID {number} (connect one of them alone and give it another ID), or the baud rate or '
+        'the line is wrong')
 
 
 def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> str:
-    """Look for a servo that does not answer where it should, and say where it is."""
+    """Look for a servo that does not reply as configured, and return what was found."""
     baud_rate = bus.baud_rate
     missing = f'{name} does not answer at {baud_rate} baud'
     others = sorted({*bus.find(ids), *bus.find_all()} - {number})
@@ -308,8 +309,8 @@ def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) 
                         'Baud Rate (8) of the servos')
     finally:
         bus.baud_rate = baud_rate
-    return (f'{missing}, and no other one does; check dynamixel.port, dynamixel.ids, the cable '
-            'and the power of the servos')
+    return (f'{missing}, and neither does any other servo; check dynamixel.port, dynamixel.ids, '
+            'the cable and the power of the servos')
 
 
 def _model(name: str, number: int) -> Model:
@@ -320,7 +321,8 @@ def _model(name: str, number: int) -> Model:
             + ', '.join(sorted(model.name for model in MODELS.values())))
     if number not in MODELS:
         raise HardwareError(
-            f'{name} has the model number {number}, which this driver does not know; it knows: '
+            f'{name} has the model number {number}, which this driver does not support; it '
+            'supports: '
             + ', '.join(sorted(model.name for model in MODELS.values())))
     return MODELS[number]
 
@@ -335,12 +337,12 @@ class RegisterMismatch:
     why: str
 
     def __str__(self) -> str:
-        """Say what is there and what is needed."""
+        """Return the present and the needed value as text."""
         return f'{self.register} is {self.value}, needed: {self.needed}, {self.why}'
 
 
 def unfit_settings(servo: Servo, speed_limit: float) -> list[RegisterMismatch]:
-    """Return what must be changed in the EEPROM of a servo; speed_limit: m/s of the tendon."""
+    """Return the EEPROM values of a servo to change; speed_limit: m/s of the tendon."""
     def unless(register: Register, fits: bool, needed: int, why: str) -> list[RegisterMismatch]:
         value = servo.get(register)
         return [] if fits else [RegisterMismatch(register, value, needed, why)]
@@ -356,7 +358,7 @@ def unfit_settings(servo: Servo, speed_limit: float) -> list[RegisterMismatch]:
         *unless(SECONDARY_ID, get(SECONDARY_ID) >= DISABLED_ID, 255,
                 'none: it would obey another servo'),
         *unless(STARTUP, not get(STARTUP) & RAM_RESTORE, get(STARTUP) & ~RAM_RESTORE,
-                'or a loss of power could not be noticed'),
+                'or a loss of power could not be detected'),
         *unless(SHUTDOWN, bool(get(SHUTDOWN) & OVERHEATING), 52,
                 'or it would not protect itself from overheating'),
         *unless(PWM_LIMIT, get(PWM_LIMIT) >= MIN_PWM_LIMIT, 885,
@@ -369,13 +371,13 @@ def unfit_settings(servo: Servo, speed_limit: float) -> list[RegisterMismatch]:
 
 
 def problems(servo: Servo, speed_limit: float) -> list[str]:
-    """Return why a servo cannot be used, each with what to do; empty when it can."""
+    """Return why a servo cannot be used, each with a remedy; empty if it can."""
     found = []
     if status := servo.get(HARDWARE_ERROR):
         found.append(
             f'{servo} has shut down, so its tendon has no tension: '
-            f'{explain_hardware_error(status)}; then pay out what pulls at it and reboot it with '
-            f'{CALIBRATE}')
+            f'{explain_hardware_error(status)}; then pay out the tendons that load it and reboot '
+            f'it with {CALIBRATE}')
     if unfit := unfit_settings(servo, speed_limit):
         found.append(f'{servo}: {"; ".join(map(str, unfit))}; with slack tendons {CALIBRATE} sets '
                      'this (EEPROM is locked while torque is on)')
@@ -402,14 +404,14 @@ def write_settings(bus: DynamixelBus, servo: Servo, unfit: Sequence[RegisterMism
     """
     Switch the torque of a servo off and write its EEPROM; the tendon must be slack.
 
-    Raises HardwareError for a value that was not taken.
+    Raises HardwareError for a rejected value.
     """
     bus.write(servo.id, TORQUE_ENABLE, 0)
     for item in unfit:
         try:
             bus.write(servo.id, item.register, item.needed)
         except RefusedError as error:
-            raise HardwareError(f'{servo} does not take {item.register} {item.needed}: {error}'
+            raise HardwareError(f'{servo} does not accept {item.register} {item.needed}: {error}'
                                 ) from None
         if (value := bus.read(servo.id, item.register)) != item.needed:
             raise HardwareError(f'{servo}: {item.register} is {value} after {item.needed} was '

@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How servos that were found are taken over: what of their position is known, and that they hold.
+Taking over the servos that were found: their zeros, and holding torque.
 
-Nothing moves.  Servos that hold by what this driver sent them before go on doing so.  Others with
-torque hold what they hold now, such as where their watchdog stopped them, which is a little ahead
-of where they are under load.  Those without torque hold where they are.
+Nothing moves.  Servos that hold goals of this driver keep them.  Others with torque keep their
+present goal, for example where their watchdog stopped them, which under load is a little ahead of
+their position.  Those without torque hold their position.
 """
 
 from collections.abc import Sequence
@@ -49,14 +49,14 @@ from soft_continuum.hardware.protocols import HardwareError
 
 WATCHDOG = 10  # units of WATCHDOG_UNIT
 SPEED_MARGIN = 1.5
-"""By how much servos may be faster than speed_limit, to catch up after a delay."""
+"""Factor over speed_limit that lets servos catch up after a delay."""
 MAX_LEAD_FOUND = 0.002
-"""m by which what a servo holds that was not sent to it may be ahead of where it is."""
+"""Largest lead (m) of a goal that was not set by this driver."""
 ATTEMPTS = 5  # to read all servos, and to write what they must have or keep
 
 
 def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
-    """Return the state of all servos, by the fastest way of reading that they have."""
+    """Return the state of all servos, by the fastest read instruction that they support."""
     ids = [servo.id for servo in servos]
     fast = bus.fast is not False
     for attempt in range(ATTEMPTS):
@@ -68,7 +68,7 @@ def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
             reason = error
             continue
         return [ServoState.from_reply(reply, asked, bus.clock()) for reply in replies]
-    raise HardwareError(f'the servos answer alone, but not together: {reason}')
+    raise HardwareError(f'the servos reply individually, but not together: {reason}')
 
 
 def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[ServoState],
@@ -90,7 +90,7 @@ def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[Serv
 
 
 def clear_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> None:
-    """Let servos and this computer forget the zeros; raises HardwareError."""
+    """Clear the zeros in servos and on this computer; raises HardwareError."""
     zero_file.write(ids, [None] * len(ids))
     for servo in ids:
         bus.write(servo, SPARE, 0)
@@ -98,7 +98,7 @@ def clear_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> N
 
 def keep_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int],
                zero_file: ZeroFile) -> None:
-    """Mark zeros (Present Positions) in the servos, and keep them here; raises HardwareError."""
+    """Mark zeros (Present Positions) in the servos and store them here; raises HardwareError."""
     ids = [servo.id for servo in servos]
     raw = [zero - servo.homing_offset for zero, servo in zip(zeros, servos, strict=True)]
     zero_file.write(ids, raw)
@@ -110,8 +110,8 @@ def keep_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int],
             if [SPARE.decode(reply.data) for reply in replies] == [*marks.values()]:
                 return
     raise HardwareError(
-        f'the servos do not keep their zero in {SPARE}: does another program change their '
-        'Indirect Addresses?  With slack tendons switch the servos off and on')
+        f'the servos lose their zero in {SPARE}: does another program change their Indirect '
+        'Addresses?  With slack tendons switch the servos off and on')
 
 
 def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
@@ -119,8 +119,7 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
     """
     Let all servos hold, within their tension limits and with their watchdogs armed.
 
-    Returns their states with what was written.  Raises HardwareError for a servo that does not
-    take it.
+    Returns their states with what was written.  Raises HardwareError for a servo that rejects it.
     """
     goals, off = [], []
     for servo, state in zip(servos, states, strict=True):
@@ -153,11 +152,11 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
                 (w.goal, w.current, w.velocity) for w in wanted]:
             break
     else:
-        raise HardwareError(f'the servos do not take what is written to them: {held_by} instead '
-                            f'of {wanted}; check the line')
+        raise HardwareError(f'the servos do not keep the values written to them: {held_by} '
+                            f'instead of {wanted}; check the line')
     for servo in off:
         _switch_on(bus, servo)
-    if off:  # somebody may have turned one meanwhile
+    if off:  # one may have been turned by hand meanwhile
         for i, state in enumerate(read_states(bus, servos)):
             if servos[i] in off:
                 goals[i] = state.position
@@ -169,7 +168,7 @@ def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
         if [state.written for state in found] == wanted:
             return found
     held_by = [state.written for state in found]
-    raise HardwareError(f'the servos do not take what is written to them: {held_by} instead '
+    raise HardwareError(f'the servos do not keep the values written to them: {held_by} instead '
                         f'of {wanted}; check the line')
 
 
@@ -179,8 +178,8 @@ def _switch_on(bus: DynamixelBus, servo: Servo) -> None:
             bus.write(servo.id, TORQUE_ENABLE, 1)
             return
         except RefusedError as error:
-            raise HardwareError(f'{servo} does not switch its torque on: {error}; switch it off '
-                                'and on') from None
+            raise HardwareError(f'{servo} cannot switch its torque on: {error}; switch it off and '
+                                'on') from None
         except (NoReplyError, DamagedReplyError):
             if attempt == ATTEMPTS - 1:
                 raise

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What one sync read tells of a servo, and whether it can be believed.
+The state of a servo in a sync read, and its validation.
 
-The block that is read has what the driver wrote itself: a reply that does not repeat it is none of
-this servo now, or something that was written was lost.
+The block also contains the values that the driver wrote: a reply that does not repeat them is not
+the present one of this servo, or a write was lost.
 """
 
 from collections import deque
@@ -29,10 +29,10 @@ from soft_continuum.hardware.dynamixel.registers import (
 
 BLOCK = TORQUE_ENABLE.address, PRESENT_POSITION.end
 REST_TIME, REST_PULSES = 0.03, 1
-"""s over which a servo at rest is seen to turn by no more pulses."""
+"""Time (s) in which a servo at rest turns by at most so many pulses."""
 VELOCITY_TIME = 0.008  # s
 TICK_TOLERANCE = 0.1
-"""s by which the clock of a servo may be ahead of that of the computer between two replies."""
+"""Largest advance of a servo's clock over the computer's between two replies, s."""
 
 
 @dataclass(frozen=True)
@@ -46,19 +46,19 @@ class Written:
 
 
 def profile_speed(written: Written) -> float:
-    """Return how fast a servo goes at most that moves as was written, pulses/s."""
+    """Return the largest speed of a servo with the written values, pulses/s."""
     return written.velocity * VELOCITY_UNIT / RADIANS_PER_PULSE
 
 
 def fastest(written: Written) -> float:
-    """Return the speed at which it is still believed, which may swing, pulses/s."""
+    """Return the largest plausible speed, including oscillation, pulses/s."""
     return 2.0 * profile_speed(written)
 
 
 @dataclass(frozen=True)
 class ServoState:
     """
-    One servo at one time, between when it was asked and time, when its reply was there (s).
+    One servo at a time between asked and time (s), when its reply was received.
 
     position: pulses.  current: counts.  tick: ms.  alert: whether it has a hardware error.
     torque: whether it is on.
@@ -75,7 +75,7 @@ class ServoState:
 
     @classmethod
     def from_reply(cls, reply: Reply, asked: float, time: float) -> 'ServoState':
-        """Return what a reply to a sync read of BLOCK says."""
+        """Return the state in a reply to a sync read of BLOCK."""
         def get(register: Register) -> int:
             return register.decode(reply.data, BLOCK[0])
 
@@ -86,7 +86,7 @@ class ServoState:
                    bool(get(TORQUE_ENABLE)))
 
     def follows(self, earlier: 'ServoState', fastest: float) -> bool:
-        """Whether the servo can be here after ``earlier``; fastest: pulses/s."""
+        """Whether this state is plausible after ``earlier``; fastest: pulses/s."""
         elapsed = self.time - earlier.asked  # at most: a busy computer sees a reply late
         ticks = (self.tick - earlier.tick) % TICK_RANGE
         new = ticks > 0 or self.time - earlier.time < 0.002
@@ -95,20 +95,20 @@ class ServoState:
 
 
 class Track:
-    """Where servos were in the last REST_TIME."""
+    """Positions of servos in the last REST_TIME."""
 
     def __init__(self, time: float, positions: Sequence[int]) -> None:
         """Begin with servos at rest at ``positions``; time: s."""
         self._places = deque([(time, positions)])
 
     def add(self, time: float, positions: Sequence[int]) -> None:
-        """Note where they are at a later time (s)."""
+        """Add positions of a later time (s)."""
         self._places.append((time, positions))
         while len(self._places) > 2 and self._places[1][0] <= time - REST_TIME:
             self._places.popleft()
 
     def velocities(self) -> list[float]:
-        """Return how fast they turned in the last hundredth of a second, pulses/s."""
+        """Return the velocities in the last 0.01 s, pulses/s."""
         end, places = self._places[-1]
         begin, before = next(
             ((time, at) for time, at in reversed(self._places) if time <= end - VELOCITY_TIME),

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Slack is taken up: each tendon in turn is pulled in until its servo shows a small tension."""
+"""Take-up of slack: each tendon in turn is pulled in until its servo measures a small tension."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from soft_continuum.hardware.dynamixel.state import ServoState
 SPEED = 0.002  # m/s
 MAX_TRAVEL = 0.02  # m of each tendon
 MAX_AHEAD = 0.002
-"""m by which the goal of a servo may be ahead of it; so a tendon that gives way is not jerked."""
+"""Largest lead of a goal (m), which limits the jerk if a tendon gives way."""
 TAUT_SHARE = 0.9  # of the current for that tension
 TAUT_TIME = 0.2  # s
 TAUT_PULSES = 2  # that a taut tendon may move in that time
@@ -23,7 +23,7 @@ class TakeUp:
 
     The servo itself limits the tension: its Goal Current is that of the tension until all tendons
     are taut.  currents: Goal Current of each servo.  goals: Goal Position of each.  failed: why
-    the slack was not taken up, or empty.  done: whether it was, or was not.
+    the slack was not taken up, or empty.  done: whether it has ended.
     """
 
     def __init__(self, servos: Sequence[Servo], spools: Spools, positions: Sequence[int],
@@ -50,7 +50,7 @@ class TakeUp:
         self._still = (now, positions[at])  # since when it rests, and where
 
     def step(self, states: Sequence[ServoState], now: float) -> None:
-        """Set goals and currents for now (s); ``states`` is what the servos replied last."""
+        """Set goals and currents for now (s); ``states``: the last replies of the servos."""
         at, servo = self._at, self._servos[self._at]
         state, scale = states[at], self._scale[at]
         if abs(state.position - self._still[1]) > TAUT_PULSES:

@@ -50,7 +50,7 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
 
     def __init__(self, port: str, baud_rate: int, spools: Spools, zeros: Path,
                  clock: Clock = STEADY) -> None:
-        """Describe the devices; nothing is opened yet.  zeros: file that keeps their zeros."""
+        """Describe the devices; nothing is opened yet.  zeros: file of their zeros."""
         super().__init__(
             spools.tendons, spools.pull_limits, spools.take_up_tension > 0.0, clock)
         self._port, self._baud_rate, self._spools = port, baud_rate, spools

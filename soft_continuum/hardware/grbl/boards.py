@@ -21,7 +21,7 @@ SAME_SPEED = 0.02  # relative
 
 
 class Board(TendonDriver, Protocol):
-    """A driver that knows its tendons."""
+    """A driver and its tendons."""
 
     @property
     def tendons(self) -> tuple[str, ...]:
@@ -29,15 +29,15 @@ class Board(TendonDriver, Protocol):
 
     @property
     def fastest(self) -> float:
-        """Speed of the fastest motion that it can brake in time, m/s; of an open one."""
+        """Speed of the fastest motion that an open board can brake in time, m/s."""
 
 
 class GrblBoards:
     """
     Boards that each move some of the tendons, in their order; see TendonDriver.
 
-    When one fails the others are stopped.  Nothing but the clock of this computer keeps them
-    together: while they move, one may be some 20 ms behind another.
+    When one fails the others are stopped.  Only the clock of this computer synchronizes them: in
+    motion, one may be some 20 ms behind another.
     """
 
     def __init__(self, boards: Sequence[Board], clock: Clock = STEADY) -> None:
@@ -68,7 +68,7 @@ class GrblBoards:
         each = '; '.join(f'{1e3 * speed:.1f} mm/s for {", ".join(board.tendons)}'
                          for speed, board in zip(speeds, self._boards, strict=True))
         return [HardwareError(
-            'the GRBL controllers accelerate differently, so some tendons would come later than '
+            'the GRBL controllers accelerate differently, so some tendons would arrive later than '
             f'others: {each}; set $120 and following of all to the same acceleration')]
 
     def close(self) -> None:
@@ -107,7 +107,7 @@ class GrblBoards:
         self._each(move)
 
     def stop(self) -> None:
-        """Brake all of them, whichever of them fails, then hold."""
+        """Brake all of them, even if some fail, then hold."""
         failed: list[HardwareError] = []
         for board in self._boards:
             try:

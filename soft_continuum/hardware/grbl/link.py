@@ -43,14 +43,14 @@ COORDINATES = re.compile(rf'{NUMBER}(?:,{NUMBER}){{2,5}}')
 Coordinates = tuple[float, ...]
 """One value per axis of the controller, motor steps."""
 G_WORDS = frozenset((20, 53, 90))
-"""Ways (steps) that no jog makes: with X or Y damaged to G they would change what a jog means."""
+"""Distances (steps) that no jog has: with X or Y damaged to G they would change the jog mode."""
 FEED_UNIT = 100
 """steps/min; no part of such a number, with a damaged digit before it, is a G word."""
 
 
 @dataclass(frozen=True)
 class Banner:
-    """A greeting after a reset of any kind; not every board has one that is known as such."""
+    """A greeting after a reset; those of some boards are not recognized."""
 
     greeting: str
 
@@ -176,11 +176,11 @@ class GrblLink(Wakeable):
 
     @property
     def waited(self) -> float:
-        """Time (s) that stands still while this computer is late: what a board may take."""
+        """Time (s) granted to the board; it stands still while this computer is late."""
         return self.clock() - self._late
 
     def close(self) -> None:
-        """Close the port; what a device has not taken within LAST_BYTES_TIME is dropped."""
+        """Close the port; bytes not sent within LAST_BYTES_TIME are dropped."""
         self.clock.sleep(LAST_BYTES_TIME)
         try:
             discard_output(self._port)

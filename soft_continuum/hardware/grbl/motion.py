@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-How a tendon motion becomes short jogs, and how much of it is queued in the controller.
+Splitting of tendon motions into short jogs, and their queue in the controller.
 
-The controller has no watchdog: it executes what it was sent.  So it is never sent more than
-MAX_QUEUED_TIME seconds of motion.  Positions are whole motor steps in machine coordinates.
+The controller has no watchdog: it executes all queued jogs.  So at most MAX_QUEUED_TIME seconds of
+motion are queued.  Positions are whole motor steps in machine coordinates.
 """
 
 from collections import deque
@@ -21,7 +21,7 @@ from soft_continuum.parameters.parameter import ParameterError
 JOG_TIME = 0.02
 """s of motion per jog."""
 FEED_MARGIN = 1.2
-"""By which jogs are faster than planned, so that the controller catches up after a delay."""
+"""Speed factor of jogs, so that the controller catches up after a delay."""
 MAX_JOG_TIME = 0.06
 """s of motion per jog after a late acknowledgement, if that makes its numbers no longer."""
 MAX_QUEUED_TIME = 0.14
@@ -111,7 +111,7 @@ class Motors:
 
     @property
     def accuracy(self) -> Accuracy:
-        """How near they come to where they are sent: a step."""
+        """Position accuracy: a step."""
         return Accuracy(tuple(1.0 / steps for steps in self.steps_per_metre))
 
     def to_steps(self, position: Sequence[float]) -> Steps:
@@ -169,7 +169,7 @@ class JogStream:
         self.place((0,) * len(self._scale))
 
     def place(self, steps: Steps) -> None:
-        """Start anew at ``steps``, without a target."""
+        """Start again at ``steps``, without a target."""
         self.end = steps  # of the last jog
         self.target = steps
         self._origin = steps  # of the planned path
@@ -194,7 +194,7 @@ class JogStream:
         self._path.move(self._metres(self._origin, steps), max(0.0, arrival - self._planned_until))
 
     def next_jog(self, now: float) -> Jog | None:
-        """Return what the controller must be sent now, if anything."""
+        """Return the jog to send now, if any."""
         seconds = min(now + JOG_TIME - self._planned_until, self._max_jog_time)
         if self.end == self.target or seconds < 0.75 * JOG_TIME:
             return None
@@ -220,7 +220,7 @@ class JogStream:
 
     def observe(self, steps: Steps, speed: float) -> bool:
         """
-        Update from where the motors are; return False when that is not on the planned path.
+        Update from the motor positions; return False if they are not on the planned path.
 
         speed: of the fastest motor, m/s.
         """

@@ -1,10 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-One connection to a GRBL controller: what is sent to it, and what its messages mean.
+One connection to a GRBL controller: its commands and its messages.
 
-Nothing here waits.  When something is not as it must be HardwareError is raised, and the
-connection is over.
+Nothing here waits.  On any failure HardwareError is raised and the connection ends.
 """
 
 import contextlib
@@ -48,9 +47,9 @@ STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
 STOP_RETRY_INTERVAL = 0.2  # s after which a stop that shows no effect is sent again
 PROGRESS_TIMEOUT = 0.5  # s without a step while motion is queued
 MIN_REPORTS = 4
-"""Reports or attempts that a timeout needs besides: the computer itself may have been late."""
+"""Reports or attempts that a timeout also needs, since this computer may have been late."""
 CERTAIN_REPORTS = 2
-"""Reports in succession: a jog that came late can be queued while one report says Idle."""
+"""Required successive reports: a late jog can be queued while one report shows Idle."""
 HOMING_TIMEOUT = 60.0  # s
 HOMING_SPEED = 0.005
 """m/s at which tendons are pulled from the switches to zero."""
@@ -63,18 +62,18 @@ REFERENCE = 'straighten the arm, make all tendons just taut and call reference'
 
 @dataclass
 class ProgressTimer:
-    """Something that must happen in time: since when (s), and reports or attempts meanwhile."""
+    """A pending event: its start (s), and the reports or attempts since."""
 
     since: float
     count: int = 0
 
     def expired(self, timeout: float, now: float) -> bool:
-        """Whether it took too long (s), and the computer was not itself the reason."""
+        """Whether it took too long (s), unless this computer was late."""
         return now - self.since > timeout and self.count >= MIN_REPORTS
 
 
 class GrblSession:
-    """What is known of a controller at rest since it was found; requests come from any thread."""
+    """The session of a controller that was found at rest; requests come from any thread."""
 
     def __init__(self, link: GrblLink, found: Controller, motors: Motors) -> None:
         """Take over a controller that was ``found`` on ``link``."""
@@ -150,7 +149,7 @@ class GrblSession:
             self._check()
             if self._unreferenced:
                 raise HardwareError(
-                    f'the position is not known: {self._unreferenced}; {REFERENCE}')
+                    f'the position is unknown: {self._unreferenced}; {REFERENCE}')
             now = self.link.clock()
             self._target = add(self._zero, self._motors.from_pulls(pulls)), now + duration
             if self.state is not State.STOPPING:
@@ -196,19 +195,19 @@ class GrblSession:
                 self.link.write(SOFT_RESET if self.link.unanswered == HOME else JOG_CANCEL)
 
     def release(self) -> None:
-        """Leave the controller, which holds, to itself: nothing is to be done for it."""
+        """Leave the controller, which holds, without further communication."""
 
     # What is sent
 
     def cycle(self) -> None:
-        """Take messages into account, and send what is due."""
+        """Process messages, and send due commands."""
         with self._lock:
             for message in self.link.receive():
                 self.handle(message, self.link.clock())
             self.act(self.link.clock())
 
     def act(self, now: float) -> None:
-        """Send what is due, and check that what was sent is answered in time."""
+        """Send due commands, and check that earlier ones are answered in time."""
         stopping = self.state in (State.STOPPING, State.ABORTING_HOMING)
         if stopping and self._state_watch.expired(STOP_TIMEOUT, now):
             raise HardwareError(
@@ -263,7 +262,7 @@ class GrblSession:
     # What is received
 
     def handle(self, message: Message, now: float) -> None:
-        """Take one message into account; raises HardwareError when it reports a failure."""
+        """Process one message; raises HardwareError when it reports a failure."""
         if isinstance(message, Alarm):
             raise HardwareError(explain_alarm(message.number))
         if isinstance(message, Banner):
@@ -348,7 +347,7 @@ class GrblSession:
                                  'controller or a damaged command')
 
     def _doubt(self) -> None:
-        """Rest, and ask for the mark again: the line that shows a reset may be a damaged one."""
+        """Rest, and request the mark again: the line that indicates a reset may be damaged."""
         self._marked = self._mark_found = False
         self._begin_stop()
         self._setup_lines = [OFFSETS]
@@ -365,8 +364,8 @@ class GrblSession:
         if status.state not in ('Idle', 'Jog', 'Run', 'Home') and not (
                 status.state == 'Hold' and self.state is State.STOPPING):
             raise HardwareError(
-                f'the GRBL controller went into the state {status.state}, which the driver did '
-                f'not ask for; {UNLOCK}')
+                f'the GRBL controller entered the state {status.state}, which the driver did not '
+                f'request; {UNLOCK}')
         if pins := STOP_PINS.intersection(status.pins):
             # During a jog the firmware only cancels what is queued, and would take the next one.
             raise HardwareError(

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Which firmware is behind a serial port, with which settings, and what its position means.
+Firmware and settings behind a serial port, and the reference of its position.
 
 GRBL forgets the work offset (G92) and the tool length offset (G43.1) in every reset, and nothing
 else shows whether its position is still that of the motors: greetings differ, and get lost.
@@ -45,7 +45,7 @@ MARK = 61.803
 MARKED = f'G43.1Z{MARK:.3f}'
 MARK_AXIS = 2  # Z, to which the tool length offset belongs
 RATE_MARGIN = 1.5
-"""By which $110, $111 may exceed what is needed; no jog, however damaged, is faster than they."""
+"""Largest factor of $110, $111 over the needed rate; they limit even damaged jogs."""
 
 ERRORS = {
     1: 'expected a letter', 2: 'bad number', 3: 'unknown command', 5: 'homing is not enabled',
@@ -64,7 +64,7 @@ UNLOCK = ('make sure that nothing is strained, then power-cycle the board, or ty
 
 
 class ResetSeenError(Exception):
-    """The controller was reset in the middle of the conversation."""
+    """The controller was reset during the exchange."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def is_mark(message: Message) -> bool:
 
 
 def invalid_settings(settings: Mapping[int, float], motors: Motors) -> list[str]:
-    """Return, for each setting (by number) that does not fit, what it is and how to set it."""
+    """Return, for each wrong setting, its value and how to correct it."""
     axes = range(len(motors.tendons))
     feeds = [60.0 * motors.speed_limit * scale for scale in motors.steps_per_metre]
     by_switches = {22: (0.0, 0.0, 'tendons are referenced by hand: no grbl.homed_pulls')}
@@ -160,8 +160,8 @@ def invalid_settings(settings: Mapping[int, float], motors: Motors) -> list[str]
         13: (0.0, 0.0, 'reports are not in inches'),
         20: (0.0, 0.0, 'travel is limited by pull_limits'),
         **by_switches,
-        **{100 + i: (1.0, 1.0, 'the controller counts motor steps; grbl.steps_per_mm tells the '
-                     'driver what a step is') for i in axes},
+        **{100 + i: (1.0, 1.0, 'the controller counts motor steps; grbl.steps_per_mm defines a '
+                               'step for the driver') for i in axes},
         **{110 + i: (feed, RATE_MARGIN * feed,
                      f'speed_limit in steps/min, and at most {RATE_MARGIN:g} times that: a '
                      'damaged command is no faster') for i, feed in enumerate(feeds)},
@@ -244,7 +244,7 @@ def _status_with_offset(link: GrblLink, deadline: float) -> Status:
                         return message
     raise HardwareError(
         'the GRBL controller does not report its work offset (WCO), without which a reset of the '
-        'board could not be seen; check the cable, and $10 (grblHAL: $10=511)')
+        'board goes undetected; check the cable, and $10 (grblHAL: $10=511)')
 
 
 def _ask(link: GrblLink, line: str, deadline: float) -> list[Message]:

@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The states of a connection to a GRBL controller, and what leads from one to another.
+The states of a connection to a GRBL controller, and their transitions.
 
     RESTING -TARGET-> JOGGING -RESTED-> RESTING          JOGGING -STOP-> STOPPING -RESTED-> RESTING
     RESTING -HOME-> HOMING_REQUESTED -HOME_SENT-> SEEKING -HOME_DONE-> HOMED -RESTED-> RESTING
@@ -14,7 +14,7 @@ from enum import auto, Enum
 
 
 class State(Enum):
-    """What a controller is doing, as far as its driver knows."""
+    """State of a controller, as known to its driver."""
 
     RESTING = auto()
     JOGGING = auto()
@@ -35,7 +35,7 @@ class State(Enum):
 
 class Event(Enum):
     """
-    What changes the state.
+    Events that change the state.
 
     TARGET: there is motion to be sent.  RESTED: all motion has ended.  HOME_DONE: the homing cycle
     was acknowledged.  LOCKED: the controller is locked until it is homed.
@@ -62,5 +62,5 @@ _TRANSITIONS = {
 
 
 def next_state(state: State, event: Event) -> State:
-    """Return the state after an event; one that has no meaning in a state does not change it."""
+    """Return the state after an event; events without a transition change nothing."""
     return _TRANSITIONS[event].get(state, state)

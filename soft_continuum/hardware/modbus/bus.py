@@ -1,16 +1,15 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The only owner of a Modbus RTU line: one request, one reply, and a pause after every error.
+A Modbus RTU line: one request, one reply, and a pause after every error.
 
 RTU replies carry no number, so a late reply looks like the answer to a later request.  Hence
 nothing is sent twice, and a request succeeds only when exactly its reply is received in time:
-unit, function, length, echo and CRC.  After anything else the line is not used until nothing was
-received for a while; ``out_of_step`` then tells the user of the bus that late replies may still be
-on their way.  Zeros around a reply are none: lines without bias end what is sent with some.  A
-write is acknowledged by its repetition, which an adapter with a local echo gives too, so that one
-goes only over a line that has answered a read.  Frames and CRC are pymodbus's (frames.py); its
-client is not used, as it accepts a late reply.
+unit, function, length, echo and CRC.  After anything else the line is not used until it has been
+quiet for a while; ``out_of_step`` then indicates that late replies may still arrive.  Zeros around
+a reply are ignored: lines without bias add some.  A write is acknowledged by its repetition, which
+an adapter with a local echo also produces, so writes are only sent after an answered read.  Frames
+and CRC are pymodbus's (frames.py); its client is not used, as it accepts a late reply.
 """
 
 from collections.abc import Callable
@@ -29,11 +28,11 @@ if TYPE_CHECKING:
     from pymodbus.pdu import ModbusPDU
 
 PAUSE = 0.2
-"""Timeouts without a byte before the line is used again; doubled by each failure in a row."""
+"""Timeouts of silence before the line is used again; doubled by each successive failure."""
 SHORT_PAUSE = 0.05
-"""s; a pause as short as this, or the first, is waited out: one lost reply costs one reading."""
+"""Pauses up to this (s), and the first, are waited out: one lost reply costs one reading."""
 MAX_PAUSE = 1.0
-"""s; some boards need 0.5 s without a byte to find the beginning of a request again."""
+"""Pause, s; some boards need 0.5 s of silence to find the start of a request again."""
 OPEN_ATTEMPTS = 2
 """A reply to a program that was killed just before may still be on its way to the first one."""
 BITS_PER_CHARACTER = 11  # the longest there is; 8N1 has 10
@@ -46,16 +45,16 @@ ECHO = ('the adapter repeats what is sent (local echo): switch its echo off, or 
         'not receive while it sends')
 OVERHEAD = 5  # bytes of a reply besides what was read: unit, function, byte count, CRC
 EXCEPTIONS = {
-    1: 'does not know the function',
+    1: 'does not support the function',
     2: 'has no such address',
     3: 'refuses the number of addresses or the value',
-    4: 'has failed inside',
+    4: 'reports an internal failure',
     6: 'is busy',
 }
 
 
 class RefusedError(HardwareError):
-    """A device answered, in time, that it will not do what it was asked."""
+    """A device rejected a request."""
 
 
 class ModbusBus:
@@ -120,7 +119,7 @@ class ModbusBus:
             self._disconnect()
 
     def set_in_step(self) -> None:
-        """Trust replies again: no late one can be received any more."""
+        """Trust replies again: late ones can no longer arrive."""
         self.out_of_step = False
         self._failures = 0
 
@@ -178,7 +177,7 @@ class ModbusBus:
         answer = self._decode(frame, reply.lstrip(NOTHING), size)
         if answer is None:
             raise self._failed(
-                f'{who} sent {reply[:80].hex(" ")}, which does not answer {frame.hex(" ")}; '
+                f'{who} sent {reply[:80].hex(" ")}, which is no reply to {frame.hex(" ")}; '
                 f'{self._cause(reply)}')
         if answer.isError():
             code = answer.exception_code
@@ -201,7 +200,7 @@ class ModbusBus:
         return reply
 
     def _cause(self, received: bytes) -> str:
-        """Return why bytes may have come that answer nothing, and what to do."""
+        """Return the probable cause of unexpected bytes, and the remedy."""
         if received.startswith(self._sent) or self._sent.startswith(received):
             return ECHO
         if not received.strip(NOTHING):
@@ -239,7 +238,7 @@ class ModbusBus:
         if unrequested:
             self._paused_until = self.clock() + self._pause
         if self.clock() + self._short_pause < self._paused_until:
-            raise HardwareError(f'{self._error} (waiting until nothing is received)')
+            raise HardwareError(f'{self._error} (waiting until the line is quiet)')
         self._error = ''
         self.clock.sleep(self._used_at + self._gap - self.clock())
         return line

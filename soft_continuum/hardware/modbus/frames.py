@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Modbus RTU frames: requests of one who asks, and what a reply says.  Frames and CRC are pymodbus's.
+Modbus RTU frames: requests of a client, and decoded replies.  Frames and CRC are pymodbus's.
 
-Only this module imports pymodbus, and only a bus that is made imports it: not every node has one.
+Only this module imports pymodbus, and only a bus imports this module: not every node has one.
 """
 
 from pymodbus.framer import FramerRTU
@@ -44,7 +44,7 @@ class Frames:
             address=register, registers=[value], dev_id=unit))
 
     def decode(self, reply: bytes, unit: int) -> ModbusPDU | None:
-        """Return what a whole frame of a unit says; None when it is none, as by its CRC."""
+        """Return the decoded frame of a unit; None for an invalid one, such as a wrong CRC."""
         return self._framer.handleFrame(reply, unit, 0)[1]
 
     def _built(self, request: ModbusPDU) -> bytes:

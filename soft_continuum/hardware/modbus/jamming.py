@@ -30,9 +30,9 @@ from soft_continuum.hardware.protocols import HardwareError, JammingReading
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 
 COILS_INTERVAL = 0.2
-"""s between two readings of the relays: they change only by a command or a reset of the board."""
+"""Period of relay readings, s: relays only change by a command or a reset of the board."""
 MAX_COILS = 2000
-"""What one reply can carry."""
+"""Largest count of one reply."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,15 @@ class ModbusJamming:
     A JammingDriver over Modbus RTU.
 
     A call makes one to four requests, each bounded by ``modbus.timeout`` (0.1 s by default, 1 s at
-    most), and raises after the first that is not answered: a board that does not answer holds its
-    caller for one timeout at a time, with ever longer pauses in which calls raise at once.
-    Nothing is switched but by set_evacuated and set_pump: not on open, close or reconnection.
+    most), and raises after the first unanswered one: a board that does not reply blocks its caller
+    for one timeout at a time, with increasing pauses in which calls raise at once.  Only
+    set_evacuated and set_pump switch anything; open, close and reconnection do not.
     """
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
 
     def __init__(self, bus: ModbusBus, registers: RegisterMap) -> None:
-        """Use ``bus``, which nothing else may use."""
+        """Use ``bus`` exclusively."""
         self._bus = bus
         self._map = registers
         self._coils: tuple[bool, ...] | None = None  # None: not known

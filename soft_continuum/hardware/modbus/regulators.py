@@ -28,7 +28,7 @@ from soft_continuum.parameters.parameter import ParameterError
 @dataclass(frozen=True)
 class Outputs:
     """
-    Where the set-points are, one holding register per segment, and what they mean.
+    Registers of the set-points, one per segment, and their scaling.
 
     unit: number of the board.  values: of a register at the ends of the range.  vacuums: Pa below
     ambient at these ends.
@@ -57,12 +57,12 @@ class Outputs:
         return span(self.of_segments)
 
     def value(self, vacuum: float) -> int:
-        """Return what a register holds for a vacuum (Pa); the lowest value for less than that."""
+        """Return the register value of a vacuum (Pa), at least the lowest value."""
         (low, high), (least, most) = self.values, self.vacuums
         return low + round(max(0.0, (vacuum - least) / (most - least)) * (high - low))
 
     def vacuum(self, value: int) -> float:
-        """Return the vacuum (Pa) that a register tells; 0 at or below the lowest value."""
+        """Return the vacuum (Pa) of a register value; 0 at or below the lowest value."""
         (low, high), (least, most) = self.values, self.vacuums
         return least + (value - low) / (high - low) * (most - least) if value > low else 0.0
 
@@ -71,12 +71,12 @@ class ModbusRegulators:
     """
     A RegulatorDriver over Modbus RTU.
 
-    Timing and errors are those of ModbusJamming.  Nothing is set but by set_vacuum: not on open,
-    close or reconnection.  Every reading has the set-points as the board holds them.
+    Timing and errors are those of ModbusJamming.  Only set_vacuum sets anything; open, close and
+    reconnection do not.  Every reading has the set-points as the board holds them.
     """
 
     def __init__(self, bus: ModbusBus, outputs: Outputs, transmitters: Transmitters) -> None:
-        """Use ``bus``, which nothing else may use."""
+        """Use ``bus`` exclusively."""
         self._bus, self._outputs, self._transmitters = bus, outputs, transmitters
 
     @classmethod

@@ -16,16 +16,16 @@ from soft_continuum.hardware.modbus.bus import (
 from soft_continuum.parameters.parameter import ParameterError
 
 BROKEN_WIRE, SHORT_CIRCUIT = 3600, 21000
-"""uA; no working transmitter gives less than the one or more than the other."""
+"""Range of a working transmitter, uA."""
 MAX_REGISTERS = 125
-"""What one reply can carry."""
+"""Largest count of one reply."""
 REQUEST_SIZE = 8  # bytes
 
 
 @dataclass(frozen=True)
 class Transmitters:
     """
-    Where the transmitters are, one input register per segment, and what they tell.
+    Registers of the transmitters, one input register per segment, and their scaling.
 
     unit: number of the board.  ambient_pressure: Pa.  vacuum_at_4_ma, vacuum_at_20_ma: Pa below
     it.
@@ -76,10 +76,10 @@ class Transmitters:
 
 def get_in_step(read: Callable[[int, int, int], Any], unit: int, registers: range) -> None:
     """
-    Have a board answer a request whose reply has a length of its own.
+    Make a board answer a request whose reply has a unique length.
 
-    Boards answer in the order of their requests, so no earlier reply can follow then.  It is
-    asked for one register alone (or, where one is all, for two: it may refuse).
+    Boards answer in the order of their requests, so no earlier reply can follow then.  It is asked
+    for a single register (or, if it only has one, for two: it may refuse).
     """
     try:
         read(unit, registers[0], 1 if len(registers) > 1 else 2)
@@ -89,7 +89,7 @@ def get_in_step(read: Callable[[int, int, int], Any], unit: int, registers: rang
 
 
 def addresses(values: Mapping[str, Any], name: str) -> tuple[int, ...]:
-    """Return a list of addresses, one per segment; raise ParameterError when it is none."""
+    """Return a list of addresses, one per segment; raise ParameterError if it is invalid."""
     given, segments = values[name], len(values['arm.segment_lengths'])
     if len(given) != segments:
         raise ParameterError(

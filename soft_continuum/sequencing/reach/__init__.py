@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plans by tip: which segment to soften when, and to which angle, so that the tip gets there.
+Plans by tip: the sequence of softened segments and angles that brings the tip to its goal.
 
 ``reach`` plans to one goal of the tip, ``follow`` a path through several, both among obstacles.
 """

@@ -1,9 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The tip of very many shapes at once, by constant curvature, and shapes for a tip.
+Tips of many shapes at once, by constant curvature, and shapes for a tip.
 
-It is what a search can afford to ask thousands of times; the statics have the last word.
+It is fast enough for thousands of calls in a search; the statics verify the result.
 """
 
 from collections.abc import Sequence
@@ -26,14 +26,14 @@ STUCK = 1e8  # damping at which a fit gets no nearer
 
 
 class TipResidual:
-    """How far tips are from a goal, in parts of its tolerances."""
+    """Errors of tips from a goal, relative to its tolerances."""
 
     def __init__(self, goal: TipGoal) -> None:
         """Take the goal."""
         self.goal = goal
 
     def of(self, positions: Array, rotations: Array) -> Array:
-        """Return what is to be zero of tips (m, 3), m, and (m, 3, 3), as (m, 3 or 6)."""
+        """Return the residuals (m, 3 or 6) of tips (m, 3), m, and (m, 3, 3)."""
         goal = self.goal
         away: Array = (positions - goal.position) / goal.position_tolerance
         if goal.kind == 'position':
@@ -56,14 +56,14 @@ class TipResidual:
         return there
 
     def errors(self, state: Equilibrium) -> tuple[float, float]:
-        """Return how far the tip of a state is away, m, and how far it is turned, rad."""
+        """Return the errors of the tip of a state, m and rad."""
         miss = self.of_state(state)
         return (float(np.linalg.norm(miss[:3])) * self.goal.position_tolerance,
                 float(np.linalg.norm(miss[3:])) * self.goal.angle_tolerance)
 
 
 def size(miss: Array) -> Array:
-    """Return the larger part of what tips miss (..., 3 or 6): up to 1 is within tolerance."""
+    """Return the largest part of residuals (..., 3 or 6): up to 1 is within tolerance."""
     parts: Array = np.maximum(np.linalg.norm(miss[..., :3], axis=-1),
                               np.linalg.norm(miss[..., 3:], axis=-1))
     return parts
@@ -73,7 +73,7 @@ class Arcs:
     """
     One arm of constant curvature; bending is (segments, 2) rad, as Equilibrium.bending.
 
-    free: about which axes it bends, as bending.  limits: (segments,) rad.
+    free: axes about which it bends, as bending.  limits: (segments,) rad.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -85,11 +85,11 @@ class Arcs:
 
     @property
     def dimensions(self) -> int:
-        """About how many axes it bends: 1 for a tip that stays in a plane, 2 else."""
+        """Number of bending axes: 1 for a tip that stays in a plane, otherwise 2."""
         return int(self.free.any(axis=0).sum())
 
     def tips(self, bending: Array) -> tuple[Array, Array]:
-        """Return where tips are, (m, 3) m, and their orientations (m, 3, 3), of (m, ...) rad."""
+        """Return tip positions (m, 3) m and orientations (m, 3, 3) of bendings (m, ...) rad."""
         return constant_curvature.tips(self.arm, bending)
 
     def pulls(self, bending: Array) -> Array:
@@ -97,7 +97,7 @@ class Arcs:
         return constant_curvature.pulls(self.arm, bending)
 
     def columns(self, movers: Sequence[int]) -> NDArray[np.intp]:
-        """Return which of the numbers of a bending some segments, or WHOLE_ARM, set."""
+        """Return the components of a bending that some segments, or WHOLE_ARM, set."""
         chosen = np.zeros_like(self.free)
         for mover in movers:
             rows = slice(None) if mover == WHOLE_ARM else mover
@@ -110,11 +110,10 @@ class Arcs:
 
     def fit(self, bending: Array, movers: Sequence[int], miss: TipResidual) -> tuple[Array, Array]:
         """
-        Bring tips to a goal by what some segments, or WHOLE_ARM, set.
+        Fit tips to a goal by the bendings of some segments, or WHOLE_ARM.
 
-        bending: (m, segments, 2) rad, from where.
-        Returns the bendings and what is missed, as TipResidual.of; by the method of Levenberg and
-        Marquardt, all at once.
+        bending: (m, segments, 2) rad, initial.  Returns the bendings and residuals, as
+        TipResidual.of; by the method of Levenberg and Marquardt, all at once.
         """
         columns, bent = self.columns(movers), self.within(bending)
         left = miss.of(*self.tips(bent))
@@ -133,7 +132,7 @@ class Arcs:
         return bent, left
 
     def jacobian(self, bending: Array, columns: NDArray[np.intp], miss: TipResidual) -> Array:
-        """Return how what is missed changes with some columns of bendings (m, ...): (m, k, n)."""
+        """Return the Jacobian (m, k, n) of the residuals by some columns of bendings (m, ...)."""
         count = len(columns)
         flat = np.repeat(bending.reshape(1, len(bending), -1), count + 1, axis=0)
         flat[np.arange(count), :, columns] += STEP
@@ -142,7 +141,7 @@ class Arcs:
 
     def _change(self, bending: Array, left: Array, columns: NDArray[np.intp], damping: Array,
                 miss: TipResidual) -> Array:
-        """Return by how much bendings (m, ...) are too large for what is left (m, k)."""
+        """Return the Levenberg-Marquardt step to subtract from bendings (m, ...); left: (m, k)."""
         count, jacobian = len(columns), self.jacobian(bending, columns, miss)
         square = jacobian.swapaxes(1, 2) @ jacobian
         scale = np.trace(square, axis1=1, axis2=2) / count + 1e-12

@@ -1,16 +1,16 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""How long a search goes on: by the work that it does, so that the machine's speed is nothing."""
+"""The budget of a search, counted in work and so independent of the machine's speed."""
 
 from time import monotonic
 
 
 class Budget:
     """
-    The states that a search may judge, and the seconds after which it ends whatever it has done.
+    The number of states that a search may evaluate, and a time limit.
 
-    A state counts when it is solved for, or looked at by constant curvature.  states and seconds
-    are those in all; ``judged`` counts.  late: whether the seconds ended the search.
+    A state counts when it is solved or evaluated by constant curvature.  states and seconds are
+    totals; ``judged`` counts states.  late: whether the time limit ended the search.
     """
 
     def __init__(self, states: float, seconds: float) -> None:
@@ -19,7 +19,7 @@ class Budget:
         self._end = monotonic() + seconds
 
     def judge(self) -> bool:
-        """Count a state; return whether it is one too many."""
+        """Count a state; return whether it exceeds the budget."""
         self.judged += 1
         return self.over
 
@@ -30,16 +30,16 @@ class Budget:
 
     @property
     def over(self) -> bool:
-        """Whether the search is to end."""
+        """Whether the search must end."""
         if monotonic() > self._end:
             self.late = True
         return self.late or self.judged > self.states
 
     @property
     def ended_by_time(self) -> str:
-        """What to say where no plan was found and the seconds ended the search; else nothing."""
+        """Text if no plan was found within the time limit; otherwise empty."""
         return (f'; reach.time_limit ended the search after {self.judged} of {self.states:.0f} '
-                'states: with more time it may find one') if self.late else ''
+                'states: more time may give a plan') if self.late else ''
 
     @property
     def left(self) -> tuple[float, float]:

@@ -1,12 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Sequences of settings whose tip is at the goal, by constant curvature, the promising ones first.
+Sequences of settings that reach the goal by constant curvature, the most promising first.
 
-The last settings of a sequence, as many as the goal has numbers to determine, are fitted to it,
-and the one before them takes values from a grid.  Of longer sequences there are too many: they are
-drawn, with an end that is known by then and values from the grid where a segment is set before
-that.  A segment may be set twice.
+The last settings of a sequence, as many as the goal determines, are fitted to it, and the one
+before them takes values from a grid.  Longer sequences are too many: they are drawn at random,
+with a known end and earlier settings from the grid.  A segment may be set twice.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,17 +30,17 @@ SAME_SHAPE = 0.02  # rad: shapes that differ by less are one
 CHUNK, CHUNKS = 100, 400  # sequences drawn at a time, and how often
 PEAK = 15 / 8  # of the speed of a minimum-jerk motion over the mean
 NUMBERS = {'position': (2, 3), 'direction': (3, 5), 'pose': (3, 6)}
-"""How many a goal determines, of a tip that stays in a plane, and of another one."""
+"""Number of components that a goal determines, for planar and for spatial tips."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """
-    Settings one after the other, and what they cost about.
+    A sequence of settings and its estimated cost.
 
     movers: the segments (0-based), or WHOLE_ARM, that are set.  shapes: (movers + 1, segments, 2)
     rad, the bending before, and after each.  fitted: how many of the last were fitted to the goal.
-    seconds: of motion.  near: how far the tip is from the goal, in parts of its tolerances.
+    seconds: of motion.  near: error of the tip, relative to the tolerances of the goal.
     """
 
     movers: tuple[int, ...]
@@ -52,7 +51,7 @@ class Candidate:
 
 
 class Candidates:
-    """What is worth a try to reach one goal from one shape."""
+    """Candidates for one goal from one shape."""
 
     def __init__(self, arcs: Arcs, settings: PlanSettings, miss: TipResidual, start: Array,
                  draw: np.random.Generator) -> None:
@@ -69,7 +68,7 @@ class Candidates:
         self.determining = min(len(self.movers), ceil(numbers / each))
 
     def of(self, count: int) -> Iterator[list[Candidate]]:
-        """Yield candidates of so many settings, by and by, the best ones of each part first."""
+        """Yield candidates of so many settings in parts, the best ones of each part first."""
         last = min(count, self.determining)
         first = count - last
         if first == 0:
@@ -83,13 +82,13 @@ class Candidates:
                 yield [self._drawn(count) for _ in range(CHUNK)]
 
     def nearest(self) -> list[Candidate]:
-        """Return those that set each segment once and come nearest, whether they arrive or not."""
+        """Return the nearest candidates that set each segment once, whether they arrive or not."""
         every = len(self.movers)
         found = self._ended([((), self.start[None])], every, 4 * STARTS, np.inf)
         return sorted(found, key=lambda one: (round(one.near, 1), one.seconds))
 
     def beside(self, best: Candidate, width: float) -> list[Candidate]:
-        """Return candidates whose first settings, and shapes to fit, are near to others, rad."""
+        """Return candidates whose first settings and initial shapes are near to others, rad."""
         first = len(best.movers) - best.fitted
         shapes = best.shapes[:first + 1].copy()
         for k, mover in enumerate(best.movers[:first]):

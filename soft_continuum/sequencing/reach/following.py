@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plans that lead the tip through goals one after the other.
+Plans that move the tip through several goals.
 
-A segment that stays soft leads the tip along a curve.  So shapes are looked for from which one
-segment alone comes near to all goals; where it does not, others take over on the way.  What is
-between two goals is compared with the straight line between them.
+A segment that stays soft moves the tip along a curve.  So the search looks for shapes from which
+one segment alone passes near all goals; otherwise others take over on the way.  The path between
+two goals is compared with the straight line between them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -50,9 +50,9 @@ def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequ
 
     The others are those of ``reach``.  tip_error of a plan is the largest distance of the tip from
     the line through the goals, from the first of them on, and of each goal from the tip;
-    turn_error that of its orientation at the goals.  A plan is better with less of what is beyond
-    the tolerances, then with fewer softenings, then if it is faster.  Neighbouring moves of one
-    segment are one, with a short rest at each goal.
+    turn_error that of its orientation at the goals.  Plans are compared by their excess over the
+    tolerances, then by softenings, then by duration.  Successive moves of one segment are joined,
+    with a short rest at each goal.
     """
     settings = settings or ReachSettings()
     if not 2 <= len(goals) <= MAX_GOALS:
@@ -68,7 +68,7 @@ def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequ
 
 @dataclass(frozen=True, eq=False)
 class _Track:
-    """A plan up to a goal: how far its tip was off, m and rad, and beyond the tolerances."""
+    """A plan up to a goal: errors of its tip, m and rad, and excess over the tolerances."""
 
     node: Node
     away: float = 0.0
@@ -115,8 +115,8 @@ class _Following:
                     yield self._result(track)
         late = self.budget.late
         if best is None:
-            why = ('the path is blocked or out of reach: no way from its first goal to its last '
-                   'was found') + self.budget.ended_by_time
+            why = ('the path is blocked or out of reach: found no path from its first goal to its '
+                   'last') + self.budget.ended_by_time
             yield Reach(None, why, (), *search.miss.errors(self.start.state), cut_short=late)
         elif late:
             yield replace(self._result(best), cut_short=True)
@@ -140,7 +140,7 @@ class _Following:
                     continue
 
     def _fitted(self, mover: int) -> list[tuple[float, Array]]:
-        """Return shapes from which a segment comes near to all goals, and what it misses."""
+        """Return shapes from which a segment passes near all goals, and the remaining errors."""
         arcs, goals = self.arcs, [TipResidual(goal) for goal in self.goals]
         own = arcs.columns([mover])
         others = np.setdiff1d(arcs.columns(self.movers), own)
@@ -229,7 +229,7 @@ class _Following:
 
 
 def _farthest(points: Array, one: Array, other: Array) -> float:
-    """Return how far the farthest of points (m, 3) is from the line between two others, m."""
+    """Return the largest distance of points (m, 3) from the line between two others, m."""
     along = other - one
     part = np.clip((points - one) @ along / max(float(along @ along), 1e-18), 0.0, 1.0)
     return float(np.linalg.norm(points - one - part[:, None] * along, axis=1).max(initial=0.0))

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What a plan by tip may cost, and what the arm must stay clear of."""
+"""Costs and limits of plans by tip, and the collision scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from soft_continuum.sequencing.plans import PlanError
 
 
 class Distance(Protocol):
-    """How near the arm is to what surrounds it."""
+    """Distance of the arm from the nearest obstacle."""
 
     @property
     def distance(self) -> float:
@@ -26,16 +26,16 @@ class Distance(Protocol):
 
 class CollisionScene(Protocol):
     """
-    What the arm must not touch: soft_continuum.obstacles.CollisionScene, or any other.
+    Obstacles of the arm: soft_continuum.obstacles.CollisionScene, or another implementation.
 
-    The body that it measures is that of the state; distances may be too small, never too large.
+    Distances are from the body in that state; they may be too small, never too large.
     """
 
     def clearance(self, state: Equilibrium) -> Distance:
         """Return the smallest distance between the arm and an obstacle."""
 
     def at(self, position: Array) -> Distance:
-        """Return how far a point (3,), m, is from the nearest obstacle."""
+        """Return the distance of a point (3,), m, from the nearest obstacle."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,15 @@ class NoObstacles:
 @dataclass(frozen=True)
 class ReachSettings:
     """
-    What a plan must keep to, what is best, and how long to look for it.
+    Limits, costs and budget of a search.
 
     margin: m that the arm stays away from every obstacle.  lock_in: rad by which a segment may
-    bend when it is stiffened: so much clearance is kept besides.  softening_time: s that it takes
-    to soften a segment and to stiffen it again.  states: that a search judges at most.
-    time_limit: s after which it ends whatever it has judged.  max_softenings: of one plan.
+    bend when it is stiffened, which needs extra clearance.  softening_time: s that it takes to
+    soften a segment and to stiffen it again.  states: largest number that a search evaluates.
+    time_limit: of a search, s.  max_softenings: of one plan.
     weights: None for fewest softenings, then least time, then least tension; or what a softening,
-    a second and a newton cost.  seed: of all that is drawn; plans of one seed are the
-    same on every machine, but for those that time_limit cuts short.
+    a second and a newton cost.  seed: of random candidates; plans of one seed are the same on
+    every machine, unless time_limit ends the search.
     """
 
     margin: float = 0.005
@@ -82,7 +82,7 @@ class ReachSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse numbers that mean nothing; raises PlanError."""
+        """Refuse invalid numbers; raises PlanError."""
         for name, low in (('margin', 0.0), ('lock_in', 0.0), ('softening_time', 0.0),
                           ('states', 0), ('time_limit', 0.0)):
             value = getattr(self, name)

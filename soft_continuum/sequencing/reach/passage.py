@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-One move of a plan as the statics predict it: what is in the way, and which limit.
+One move of a plan, as the statics predict it: obstacles and limits.
 
-The pulls of the move are followed as the motors will follow them.  Between two states of the arm a
-point of it goes as far as ``moved`` says, so it can be nearer to an obstacle than in both of them
-by half of that at most; where that is too near, states between them are solved.
+The pulls of the move are followed as by the motors.  Between two states a point of the arm moves
+by at most ``moved``, so it can come closer to an obstacle than in both states by at most half of
+that; if that is too close, intermediate states are solved.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,21 +22,21 @@ from soft_continuum.sequencing.plans import Move, PlanError, PlannedStep, WHOLE_
 from soft_continuum.sequencing.reach.limits import Clear, CollisionScene, Distance, ReachSettings
 
 DETOUR = 1.2
-"""A way between two neighbouring states over the straight distance: they differ by little."""
+"""Largest ratio of path length to distance between neighbouring states."""
 SNAP = 0.02  # m between two states of a motion that were followed: farther, and it is no motion
 SHORT = 1e-3  # of the way between two pulls: no two states are nearer in time
 AWAY = 0.8
-"""Of the clearance at the start, where that is too small: what the first move keeps."""
+"""Share of a too small clearance at the start that the first move keeps."""
 VACUUM_STEPS = 5
-"""States on the way of a vacuum from full to what is wanted, at least: jams may yield on it."""
-BEYOND = 2e-3  # rad by which a segment may be beyond its bending angle limit, as it gives way
+"""Smallest number of states while a vacuum is lowered, as jams may yield."""
+BEYOND = 2e-3  # rad beyond its bending angle limit, for the compliance of a segment
 
 
 class BlockedError(Exception):
     """
-    What stands in the way of a move.
+    A move is blocked by an obstacle or a limit.
 
-    obstacle: its name.  limit: of which parameter; both may be empty.
+    obstacle: its name.  limit: name of the parameter; both may be empty.
     """
 
     def __init__(self, message: str, obstacle: str = '', limit: str = '') -> None:
@@ -47,9 +47,9 @@ class BlockedError(Exception):
 @dataclass(frozen=True, eq=False)
 class Node:
     """
-    Where some moves lead: all segments stiff again, if the arm has jamming.
+    The state after some moves: all segments stiff again, if the arm has jamming.
 
-    pulls: (tendons,) m of the motors.  near: how far obstacles are.  locked: the segments
+    pulls: (tendons,) m of the motors.  near: distance of obstacles.  locked: the segments
     (0-based) that were stiffened on the way here.
     """
 
@@ -63,21 +63,21 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class BodyFrames:
-    """Where the bodies of a state are: backbone and rotations, as of Equilibrium."""
+    """Poses of the bodies of a state: backbone and rotations, as in Equilibrium."""
 
     backbone: Array
     rotations: Array
 
 
 def moved(one: Equilibrium | BodyFrames, other: Equilibrium | BodyFrames, radius: float) -> float:
-    """Return how far no point within ``radius`` (m) of the backbone is from itself, m."""
+    """Return a bound of the displacement, m, of points within ``radius`` (m) of the backbone."""
     ends = np.linalg.norm(one.backbone[1:] - other.backbone[1:], axis=1)
     turns = np.linalg.norm(one.rotations - other.rotations, axis=(1, 2)) / np.sqrt(2.0)
     return float((ends + radius * turns).max())
 
 
 def body_radius(chain: Any) -> float:
-    """Return how far from the backbone the body of an arm reaches, m."""
+    """Return the radius of the body of an arm around its backbone, m."""
     # Bodies are longer than their radius at joints: a corner is sqrt(2) of it away.
     return float(np.sqrt(2.0) * max(
         chain.disc_radii.max(), max(s.outer_diameter for s in chain.arm.segments) / 2))
@@ -85,13 +85,13 @@ def body_radius(chain: Any) -> float:
 
 def between(one: Equilibrium | BodyFrames, near_one: float, other: Equilibrium | BodyFrames,
             near_other: float, radius: float) -> tuple[float, float]:
-    """Return how near obstacles are between two neighbouring states, how far points move, m."""
+    """Return the clearance between two neighbouring states, and the displacement of points, m."""
     way = DETOUR * moved(one, other, radius)
     return (near_one + near_other - way) / 2.0, way
 
 
 class MotionValidator:
-    """Moves of one arm among its surroundings."""
+    """Validates moves of one arm among obstacles."""
 
     def __init__(self, planner: MovePlanner, scene: CollisionScene, settings: ReachSettings
                  ) -> None:
@@ -108,16 +108,16 @@ class MotionValidator:
         self._jamming = planner.settings.jamming
 
     def start(self, state: Any, pulls: Array) -> Node:
-        """Return where plans begin; raises PlanError where that is in an obstacle."""
+        """Return the start node; raises PlanError if it is in an obstacle."""
         near = self.scene.clearance(state)
         if near.distance <= 0.0:
-            raise PlanError(f'the arm touches {near.obstacle} where it is: it overlaps by '
+            raise PlanError(f'the arm touches {near.obstacle} already: they overlap by '
                             f'{-near.distance * 1e3:.1f} mm; move one of them away first')
         return Node(state, pulls, near)
 
     def go(self, node: Node, mover: int, goal: Array) -> Node:
         """
-        Return where one segment (0-based), or WHOLE_ARM, is set.
+        Return the node after setting one segment (0-based), or WHOLE_ARM.
 
         goal: as Equilibrium.bending, rad.  Raises BlockedError.
         """
@@ -132,7 +132,7 @@ class MotionValidator:
 
     def relaxed(self, node: Node, vacuums: Sequence[float]) -> PlannedStep:
         """
-        Return how the arm gives way while the vacuum of one segment after the other is lowered.
+        Return the relaxation of the arm while vacuums are lowered, one segment after the other.
 
         vacuums: of every segment in the end, Pa below ambient.  The first state has every segment
         stiff.  Raises BlockedError.
@@ -165,17 +165,17 @@ class MotionValidator:
             raise BlockedError(str(error), limit='held') from None
 
     def free(self, state: Any, needed: float) -> None:
-        """Raise BlockedError where an obstacle is nearer to a state than needed, m."""
+        """Raise BlockedError if an obstacle is closer to a state than needed, m."""
         near = self.scene.clearance(state)
         if near.distance < needed:
             raise _too_near(near, needed)
 
     def needed(self, locked: frozenset[int], soft: int | None) -> float:
         """
-        Return how far obstacles must be, m.
+        Return the needed clearance, m.
 
-        A segment that bent when it was stiffened moves all beyond it.  The tendons make up for it
-        in the one that is soft, which moves all beyond that at most as much the other way.
+        A segment that bends when it is stiffened moves everything distal.  The tendons compensate
+        in the soft segment, which moves everything distal of it at most as much the other way.
         """
         shift = 0.0
         if self._jamming:
@@ -225,10 +225,10 @@ class _ClearanceChecker:
         self.tension = 0.0
 
     def check(self, state: Any) -> Distance:
-        """Note a state and return how far obstacles are; raises BlockedError beyond a limit."""
+        """Record a state; return the distance of obstacles; raises BlockedError beyond limits."""
         validator, settings = self.validator, self.validator.planner.settings
         if state.jumped:
-            raise BlockedError('the arm would go over to another shape by itself', limit='jump')
+            raise BlockedError('the arm would snap to another equilibrium', limit='jump')
         tension = float(np.nanmax(state.tensions, initial=0.0))
         if tension > settings.tension_limit:
             raise BlockedError(f'needs a tendon tension of {tension:.1f} N; tension_limit: '
@@ -247,7 +247,7 @@ class _ClearanceChecker:
         return near
 
     def between(self, one: Any, near_one: Distance, other: Any, near_other: Distance) -> float:
-        """Note how near obstacles are between two states; return how far points move, m."""
+        """Record the clearance between two states; return the displacement of points, m."""
         distance, way = between(
             one, near_one.distance, other, near_other.distance, self.validator.radius)
         nearest = min(near_one, near_other, key=lambda near: near.distance)
@@ -260,14 +260,15 @@ class _ClearanceChecker:
 
     def to(self, state: Any, near: Distance, before: Array, after: Array, part: float = 1.0
            ) -> tuple[Any, Distance]:
-        """Go to what ``solve`` takes next, by states as near to each other as is needed."""
+        """Go to the next argument of ``solve``, with intermediate states as needed."""
         there = self.solve(state, after)
         count = len(self.states)
         near_there = self.check(there)
         least, tension = self.least, self.tension
         try:
             if self.between(state, near, there, near_there) > SNAP:
-                raise BlockedError('the arm would snap over on the way', limit='jump')
+                raise BlockedError('the arm would snap to another equilibrium on the '
+                                   'way', limit='jump')
             return there, near_there
         except BlockedError:
             if part < SHORT:
@@ -282,5 +283,5 @@ class _ClearanceChecker:
 def _too_near(near: Distance, needed: float) -> BlockedError:
     far = near.distance * 1e3
     where = f'{far:.1f} mm away' if far >= 0.0 else f'the arm would be {-far:.1f} mm in it'
-    return BlockedError(f'{near.obstacle} is in the way: {where}; {needed * 1e3:.1f} mm of '
-                        'clearance are needed', obstacle=near.obstacle)
+    return BlockedError(f'{near.obstacle} is in the way: {where}; needed clearance: '
+                        f'{needed * 1e3:.1f} mm', obstacle=near.obstacle)

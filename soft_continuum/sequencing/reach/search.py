@@ -1,11 +1,11 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-The search for plans to a goal of the tip: arcs propose, the statics decide.
+The search for plans to a tip goal: arcs propose, the statics verify.
 
-Candidates with one softening come first, then those with two, and so on.  Each is looked at by
-constant curvature, then corrected and followed by the statics; what many have in common is looked
-at once.
+Candidates with one softening come first, then those with two, and so on.  Each is evaluated by
+constant curvature, then corrected and followed by the statics; common beginnings are evaluated
+once.
 """
 
 from collections import Counter
@@ -32,7 +32,7 @@ from soft_continuum.sequencing.reach.passage import (
 )
 
 ARC_ERROR = 0.01  # m by which arcs may be nearer to an obstacle than the arm is, at least
-ARC_FACTOR = 1.5  # of how far arcs are off in one shape: in others they may be more
+ARC_FACTOR = 1.5  # on the error of arcs in one shape: it may be larger in others
 PULL_ERROR = 0.003  # m by which tendons of arcs may be pulled in or paid out too far
 FINE = 0.004  # m: points of arcs that move by less are not looked at in between
 CORRECTIONS = 8  # of bendings, by the statics
@@ -53,8 +53,8 @@ def reach(planner: MovePlanner, state: Any, pulls: Sequence[float], goal: TipGoa
     Yield plans to a goal of the tip, each better than the one before it; the last is the best.
 
     state: of the arm at rest, with all segments stiff if it has jamming.  pulls: (tendons,) m of
-    its motors.  Where no plan is found, one Reach says why, with the plan that comes nearest.
-    Raises PlanError for a start or a goal that is none, or when the plan is abandoned.
+    its motors.  If no plan is found, one Reach has the reason and the nearest plan.  Raises
+    PlanError for an invalid start or goal, or when the plan is abandoned.
     """
     settings = settings or ReachSettings()
     goal.check(planner.statics.chain.arm)
@@ -100,7 +100,7 @@ class Search:
         if self.start.near.distance < inf:
             self._arc_error = self._found_arc_error(every[0])
         out_of_reach = every[0].near > 1.0
-        if out_of_reach:  # of arcs; the statics may say otherwise
+        if out_of_reach:  # of arcs; the statics may differ
             yield from self._tried(iter(every), anyway=True)
         if self.best is not None or not out_of_reach:
             for count in range(1, self.settings.max_softenings + 1):
@@ -171,7 +171,7 @@ class Search:
     # One candidate.
 
     def planned(self, candidate: Candidate, anyway: bool = False) -> Node:
-        """Return where the settings of a candidate lead; anyway: also if that is not the goal."""
+        """Return the node after the settings of a candidate; anyway: even off the goal."""
         if not anyway:
             self._look(candidate)
         movers, first = candidate.movers, len(candidate.movers) - candidate.fitted
@@ -247,7 +247,7 @@ class Search:
     # A look at arcs.
 
     def _found_arc_error(self, candidate: Candidate) -> float:
-        """Return how far the arm may be from its arcs, m, by the statics of one candidate."""
+        """Return the possible error of the arcs, m, by the statics of one candidate."""
         try:
             state = self._predicted(self.start, candidate.movers, candidate.shapes[-1])[-1]
         except (BlockedError, PlanError):
@@ -320,29 +320,29 @@ class Search:
             self.nearest = node
 
     def _nearest(self, out_of_reach: bool) -> Reach:
-        """Return the plan that comes nearest, and why none arrives."""
+        """Return the nearest plan, and why none reaches the goal."""
         away, turn = self.miss.errors(self.nearest.state)
         left = f'{away * 1e3:.1f} mm' + (
             '' if self.goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
-        why = f'the goal is out of reach: the nearest that was found is {left} from it'
+        why = f'the goal is out of reach: the nearest tip found is {left} from it'
         if not out_of_reach:
-            why = (f'no plan was found: {self._in_the_way()}; the nearest that was found is '
-                   f'{left} from the goal')
+            why = (f'no plan was found: {self._in_the_way()}; the nearest tip found is {left} '
+                   'from the goal')
         why += self.budget.ended_by_time
         names = dict.fromkeys(name for (name, _), _ in self.blocked.most_common() if name)
         return replace(self._result(self.nearest, why), blocked_by=tuple(names),
                        cut_short=self.budget.late)
 
     def _in_the_way(self) -> str:
-        """Say what stopped the candidates, the most frequent first."""
+        """Return what blocked the candidates, the most frequent first."""
         said = []
         for (obstacle, limit), _ in self.blocked.most_common(3):
             if obstacle:
                 said.append(f'{obstacle} is in the way')
             elif limit in ('tension_limit', 'pull_limits', 'bending_angle_limits'):
-                said.append(f'{limit} would be passed')
+                said.append(f'{limit} would be exceeded')
             elif limit == 'jump':
-                said.append('the arm would go over to another shape by itself')
+                said.append('the arm would snap to another equilibrium')
             elif limit == 'held':
                 said.append('the tendons do not hold the arm on the way')
         return ', '.join(dict.fromkeys(said)) or (
