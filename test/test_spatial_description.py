@@ -145,7 +145,7 @@ def test_tendons_without_an_axis_of_the_controller_and_hinges_in_space_are_refus
     with pytest.raises(ParameterError, match='9 tendons; .* at most 4: give the ports of 3'):
         Motors.of_boards({**load_description(TENDON_ARM), 'grbl.port': '/dev/ttyUSB0',
                           'grbl.steps_per_mm': (200.0,) * 9, 'grbl.signs': (1.0,) * 9})
-    with pytest.raises(ArmError, match='a spatial one'):
+    with pytest.raises(ArmError, match='this arm is spatial'):
         PlaneStatics(load_arm(TENDON_ARM))
 
 

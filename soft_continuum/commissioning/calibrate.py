@@ -26,20 +26,21 @@ from soft_continuum.commissioning.calibrate_job import Job, MM
 from soft_continuum.commissioning.calibration import (
     assess_vacuum,
     CalibrationError,
+    corrected_scale,
+    corrected_steps,
     MARK_TIME,
     MAX_MOVE,
     measure_segment,
     SegmentVacuum,
     TendonBench,
 )
-from soft_continuum.commissioning.drives import (
-    clear_zero,
-    corrected_scale,
-    corrected_steps,
-    DRIVES,
-)
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import (
+    commissioning,
+    JAMMING_DRIVERS,
+    make_driver,
+    TENDON_DRIVERS,
+)
 from soft_continuum.hardware.protocols import (
     HardwareError,
     JammingDriver,
@@ -189,8 +190,10 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 
 
 def _clear_zero(values: Mapping[str, Any]) -> None:
+    family = commissioning(TENDON_DRIVERS, values['tendon_driver'])
     try:
-        clear_zero(values)
+        if hasattr(family, 'clear_zero'):
+            family.clear_zero(values)
     except HardwareError as error:
         print('The tendon device may still hold a provisional zero: power-cycle it before '
               f'anything else ({error})', file=sys.stderr)
@@ -254,7 +257,7 @@ def _steps(job: Job) -> None:
     scales = tuple(corrected_scale(job.drive, old, distance / MM, travel / MM)
                    for old, travel in zip(before, travels, strict=True))
     _take(job, name, scales)
-    if job.values['tendon_driver'] == 'grbl' and scales != tuple(before):
+    if job.own_drive and job.drive.scale_moves_zero and scales != tuple(before):
         _clear_zero(job.values)
         print('The steps per mm have changed: the zero must be set again.')
 
@@ -270,7 +273,7 @@ def _take(job: Job, name: str, values: tuple[float, ...]) -> None:
     print(f'{name}: {as_yaml(values)} ({", ".join(job.names)}); it was '
           f'{as_yaml(job.values[name])}')
     job.values[name] = values
-    if job.values['tendon_driver'] in DRIVES:
+    if job.own_drive:
         job.results[name] = values
     else:
         print(f'This is not kept: tendon_driver is {job.values["tendon_driver"]}.')

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from soft_continuum.commissioning.calibration import CalibrationError
-from soft_continuum.commissioning.drives import Drive, DRIVES
+from soft_continuum.hardware.commissioning import Drive
+from soft_continuum.hardware.drivers import commissioning, TENDON_DRIVERS
+from soft_continuum.hardware.grbl.commissioning import DRIVE
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.scalars import as_yaml
 
@@ -49,7 +51,7 @@ class Job:
     def per_tendon(self, name: str) -> tuple[float, ...]:
         """Return a parameter with a value for each tendon; raises CalibrationError."""
         values: tuple[float, ...] = self.values[name]
-        if len(values) == 1 and name.startswith('ros_tendons.'):  # one counts for all
+        if len(values) == 1 and self.drive.shared:
             return values * len(self.names)
         if len(values) != len(self.names):
             raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
@@ -57,9 +59,15 @@ class Job:
         return values
 
     @property
+    def own_drive(self) -> Drive | None:
+        """The parameters of the tendon driver; None where it has none to correct."""
+        family = commissioning(TENDON_DRIVERS, self.values['tendon_driver'])
+        return getattr(family, 'DRIVE', None)
+
+    @property
     def drive(self) -> Drive:
-        """The driver's sign and scale parameters by name; those of grbl for other drivers."""
-        return DRIVES.get(self.values['tendon_driver'], DRIVES['grbl'])
+        """The parameters of the tendon driver; those of grbl where it has none."""
+        return self.own_drive or DRIVE
 
     def one(self, tendon: int, distance: float) -> tuple[float, ...]:
         """Return the distances (m) of all tendons that move only one, by ``distance`` in mm."""

@@ -17,6 +17,7 @@ from typing import TypeVar
 import numpy as np
 
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.commissioning import Drive
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
 from soft_continuum.hardware.protocols import (
     describe_pulls,
@@ -30,6 +31,8 @@ from soft_continuum.hardware.tendon_controller import TendonLimits
 
 SPEED = 2e-3
 """Speed of every calibration motion, m/s."""
+MAX_STEPS_FACTOR = 10.0
+"""Largest error factor of a scale; beyond it the measured value counts as a typing error."""
 MAX_MOVE = 0.01  # m
 POSITION_TOLERANCE = 2e-4
 """Largest position error at rest, m, unless the driver reports a larger tolerance."""
@@ -333,3 +336,26 @@ def _reaches(samples: Samples, level: float) -> float:
     reached = int(np.argmax(values >= level))
     around = [max(0, reached - 1), reached]
     return float(np.interp(level, values[around], times[around]))
+
+
+def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> float:
+    """
+    Return the steps/mm with which ``commanded`` (m) would have been the travel ``measured`` (m).
+
+    Raises CalibrationError when the two differ by more than MAX_STEPS_FACTOR.
+    """
+    low, high = commanded / MAX_STEPS_FACTOR, commanded * MAX_STEPS_FACTOR
+    if not (isfinite(measured) and low <= measured <= high):
+        raise CalibrationError(
+            f'{1e3 * measured:.2f} mm measured for {1e3 * commanded:.2f} mm commanded; allowed: '
+            f'{1e3 * low:.2f} mm to {1e3 * high:.2f} mm. Give mm; if the value is right, first '
+            'correct steps/mm roughly in controller and configuration')
+    return round(steps_per_mm * commanded / measured, 3)  # as many digits as GRBL keeps
+
+
+def corrected_scale(drive: Drive, scale: float, commanded: float, measured: float) -> float:
+    """Return the scale with which ``commanded`` (m) would have been ``measured`` (m)."""
+    if drive.inverse:  # the radius of a spool, m
+        corrected_steps(1.0, commanded, measured)  # raises for what cannot be
+        return float(f'{scale * measured / commanded:.6g}')
+    return corrected_steps(scale, commanded, measured)

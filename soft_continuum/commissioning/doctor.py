@@ -19,16 +19,13 @@ from soft_continuum.arguments import (
     Parser,
 )
 from soft_continuum.commissioning.checks import (
-    Check,
     check_jamming,
     check_ports,
     check_real_time,
     check_tendons,
-    FAIL,
-    OK,
-    WARN,
 )
 from soft_continuum.extras import missing, remedy, requirements, USES
+from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.text import printable
 

@@ -16,7 +16,7 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
-from soft_continuum.commissioning.checks import Check, FAIL, OK, WARN
+from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.nodes.node_info import NodeInfo, PERIOD
 from soft_continuum.nodes.parameter_table import AUTOSTART, NODE_PARAMETERS
 from soft_continuum.parameters.arm import ARM_PARAMETERS

@@ -18,7 +18,7 @@ from sensor_msgs.msg import Imu, JointState
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.tasks import until
-from soft_continuum.commissioning.checks import Check, FAIL, OK, WARN
+from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.mechanics.arm import PAIR, PLANAR_AXES, SPATIAL_AXES, STANDARD_GRAVITY
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,

@@ -7,13 +7,15 @@ A driver is a class that implements TendonDriver, JammingDriver or RegulatorDriv
 ``PARAMETERS``, a tuple of Parameter, and ``from_parameters(values, clock)``, which returns one for
 the checked parameters of its node (its own, and all that the node has without it) and a steady
 clock in s.  A driver that talks to other nodes has an attribute ``node``, which make_driver sets
-to the node that uses it, or None: the driver shares its context, namespace and remapping.  Other
-packages add drivers by an entry point in the group TENDON_DRIVERS or JAMMING_DRIVERS;
+to the node that uses it, or None: the driver shares its context, namespace and remapping.  Its
+attribute ``COMMISSIONING`` names a module for doctor and calibrate (hardware.commissioning).
+Other packages add drivers by an entry point in the group TENDON_DRIVERS or JAMMING_DRIVERS;
 docs/how_to/write_a_driver.md shows how.
 """
 
 from collections.abc import Callable, Mapping
 from functools import cache
+from importlib import import_module
 from importlib.metadata import entry_points, EntryPoint
 from typing import Any
 
@@ -87,6 +89,15 @@ def make_driver(group: str, name: str, values: Mapping[str, Any],
     if hasattr(driver, 'node'):
         driver.node = node
     return driver
+
+
+def commissioning(group: str, name: str) -> Any:
+    """Return the module COMMISSIONING of a driver, None without one; raises HardwareError."""
+    module = getattr(_load(group, name), 'COMMISSIONING', None)
+    try:
+        return None if module is None else import_module(module)
+    except ImportError as error:
+        raise HardwareError(remedy(error) or f'{module}: {error}') from error
 
 
 def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], dict[str, str]]]:

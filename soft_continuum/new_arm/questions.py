@@ -96,7 +96,7 @@ def _bending(a: Answers) -> Suggestion:
 
 def _torsion(a: Answers) -> Suggestion:
     if a.kind == SPATIAL:
-        return Suggestion((0.0,), 'the jamming sleeve prevents twist')
+        return Suggestion((0.0,), 'the jamming sleeve lets no segment twist')
     poisson = _material(a).poisson
     return Suggestion([k / (1.0 + poisson) for k in a.each('bending_stiffnesses')],
                       f'G J of a round rod, E I / (1 + nu) with nu = {poisson:g}')
@@ -123,7 +123,7 @@ def _disc_masses(a: Answers) -> Suggestion:
     return Suggestion(
         [DISC_DENSITY * height * _disc(d) for d, height in zip(
             (diameters[0], *diameters), a.all('disc_heights', a.segments + 1), strict=True)],
-        'solid discs of printed resin, 1.18 g/cm^3, without attachments')
+        'full discs of printed resin, 1.18 g/cm^3, nothing on them')
 
 
 def _ends(a: Answers) -> Suggestion:
@@ -146,7 +146,7 @@ def _stretch(a: Answers) -> Suggestion:
 
 def _free_length(a: Answers) -> Suggestion:
     if a.one('tendon_axial_stiffness') == 0.0:
-        return Suggestion((0.0,), 'it only matters for tendons that stretch')
+        return Suggestion((0.0,), 'it counts only for tendons that stretch')
     return Suggestion((0.3,), EXAMPLE)
 
 
@@ -154,7 +154,7 @@ def _pull_limit(a: Answers) -> Suggestion:
     needed = sum(offset * angle for offset, angle in zip(
         a.each('guide_offsets'), a.each('bending_angle_limits'), strict=True))
     return Suggestion((ceil(1e3 * SPARE_PULL * needed) / 1e3,),
-                      'guide offsets times bending angle limits, plus a fifth')
+                      'guide offsets times bending angle limits, and a fifth')
 
 
 QUESTIONS: tuple[Question, ...] = (

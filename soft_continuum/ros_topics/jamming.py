@@ -147,6 +147,7 @@ class RosJamming(RosVacuum):
     A pump without a topic is not switched, and counts as running.
     """
 
+    COMMISSIONING = 'soft_continuum.ros_topics.commissioning'
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter(f'{PREFIX}pressure_topics',
                   tuple(f'segment_{n}/vacuum_sensor' for n in (1, 2, 3)),

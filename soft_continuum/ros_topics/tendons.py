@@ -42,6 +42,7 @@ class RosTendons(RosDevice):
 
     driver = 'tendon driver'
     reference_moves = False
+    COMMISSIONING = 'soft_continuum.ros_topics.commissioning'
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
         Parameter(f'{PREFIX}state_topic', 'joint_state_broadcaster/joint_states',
                   'topic of the joint states (sensor_msgs/JointState), with a single publisher',

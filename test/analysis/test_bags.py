@@ -254,7 +254,7 @@ def test_a_bag_of_another_program_is_reported_and_exported(tmp_path, capsys):
 def test_of_two_arms_one_is_chosen(tmp_path):
     path = tmp_path / 'two.mcap'
     other_run(path, ('/left', '/right'))
-    with pytest.raises(MeasurementError, match='in namespace /left, /right; choose'):
+    with pytest.raises(MeasurementError, match='in the namespaces /left, /right; choose'):
         read_recording(path)
     assert len(read_recording(path, 'right').tendons) == 3
     with pytest.raises(MeasurementError, match='choose one with --namespace'):

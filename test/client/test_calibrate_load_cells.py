@@ -89,5 +89,5 @@ def test_without_a_cell_of_each_tendon_nothing_is_written(
         cells['left_tendon'] = left
     assert status != 0
     assert 'left_tendon on the topic load_cells' in said
-    assert 'fewer than 5 numbers' in said
+    assert 'fewer than 5 readings' in said
     assert not list(tmp_path.iterdir())

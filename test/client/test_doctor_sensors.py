@@ -16,8 +16,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
 
 from soft_continuum.commissioning import doctor
-from soft_continuum.commissioning.checks import Check
 from soft_continuum.commissioning.doctor_sensors import judged
+from soft_continuum.hardware.commissioning import Check
 from soft_continuum.ros.conversions import tracked_pose_to_ros
 from support.planar import measured_pose_to_ros
 from support.ros_rig import Rig, STREAM

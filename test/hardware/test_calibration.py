@@ -15,6 +15,7 @@ import pytest
 from soft_continuum.commissioning.calibration import (
     assess_vacuum,
     CalibrationError,
+    corrected_steps,
     MAX_MOVE,
     measure_segment,
     POLL_INTERVAL,
@@ -22,7 +23,6 @@ from soft_continuum.commissioning.calibration import (
     SPEED,
     TendonBench,
 )
-from soft_continuum.commissioning.drives import corrected_steps
 from soft_continuum.commissioning.regulator_calibration import assess_regulator, measure_regulator
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import HardwareError

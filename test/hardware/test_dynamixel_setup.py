@@ -10,12 +10,12 @@ import pytest
 
 from soft_continuum.commissioning.calibrate import main as calibrate
 from soft_continuum.commissioning.calibrate_servos import main as calibrate_servos
-from soft_continuum.commissioning.checks import check_servos, FAIL, OK, WARN
-from soft_continuum.commissioning.drives import clear_zero
 from soft_continuum.emulators.dynamixel_packets import crc, Instruction, packet, STATUS
 from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.commissioning import FAIL, OK, WARN
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus, NoReplyError
+from soft_continuum.hardware.dynamixel.commissioning import checks, clear_zero
 from soft_continuum.hardware.dynamixel.reference import (
     mark,
     marked_zero,
@@ -210,7 +210,7 @@ def test_doctor_names_what_is_wrong_and_calibrate_servos_sets_it(real, capsys):
     emulator, file = real
     second = emulator.servos[1]
     values = load_rig([file])
-    found = {check.step: check for check in check_servos(values)}
+    found = {check.step: check for check in checks(values)}
     assert found['tendon port'].status == OK
     assert found['servo 1 (right_tendon)'].status == OK
     assert 'XM430-W350, firmware 48, 12.0 V, 30 °C' in found['servo 1 (right_tendon)'].message
@@ -227,7 +227,7 @@ def test_doctor_names_what_is_wrong_and_calibrate_servos_sets_it(real, capsys):
     assert 'nothing to change' in shown  # of servo 1
     assert second.values['Operating Mode'] == 5
     assert not second.values['Hardware Error Status']
-    found = {check.step: check for check in check_servos(values)}
+    found = {check.step: check for check in checks(values)}
     assert found['servo 2 (left_tendon)'].status == WARN
     assert 'Return Delay Time (9) is 250' in found['servo 2 (left_tendon)'].message
     assert found['tendon reference'].status == WARN
@@ -261,8 +261,8 @@ def test_a_provisional_zero_is_forgotten(real, tmp_path):
     tendons.open()
     tendons.reference()
     tendons.close()
-    assert {check.step: check for check in check_servos(values)}['tendon reference'].status == OK
+    assert {check.step: check for check in checks(values)}['tendon reference'].status == OK
     clear_zero(values)
-    check = {check.step: check for check in check_servos(values)}['tendon reference']
+    check = {check.step: check for check in checks(values)}['tendon reference']
     assert check.status == WARN
     assert 'no zero of it is stored' in check.message

@@ -247,8 +247,8 @@ def test_a_second_publisher_ends_a_motion_and_lets_none_begin(
 
 
 REFUSED = {
-    'no publisher': ({'state_topic': 'nowhere'}, 'state_topic) has no publisher'),
-    'no subscriber': ({'command_topic': 'nowhere'}, 'command_topic) has no subscriber'),
+    'no publisher': ({'state_topic': 'nowhere'}, r'state_topic\) has no publisher'),
+    'no subscriber': ({'command_topic': 'nowhere'}, r'command_topic\) has no subscriber'),
     'another type': ({'command_topic': 'joint_state_broadcaster/joint_states'},
                      'cannot be used: .* incompatible type'),
     'no topic': ({'state_topic': 'a topic'}, "ros_tendons.state_topic is 'a topic', which is no"),

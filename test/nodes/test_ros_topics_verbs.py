@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from soft_continuum.commissioning import calibrate, doctor
 from soft_continuum.hardware.drivers import driver_topics
 from soft_continuum.parameters.files import load_rig, write_parameters
-from soft_continuum.ros_topics import survey as topic_survey
+from soft_continuum.ros_topics import commissioning
 from support.ros2_control import Controllers, JOINTS, OtherNodes
 from support.ros_valves import VALVES, Valves
 
@@ -24,7 +24,7 @@ TENDONS = {'tendon_driver': 'ros_topics', 'ros_tendons.joints': JOINTS,
 @pytest.fixture
 def file(domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
     """Return the parameter file of a rig whose board runs."""
-    monkeypatch.setattr(topic_survey, 'LISTENING', 0.5)
+    monkeypatch.setattr(commissioning, 'LISTENING', 0.5)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     path = tmp_path / 'rig.yaml'
     values = {name: tuple(value) if isinstance(value, list) else value

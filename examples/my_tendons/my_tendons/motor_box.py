@@ -25,6 +25,7 @@ class MotorBox:
     """A TendonDriver: see its docstrings for what the methods promise."""
 
     reference_moves = False  # zero is set by hand, not found by switches
+    COMMISSIONING = 'my_tendons.commissioning'  # for doctor and calibrate
     PARAMETERS = (
         Parameter('my_tendons.address', '127.0.0.1:4000', 'host and port of the motor box'),
         Parameter('my_tendons.timeout', 0.2, 'age at which its state is stale', 0.05, 1.0,
@@ -98,10 +99,15 @@ class MotorBox:
                     self._at, self._moving, self._heard = at, moving == '1', self._clock()
                     self._news.notify_all()
 
+    @property
+    def age(self):
+        """Age of the last report, s."""
+        return self._clock() - self._heard
+
     def _check(self):
         if self._box is None:
             raise HardwareError('the motor box is not open; configure the node')
-        if (age := self._clock() - self._heard) > self._timeout:
+        if (age := self.age) > self._timeout:
             raise HardwareError(f'the motor box said nothing for {age:.2f} s; check its cable')
 
     def _send(self, line):

@@ -36,6 +36,7 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
 
     DEVICE = 'the Dynamixel servos are'
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
+    COMMISSIONING = 'soft_continuum.hardware.dynamixel.commissioning'
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:

@@ -67,6 +67,7 @@ class ModbusJamming:
     """
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
+    COMMISSIONING = 'soft_continuum.hardware.modbus.commissioning'
 
     def __init__(self, bus: ModbusBus, registers: RegisterMap) -> None:
         """Use ``bus`` exclusively."""

@@ -1,16 +1,18 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Survey of the topics of a driver: publishers, rates and delays.  Sends nothing."""
+"""What doctor and calibrate need from drivers on topics; nothing is sent."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 import threading
 from typing import Any
 
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.commissioning import Check, Drive, OK, WARN
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.ros_topics.link import Listener, names
 
+DRIVE = Drive('ros_tendons.scales', 'ros_tendons.scales', inverse=True, zeros='ros_tendons.zeros',
+              shared=True)
 LISTENING = 2.0  # s
 READ_INTERVAL = 0.02  # s
 NAMES_TIMEOUT = 4.0
@@ -21,18 +23,9 @@ MAX_LAG = 0.3
 """Difference of a stamp from this computer's time beyond which the clocks differ, s."""
 
 
-@dataclass(frozen=True)
-class Found:
-    """Findings on a topic; step: the parameter that names it.  warning: empty for none."""
-
-    step: str
-    message: str
-    warning: str = ''
-
-
-def survey(driver: Any, clock: Clock = STEADY) -> Iterator[Found]:
+def checks_opened(driver: Any, clock: Clock = STEADY) -> Iterator[Check]:
     """
-    Yield findings of LISTENING s on the topics of an open driver, which is read meanwhile.
+    Yield publishers, rates and delays of the topics, from LISTENING s in which they are read.
 
     Raises HardwareError as the driver does.
     """
@@ -58,12 +51,12 @@ def survey(driver: Any, clock: Clock = STEADY) -> Iterator[Found]:
         if abs(listener.lag) > MAX_LAG:
             warnings.append(f'its stamps are {listener.lag:.2f} s off the clock of this computer: '
                             'the clocks differ, or messages have no stamps')
-        yield Found(listener.parameter, f'{listener.topic} from {names(listener.publishers)} at '
-                    f'{rate:.0f} Hz', '; '.join(warnings))
+        yield Check(listener.parameter, WARN if warnings else OK, '; '.join([
+            f'{listener.topic} from {names(listener.publishers)} at {rate:.0f} Hz', *warnings]))
     for topic in topics:
         if topic not in listeners:
-            yield Found(topic.parameter, f'{topic.topic} to {names(topic.subscribers)}, with no '
-                        'other publisher')
+            yield Check(topic.parameter, OK, f'{topic.topic} to {names(topic.subscribers)}, with '
+                        'no other publisher')
     if hasattr(driver, 'describe'):
-        yield Found('joints', f'{driver.describe()}; if this is not what you measure, correct the '
-                    'scales')
+        yield Check('joints', OK, f'{driver.describe()}; if this is not what you measure, correct '
+                    'the scales')
