@@ -3,7 +3,7 @@
 """Validation of arguments that have one value per segment or tendon."""
 
 from collections.abc import Sequence
-from math import isfinite
+from math import inf, isfinite
 from numbers import Integral, Real
 from typing import Any
 
@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 def soft_flags(soft: Sequence[bool], segments: int) -> tuple[bool, ...]:
     """Return one flag per segment; raise ValueError for other input."""
     given = listed(soft)
+    if len(given) == segments and all(type(s) is bool for s in given):
+        return tuple(given)  # which nearly all are; what follows takes 20 times as long
     if len(given) != segments or any(np.ndim(s) or s not in (0, 1) for s in given):
         raise ValueError(f'soft must have a true or false for each of the {segments} segments; '
                          f'given: {soft!r}')
@@ -63,6 +65,10 @@ def of_tendons(values: ArrayLike, tendons: int, what: str, rows: bool = False
 def pulls_of(pulls: ArrayLike, tendons: int, rows: bool = False) -> NDArray[np.float64]:
     """Return one pull per tendon, m or SLACK, or ``rows`` of them; else raise ValueError."""
     what = 'pulls must be finite numbers (m), or SLACK'
+    if not rows:  # by Python's numbers: for a few tendons, numpy takes several times as long
+        given = real_array(pulls, what)
+        if given.shape == (tendons,) and all(pull < inf for pull in given.tolist()):
+            return given
     given = of_tendons(pulls, tendons, what, rows)
     if np.isnan(given).any():
         raise ValueError(f'{what}; given: {pulls!r}')
@@ -95,7 +101,7 @@ def segment_order(order: Sequence[int] | None, segments: int) -> list[int]:
 
 def whole(value: object) -> bool:
     """Return whether a value is a whole number, of Python or numpy."""
-    return isinstance(value, Integral) and not isinstance(value, bool)
+    return type(value) is int or (isinstance(value, Integral) and not isinstance(value, bool))
 
 
 def real_array(values: ArrayLike, what: str) -> NDArray[np.float64]:
@@ -119,7 +125,7 @@ def finite(value: object) -> bool:
 
 def is_number(value: object) -> bool:
     """Return whether a value is a real number of Python or numpy and not a bool."""
-    return isinstance(value, Real) and not isinstance(value, bool)
+    return type(value) is float or (isinstance(value, Real) and not isinstance(value, bool))
 
 
 def listed(values: Any) -> list[Any]:
