@@ -65,6 +65,14 @@ def test_a_page_is_in_plain_english(page: str) -> None:
     assert not UNUSUAL.findall(text)
 
 
+def test_texts_in_the_code_are_in_plain_english() -> None:
+    for path in (ROOT / 'soft_continuum').rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                text = ' '.join(node.value.split())
+                assert not UNUSUAL.findall(text), f'{path.name}:{node.lineno}: {text[:200]}'
+
+
 @pytest.mark.parametrize('page', LINES)
 def test_every_line_of_a_page_fits_its_verb(page: str) -> None:
     checker = Checker()

@@ -32,7 +32,7 @@ PAGE = Path(__file__).with_name('page.html').read_text(encoding='utf-8')
 PATH = '/bar'
 MAX_ALARMS, ALARM_LENGTH = 3, 160  # shown below the bar, and characters of each
 CHECK_PERIOD = 0.1  # s between two checks for changes
-REMEDY = (f'{HOW_TO_START[0].upper()}{HOW_TO_START[1:]}; this page continues by itself.'
+REMEDY = (f'{HOW_TO_START[0].upper()}{HOW_TO_START[1:]}; this page then continues.'
           .replace('`', ''))
 SEND_PERIOD = 1.0  # s until it is sent again, as a heartbeat of the connection
 

@@ -7,7 +7,7 @@ It is ``soft_continuum/shapes.yaml`` in ``XDG_CONFIG_HOME``, else in ``~/.config
 
     version: 1
     shapes:
-      lean: {bending_angles: [0.3, 0.2, 0.1]}    # rad; of an arm in space also bending_directions
+      lean: {bending_angles: [0.3, 0.2, 0.1]}    # rad; spatial arms: also bending_directions
     sequences:
       nod: {rounds: 3, steps: [[lean, 1.0], [c_form, 2.5]]}    # shape, hold time in s
 

@@ -104,8 +104,8 @@ def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], 
     """
     Return the topics of other nodes that drivers use, by the parameter that selects the driver.
 
-    values: checked parameters of a rig.  Of each, the type (as std_msgs/Bool) by name of the
-    topics that its node publishes, and of those it subscribes to; names are as in the parameters.
+    values: checked parameters of a rig.  For each driver, two dicts from the names of topics (as
+    in the parameters) to types (as std_msgs/Bool): published by its node, and subscribed to.
     """
     found = {}
     for group, name in ((TENDON_DRIVERS, 'tendon_driver'), (JAMMING_DRIVERS, 'jamming_driver')):

@@ -1,10 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-What parameter files and ``-p`` arguments set for a node: what rcl and rclpy make of them.
+The values that parameter files and ``-p`` arguments set for a node, as rcl and rclpy read them.
 
 Sections apply to the full name of a node, which ``*`` (one part of it) and ``**`` (any number)
-in their names match.  Those of the same name are one section.  Of several that set a parameter
+in their names match.  Those of the same name are one section.  If several set a parameter,
 the last wins, in the order in which their names appear first, over all files and arguments: so
 ``/**`` in a second file does not win over ``/kinematics`` in the first, where ``/**`` came first.
 
@@ -224,7 +224,7 @@ def _ros_options(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
 
 
 def _find(entries: list[_Entry], name: str) -> _Entry:
-    """Return the first entry of that name, or a new one: so does rcl, where there are two."""
+    """Return the first entry of that name, or a new one, as rcl does for two."""
     for entry in entries:
         if entry.name == name:
             return entry

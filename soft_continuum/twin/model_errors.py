@@ -41,8 +41,8 @@ class ModelErrors:
     backlash: m between motor and tendon when it turns back.  zero_offset: m by which each tendon
     is pulled in at zero.  obstacles: what the arm can touch.
 
-    Of the load cells: tension_noise (N, of every value), load_cell_zero (N) and load_cell_scale
-    (relative), standard deviations.  Of the IMUs: accelerometer_noise and accelerometer_bias
+    Load cells: tension_noise (N, of every value), load_cell_zero (N) and load_cell_scale
+    (relative), standard deviations.  IMUs: accelerometer_noise and accelerometer_bias
     (m/s^2), gyro_noise and gyro_bias (rad/s), standard deviations of every value, and of what is
     added to all values of an axis.
 

@@ -36,7 +36,7 @@ def add_vector(vector, times, gradient, k):  # type: ignore[no-untyped-def]
 
 @inlined
 def add_block(m, band, k):  # type: ignore[no-untyped-def]
-    """Add a symmetric matrix to the derivative of link k by itself; its lower half counts."""
+    """Add a symmetric matrix to the diagonal block of link k; its lower half counts."""
     c = 3 * k
     band[c, 0] += m[0]
     band[c, 1] += m[3]
@@ -129,7 +129,7 @@ def span_lengths(rotations, system, units, lengths, paths):  # type: ignore[no-u
 
 @inlined
 def lever(way, rotations, system, e):  # type: ignore[no-untyped-def]
-    """Return by how much an entry of a span moves along a direction as its link turns."""
+    """Return the motion of an entry of a span along a direction per turn of its link."""
     local = apply(transposed(matrix_at(rotations, system.entries[e])), way)
     vectors = system.vectors
     return cross((vectors[e, 0], vectors[e, 1], vectors[e, 2]), local)
@@ -214,7 +214,7 @@ def tendons(rotations, tension, system, work):  # type: ignore[no-untyped-def]
     """
     Add the tendons; return how many unknowns are tensions, and how many there are by now.
 
-    The others are forces across long spans.  Last, by how much the columns of those come later:
+    The others are forces across long spans.  The last number is the shift of their columns:
     between them are the slopes of tendons that rub.
     """
     columns, spans, ratios, entries = work.columns, system.spans, system.ratios, system.entries

@@ -37,7 +37,7 @@ SET_TOLERANCE = 1e-4  # rad: near enough to see which tendons carry
 STEP_TOLERANCE = 1e-9  # rad: the next step would be far below rounding
 TENSION_TOLERANCE = 1e-9  # N
 NEUTRAL = 1e-7
-"""Of the stiffness of a joint, against its turning: a round column may buckle to any side."""
+"""Part of a joint's stiffness, against its turning: a round column may buckle to any side."""
 
 
 @inlined

@@ -52,7 +52,7 @@ class SpaceLaws:
         ]).reshape(-1, 2, most)
         """(k, 2, rows), as _assembly has them."""
         self.stiffness = self._soft[:, STIFFNESS]
-        """Of the springs about x, y and z, (bodies, 3), N m/rad; of measured laws the first."""
+        """Stiffness of the springs about x, y and z, (bodies, 3), N m/rad; initial one of laws."""
 
     def _lay_out(self, segment: Segment, part: float, soft: Array, jam: Array) -> None:
         """Write the joint of a ``part`` of the spring, m, soft and what a jam adds to that."""

@@ -63,7 +63,7 @@ class ConstraintState(NamedTuple):
 
 def slack_of(pulls: Array, target: Array, compliance: Array, tensions: Array,
              by_force: Booleans) -> Array:
-    """Return by how much each tendon is longer than its path, m; all are (…, tendons)."""
+    """Return the slack of each tendon, its length beyond its path, m; all are (…, tendons)."""
     slack: Array = np.maximum(0.0, pulls - target + compliance * tensions)
     slack[by_force | (tensions > 0.0)] = 0.0
     return slack
@@ -135,7 +135,7 @@ class _Links:
 
 class SpaceStatics(Statics):
     """
-    Equilibria of one arm in space.
+    Equilibria of one spatial arm.
 
     precision: tendons without tension may leave errors of 1e-6 rad and more.  late_imports:
     they take 0.3 s.
