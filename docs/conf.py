@@ -33,8 +33,9 @@ apidoc_modules = [{
     'path': '../soft_continuum',
     'destination': 'docs/reference/api',
     'exclude_patterns': [f'../soft_continuum/{part}' for part in (
-        'browser', 'cli', 'emulators', 'nodes', 'ros', 'twin', '__main__.py', 'arguments.py',
-        'colours.py', 'extras.py', 'lazy.py', 'new_arm', 'text.py', 'urdf.py', 'user_files.py')],
+        'browser', 'cli', 'commissioning', 'emulators', 'new_arm', 'nodes', 'ros', 'ros_topics',
+        'twin', '__main__.py', 'arguments.py', 'colours.py', 'extras.py', 'lazy.py', 'text.py',
+        'user_files.py')],
     'separate_modules': True,
     'module_first': True,
     'automodule_options': {'members', 'show-inheritance', 'ignore-module-all'},

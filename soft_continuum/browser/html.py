@@ -265,8 +265,9 @@ def jog_hint_html(state: ArmState, description: Description) -> str:
     if False in state.stiff or not description.jamming:
         return _small(
             'In mm. Pay out the tendons on the other side before you pull one in: tension in all '
-            'of them is refused.' if len(description.arm.tendon_names) > 2 else
-            'In mm. Pay out one tendon before you pull in the other: tension in both is refused.')
+            'of them at once is refused.' if len(description.arm.tendon_names) > 2 else
+            'In mm. Pay out one tendon before you pull in the other: tension in both at '
+            'once is refused.')
     return _small('Soften a segment to move the tendons: a stiff arm must not be pulled.')
 
 

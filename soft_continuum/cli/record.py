@@ -14,7 +14,7 @@ from soft_continuum.extras import require
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the verb; return the exit status."""
-    parser = Parser('record', f'Record everything that a running arm publishes to {BAG}, until '
+    parser = Parser('record', f'Record to {BAG} everything that a running arm publishes, until '
                     'Ctrl-C. It can be read with report, export and replay, and with ros2 bag, '
                     'Foxglove and PlotJuggler.', '--namespace', '--output', '--force')
     parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S', default=inf,

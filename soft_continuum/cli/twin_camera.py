@@ -32,8 +32,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--name', type=_name, default='camera',
                         help='name of the camera (default: camera)')
     parser.add_argument('--direction', type=number_in(-360.0, 360.0, 'degrees'), metavar='DEGREES',
-                        help='viewing direction for a spatial arm: angle about z from x; fixed '
-                        f'tags must be in view (default: {DIRECTION:g})')
+                        help='direction from the arm to the camera, for a spatial arm: angle '
+                        'about z from x; fixed tags must be in view '
+                        f'(default: {DIRECTION:g})')
     options = parser.parse_args(argv)
     require('cv2')
     from soft_continuum.parameters.files import load_description

@@ -3,7 +3,7 @@
 """``calibrate``: measures steps/mm, signs and zero of the tendons, pump and segments."""
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from math import isfinite
@@ -35,12 +35,7 @@ from soft_continuum.commissioning.calibration import (
     TendonBench,
 )
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import (
-    commissioning,
-    JAMMING_DRIVERS,
-    make_driver,
-    TENDON_DRIVERS,
-)
+from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import (
     HardwareError,
     JammingDriver,
@@ -51,6 +46,7 @@ from soft_continuum.hardware.tendon_controller import TendonLimits
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
 from soft_continuum.parameters.files import load_rig, write_parameters
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.names import CAMERA, LOAD_CELLS
 
@@ -186,15 +182,14 @@ def _bench(job: Job, text: str, sets_zero: bool = False
         finally:
             tendons.close()
             if provisional:
-                _clear_zero(values)
+                _clear_zero(job)
 
 
-def _clear_zero(values: Mapping[str, Any]) -> None:
-    family = commissioning(TENDON_DRIVERS, values['tendon_driver'])
+def _clear_zero(job: Job) -> None:
     try:
-        if hasattr(family, 'clear_zero'):
-            family.clear_zero(values)
-    except HardwareError as error:
+        if hasattr(job.family, 'clear_zero'):
+            job.family.clear_zero(job.values)
+    except (HardwareError, ParameterError) as error:
         print('The tendon device may still hold a provisional zero: power-cycle it before '
               f'anything else ({error})', file=sys.stderr)
 
@@ -258,8 +253,8 @@ def _steps(job: Job) -> None:
                    for old, travel in zip(before, travels, strict=True))
     _take(job, name, scales)
     if job.own_drive and job.drive.scale_moves_zero and scales != tuple(before):
-        _clear_zero(job.values)
-        print('The steps per mm have changed: the zero must be set again.')
+        _clear_zero(job)
+        print('The scale has changed: the zero must be set again.')
 
 
 def _travel(text: str, distance: float) -> float:

@@ -23,7 +23,8 @@ class Job:
     """
     The options, the parameters corrected so far, the results and the failures.
 
-    names: of the tendons, as they are typed.
+    names: of the tendons, as they are typed.  family: the module COMMISSIONING of the tendon
+    driver, or None.
     """
 
     options: argparse.Namespace
@@ -31,9 +32,11 @@ class Job:
     results: dict[str, tuple[float, ...] | float] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
     names: tuple[str, ...] = field(init=False)
+    family: Any = field(init=False)
 
     def __post_init__(self) -> None:
-        """Find the names; raises CalibrationError if an option lacks a value for one of them."""
+        """Find these; raises CalibrationError if an option lacks a value, and HardwareError."""
+        self.family = commissioning(TENDON_DRIVERS, self.values['tendon_driver'])
         tendons = arm_from_parameters(self.values).tendon_names
         self.names = tuple(name.removesuffix('_tendon') for name in tendons)
         for option in PER_TENDON:
@@ -61,8 +64,7 @@ class Job:
     @property
     def own_drive(self) -> Drive | None:
         """The parameters of the tendon driver; None where it has none to correct."""
-        family = commissioning(TENDON_DRIVERS, self.values['tendon_driver'])
-        return getattr(family, 'DRIVE', None)
+        return getattr(self.family, 'DRIVE', None)
 
     @property
     def drive(self) -> Drive:

@@ -349,7 +349,7 @@ def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> f
         raise CalibrationError(
             f'{1e3 * measured:.2f} mm measured for {1e3 * commanded:.2f} mm commanded; allowed: '
             f'{1e3 * low:.2f} mm to {1e3 * high:.2f} mm. Give mm; if the value is right, first '
-            'correct steps/mm roughly in controller and configuration')
+            'correct the scale roughly in the parameter file')
     return round(steps_per_mm * commanded / measured, 3)  # as many digits as GRBL keeps
 
 

@@ -389,11 +389,12 @@ def _anomaly(time: float, cause: Cause, number: int, size: float, tendon: str,
                         'valve vents',
         Cause.LOAD: f'a force of about {size:.1f} N near disc {disc} acts on the arm and is not '
                     'in its description; check for contact, or describe the payload',
-        Cause.SENSOR_MOVED: f'the sensor of disc {disc} has moved on it by {length}; fix it, and '
-                            'calibrate its position' + (
+        Cause.SENSOR_MOVED: f'the sensor of disc {disc} has moved on it by {length}; fix it, '
+                            'straighten the arm and tare' + (
                                 '. No other disc is measured: the camera or tracker may have '
                                 'moved instead' if alone else ''),
         Cause.CAMERA_MOVED: f'all discs appear displaced together, at the base by {length}: the '
-                            'camera or its reference has moved; fix it, and calibrate it again',
+                            'camera or its reference has moved; fix it, straighten the arm and '
+                            'tare',
     }[cause]
     return Anomaly(time, cause, segment, disc, tendon, size, message)

@@ -4,10 +4,12 @@
 What ``doctor`` and ``calibrate`` need from a driver: its module COMMISSIONING.
 
 The attribute COMMISSIONING of a driver class names a module with any of these:
-``PORT``, the name of the parameter with its serial ports; ``DRIVE``, a Drive;
-``checks(values)``, which yields a Check for each step and moves and switches nothing;
-``checks_opened(driver)``, the same for an open driver; ``clear_zero(values)``, which makes the
-devices lose their zeros, without a motion.  All raise HardwareError and ParameterError.
+``PORT``, the name of the parameter with its serial ports; ``DRIVE``, a Drive of tendons;
+``checks(values)``, which yields a Check for each step, moves and switches nothing, and for tendons
+takes the place of opening and reading the driver; ``checks_opened(driver)``, further checks of an
+open driver; ``clear_zero(values)``, which makes the devices lose their zeros, without a motion.
+All raise HardwareError and ParameterError.  A subclass of a driver inherits the module; None: it
+has none.
 """
 
 from dataclasses import dataclass
@@ -30,8 +32,8 @@ class Drive:
     Parameters of a tendon driver that ``calibrate`` corrects.
 
     signs, scale: their names.  inverse: a larger scale turns less.  zeros: name of the positions
-    at zero pull, if only a parameter sets them.  shared: one value may count for all tendons.
-    scale_moves_zero: the zero is lost when the scale changes.
+    at zero pull, if only a parameter sets them; the driver then has them as ``zeros``.  shared:
+    one value may count for all tendons.  scale_moves_zero: a new scale loses the zero.
     """
 
     signs: str

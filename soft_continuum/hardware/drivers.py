@@ -13,7 +13,8 @@ Other packages add drivers by an entry point in the group TENDON_DRIVERS or JAMM
 docs/how_to/write_a_driver.md shows how.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points, EntryPoint
@@ -94,10 +95,8 @@ def make_driver(group: str, name: str, values: Mapping[str, Any],
 def commissioning(group: str, name: str) -> Any:
     """Return the module COMMISSIONING of a driver, None without one; raises HardwareError."""
     module = getattr(_load(group, name), 'COMMISSIONING', None)
-    try:
+    with _refused(name, module):
         return None if module is None else import_module(module)
-    except ImportError as error:
-        raise HardwareError(remedy(error) or f'{module}: {error}') from error
 
 
 def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], dict[str, str]]]:
@@ -116,10 +115,17 @@ def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], 
 
 def _load(group: str, name: str) -> Any:
     entry = _available(group)[name]
-    try:
+    with _refused(name, entry.value):
         return entry.load()
-    except Exception as error:  # any failure in another package
+
+
+@contextmanager
+def _refused(name: str, where: str) -> Iterator[None]:
+    """Raise HardwareError for any failure of another package."""
+    try:
+        yield
+    except Exception as error:
         raise HardwareError(
             isinstance(error, ImportError) and remedy(error)
-            or f'the driver {name} ({entry.value}) cannot be loaded: '
+            or f'the driver {name} ({where}) cannot be loaded: '
             f'{type(error).__name__}: {error}; check the package it comes with') from error

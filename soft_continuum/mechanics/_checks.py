@@ -66,7 +66,7 @@ def pulls_of(pulls: ArrayLike, tendons: int, rows: bool = False) -> NDArray[np.f
     """Return one pull per tendon, m or SLACK, or ``rows`` of them; else raise ValueError."""
     what = 'pulls must be finite numbers (m), or SLACK'
     if not rows:  # by Python's numbers: for a few tendons, numpy takes several times as long
-        given = real_array(pulls, what)
+        given = real_array(pulls, f'{what}, one for each of the {tendons} tendons')
         if given.shape == (tendons,) and all(pull < inf for pull in given.tolist()):
             return given
     given = of_tendons(pulls, tendons, what, rows)

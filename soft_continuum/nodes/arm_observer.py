@@ -79,6 +79,7 @@ class ArmObserver(ReportedArm):
         if lost:
             self.clear_shape()
             self._tendon_age.clear()
+            self._moving = False  # the state tells: no pulls follow that would
         self._note_fault(TENDON_ACTUATION, state.fault or NOT_REFERENCED * lost)
         self._on_tendon_state(state)
 

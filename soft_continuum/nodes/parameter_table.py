@@ -59,7 +59,7 @@ ACCELERATION = Parameter(
     read_only=False, unit='m/s^2')
 ANTAGONIST_SLACK = Parameter(
     'antagonist_slack', 0.0005,
-    'slack left in the antagonist of the tendon that bends the soft segment',
+    'slack left in tendons that do not carry the arm',
     0.0, 0.05, read_only=False, unit='m')
 SOFT_VACUUM = Parameter(
     'soft_vacuum', 10e3, 'vacuum below ambient up to which a segment counts as soft', 100.0, 101e3,

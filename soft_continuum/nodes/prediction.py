@@ -91,6 +91,6 @@ class TensionPrediction:
                 in zip(self._tendons, pulls, tensions, strict=True))
             raise MotionRefusedError(
                 Reason.TENSION,
-                f'the motion would need too large tensions, at {predicted}; tension_limit: '
+                f'the motion would need excessive tensions, at {predicted}; tension_limit: '
                 f'{limits.any_tendon:g} N, co_contraction_limit (opposing tendons at once): '
                 f'{limits.at_once:g} N')

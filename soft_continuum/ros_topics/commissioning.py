@@ -9,7 +9,6 @@ from typing import Any
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.commissioning import Check, Drive, OK, WARN
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.ros_topics.link import Listener, names
 
 DRIVE = Drive('ros_tendons.scales', 'ros_tendons.scales', inverse=True, zeros='ros_tendons.zeros',
               shared=True)
@@ -29,6 +28,7 @@ def checks_opened(driver: Any, clock: Clock = STEADY) -> Iterator[Check]:
 
     Raises HardwareError as the driver does.
     """
+    from soft_continuum.ros_topics.link import Listener, names  # needs ROS, as the driver does
     link = driver.link
     topics = link.topics
     listeners = [topic for topic in topics if isinstance(topic, Listener)]

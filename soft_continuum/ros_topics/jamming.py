@@ -153,7 +153,7 @@ class RosJamming(RosVacuum):
                   tuple(f'segment_{n}/vacuum_sensor' for n in (1, 2, 3)),
                   'topic with the pressure of each segment, or one with all of them',
                   form=TOPIC_NAME),
-        Parameter(f'{PREFIX}pressure_type', PRESSURE, 'message type of that topic',
+        Parameter(f'{PREFIX}pressure_type', PRESSURE, 'message type of ros_jamming.pressure_topics',
                   choices=(PRESSURE, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}pressure_scales', (1.0,), 'pressure per unit of the message, Pa; '
                   'negative if vacuum is reported as positive; a single value applies to all',
@@ -171,9 +171,9 @@ class RosJamming(RosVacuum):
         Parameter(f'{PREFIX}command_type', BOOL, 'message type of that topic; for valves, true or '
                   '1 evacuates', choices=(BOOL, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}state_topics', tuple(f'segment_{n}/valve_state' for n in (1, 2, 3)),
-                  'topic on which the valve or the regulator of each segment reports its command, '
-                  'or one for all of them', form=TOPIC_NAME),
-        Parameter(f'{PREFIX}state_type', BOOL, 'message type of that topic',
+                  'topic on which the valve or regulator of each segment reports its state or '
+                  'set-point, read back from the output, or one for all', form=TOPIC_NAME),
+        Parameter(f'{PREFIX}state_type', BOOL, 'message type of ros_jamming.state_topics',
                   choices=(BOOL, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}vacuum_scale', 1.0, 'vacuum per unit of the set-point of a regulator, '
                   'Pa; negative if set-points are gauge pressures', -1e7, 1e7),

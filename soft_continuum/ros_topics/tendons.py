@@ -57,8 +57,9 @@ class RosTendons(RosDevice):
         Parameter(f'{PREFIX}scales', (0.01,), 'pull per unit of the position of each joint: the '
                   'radius of a spool in m/rad, 1.0 for a linear joint in m; negative if '
                   'increasing positions pay out; a single value applies to all', -10.0, 10.0),
-        Parameter(f'{PREFIX}zeros', (0.0,), 'approximate position of each joint, in its unit, '
-                  'when the arm is straight; a single value applies to all', -1e6, 1e6),
+        Parameter(f'{PREFIX}zeros', (0.0,), 'position of each joint, in its unit, when the arm '
+                  'is straight: exact with ros_tendons.absolute, otherwise approximate; a single '
+                  'value applies to all', -1e6, 1e6),
         Parameter(f'{PREFIX}absolute', False, 'the joints keep their position when powered off, '
                   'so ros_tendons.zeros is the reference; false: ~/reference sets it after each '
                   'start'),

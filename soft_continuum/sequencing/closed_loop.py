@@ -229,7 +229,7 @@ class ClosedLoopRunner(Runner):
                 self.warning = (f'{shape.name} drifted while it was held: it is '
                                 f'{aim.text(error)} off')
                 if self._held:
-                    self.warning += '; shapes with vacuums are not corrected'
+                    self.warning += '; the drift of a shape with vacuums is not corrected'
                 elif settings.correct_drift:
                     yield from self._correct_drift(index, shape, aim)
                 at_first, within = self._error(aim), self._now

@@ -157,9 +157,9 @@ class MovePlanner:
         """
         bent = self.softened(state, start, segment)
         if bent.jumped and np.abs(bent.bending - state.bending).max() > MAX_SOFTENING_TILT:
-            raise PlanError('the arm would snap to another equilibrium when it softens, because '
-                            'its tendons do not hold it; pull them in, or straighten the arm by '
-                            '`soft_continuum home`')
+            raise PlanError('the arm would snap to another equilibrium when this segment softens, '
+                            'because its tendons do not hold it; pull them in, or straighten the '
+                            'arm by `soft_continuum home`')
         present, change = bent.bending, self._change(bent, segment, goal)
         sliding = self.statics.sliding_towards(change)
         steps = max(1, ceil(np.linalg.norm(change, axis=1).max() / self.settings.angle_step))

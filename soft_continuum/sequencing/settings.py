@@ -100,15 +100,16 @@ LOOP_PARAMETERS = (
               'that kinematics reports: go on, abort, or pause at rest until this parameter is '
               'changed or the goal is canceled', choices=ON_ANOMALY,
               read_only=False),
-    Parameter('loop.tip_tolerance', LoopSettings.tip_tolerance, 'tip goals: deviation of the tip '
-              'from its goal, or from its position when first held, above which the status warns',
+    Parameter('loop.tip_tolerance', LoopSettings.tip_tolerance, 'aim on the tip: error of the '
+              'tip, or drift from its position when first held, above which the status warns',
               1e-4, 1.0, read_only=False, unit='m'),
-    Parameter('loop.angle_tolerance', LoopSettings.angle_tolerance, 'bending angles: deviation '
-              'from their goals, or from their values when first held, above which the status '
+    Parameter('loop.angle_tolerance', LoopSettings.angle_tolerance, 'aim on angles: error of '
+              'bending angles, or drift from their values when first held, above which the status '
               'warns',
               1e-3, 1.0, read_only=False, unit='rad'),
     Parameter('loop.correct_drift', LoopSettings.correct_drift, 'set segments again when a held '
-              'shape drifts by more than these tolerances', read_only=False),
+              'shape drifts by more than loop.tip_tolerance or loop.angle_tolerance',
+              read_only=False),
     Parameter('loop.release_limit', LoopSettings.release_limit, 'tip displacement above which a '
               'loaded segment is not softened to correct drift',
               0.0, 1.0, read_only=False, unit='m'),

@@ -157,9 +157,10 @@ class Teleop(Node):
             f'the tip with segment {arm.segment}')
         wrong = self._device_problem or self._enable_button.problem or (
             '' if connected else NO_DEVICE) or (arm.problem() if arm.stopped else '')
-        text = wrong or arm.doing or self._refusal or arm.note or arm.problem() or (
-            f'ready to move {what}' if not arm.moving else
-            '; '.join(filter(None, (f'moving {what}', arm.servo_text))))
+        motion = f'ready to move {what}' if not arm.moving else '; '.join(
+            filter(None, (f'moving {what}', arm.servo_text)))
+        text = wrong or '; '.join(filter(None, (
+            self._refusal, arm.doing or arm.note or arm.problem() or motion)))
         self._states.publish(TeleopState(
             connected=connected, enabled=enabled, mode=arm.mode, segment=arm.segment,
             message=text))

@@ -105,7 +105,7 @@ def test_the_package_is_built_found_and_drives_its_motors(tmp_path: Path, box: B
         assert program.stdin is not None and program.stdout is not None
         lines = [program.stdout.readline().strip() for _ in range(4)]
         # It opens, the module COMMISSIONING of the driver checks it, and it has no zero.
-        assert lines[0].startswith("['tendon driver my_tendons', 'motor box', 'tendon reference']")
+        assert lines[0] == "['tendon driver my_tendons', 'motor box', 'tendon reference']"
         assert lines[1:] == ['False', '[1.0, -2.0]', 'quiet']
         assert box.at == pytest.approx([6.0, 5.0])
         assert box.held

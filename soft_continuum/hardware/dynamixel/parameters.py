@@ -9,7 +9,7 @@ RADIUS_RANGE = 0.001, 0.1  # m
 PARAMETERS = (
     Parameter('dynamixel.port', '', 'serial port of the adapter to the servo bus, preferably its '
               'stable name in /dev/serial/by-id'),
-    Parameter('dynamixel.baud', 1000000, 'baud rate of that bus, bit/s', 9600, 4500000),
+    Parameter('dynamixel.baud', 1000000, 'baud rate of dynamixel.port, bit/s', 9600, 4500000),
     Parameter('dynamixel.ids', (1, 2), 'ID of the servo of each tendon', 0, 252),
     Parameter('dynamixel.spool_radii', (0.01, 0.01), 'radius of each spool, to the centre of the '
               'wound tendon; 0.01 is 10 mm', *RADIUS_RANGE, unit='m'),

@@ -8,7 +8,7 @@ PARAMETERS = (
     Parameter('grbl.port', '', 'serial port of the stepper controller, preferably its stable name '
               'in /dev/serial/by-id; several ports separated by spaces share the tendons evenly, '
               'in this order'),
-    Parameter('grbl.baud_rate', 115200, 'baud rate of that port, bit/s', 1200, 4000000),
+    Parameter('grbl.baud_rate', 115200, 'baud rate of grbl.port, bit/s', 1200, 4000000),
     Parameter('grbl.steps_per_mm', (200.0, 200.0),
               'motor steps per mm of pull of each tendon, on the axes X, Y, ...', 0.1, 1e5),
     Parameter('grbl.signs', (1.0, 1.0),
