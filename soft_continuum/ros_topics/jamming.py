@@ -153,7 +153,8 @@ class RosJamming(RosVacuum):
                   tuple(f'segment_{n}/vacuum_sensor' for n in (1, 2, 3)),
                   'topic with the pressure of each segment, or one with all of them',
                   form=TOPIC_NAME),
-        Parameter(f'{PREFIX}pressure_type', PRESSURE, 'message type of ros_jamming.pressure_topics',
+        Parameter(f'{PREFIX}pressure_type', PRESSURE,
+                  'message type of ros_jamming.pressure_topics',
                   choices=(PRESSURE, NUMBER, ARRAY)),
         Parameter(f'{PREFIX}pressure_scales', (1.0,), 'pressure per unit of the message, Pa; '
                   'negative if vacuum is reported as positive; a single value applies to all',
