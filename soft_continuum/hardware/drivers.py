@@ -95,8 +95,10 @@ def make_driver(group: str, name: str, values: Mapping[str, Any],
 def commissioning(group: str, name: str) -> Any:
     """Return the module COMMISSIONING of a driver, None without one; raises HardwareError."""
     module = getattr(_load(group, name), 'COMMISSIONING', None)
+    if module is None:
+        return None
     with _refused(name, module):
-        return None if module is None else import_module(module)
+        return import_module(module)
 
 
 def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], dict[str, str]]]:
