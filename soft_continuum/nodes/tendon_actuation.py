@@ -6,6 +6,7 @@ from collections.abc import Callable
 from copy import copy
 from functools import partial
 from importlib.util import find_spec
+from math import inf
 import traceback
 from typing import Any
 
@@ -23,6 +24,7 @@ from soft_continuum.hardware.tendon_controller import (
     TendonController,
     TendonLimits,
 )
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import guarded, serve
 from soft_continuum.nodes.load_cells import LoadCells
@@ -37,7 +39,7 @@ from soft_continuum.nodes.tendon_control import Device, TendonControl
 from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.ros.conversions import trajectory_from_ros
+from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
 from soft_continuum.ros.entry import LOG_PERIOD, MAX_BYTES
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import Age
@@ -241,7 +243,7 @@ class TendonActuation(ManagedNode):
 
     def _judge(self, kind: Kind, data: bytes, revocations: int) -> None:
         """Follow a trajectory if nothing forbids it; on a thread that may take long."""
-        control, stiffness, shown_id = self._control, self._arm.stiffness, ''
+        control, shown_id = self._control, ''
         try:
             begin = STEADY()
             request_id, message = _read(kind, data)
@@ -250,17 +252,8 @@ class TendonActuation(ManagedNode):
             shown_id = plain(request_id)
             request = self._request(request_id, message, revocations)
             pulls = self._loop.call(control.prepare, request)
-            while not (self._arm.agreed or self._arm.motion_interlock()
-                       or control.revocations != revocations):
-                STEADY.sleep(AGREE_PERIOD)  # else its jams would not be where they formed
-            known = self._arm.shape_and_model
-            if known is not None:  # else follow() says why not
-                limits = TensionLimits(
-                    self.parameters['tension_limit'], self.parameters['co_contraction_limit'])
-                self._prediction.check(
-                    pulls + known[1].offsets, known[0],
-                    [not jam for jam in self._arm.jammed(stiffness)], limits,
-                    lambda: control.revocations != revocations)
+            stiffness = self._predict(
+                pulls, begin, lambda: control.revocations != revocations)
             self._loop.call(control.follow, request, stiffness)
         except MotionRefusedError as error:
             self._refuse(shown_id, error)
@@ -269,6 +262,42 @@ class TendonActuation(ManagedNode):
             self._refuse(shown_id, MotionRefusedError(
                 Reason.INVALID, f'it could not be validated: {type(error).__name__}: {error}'))
             raise
+
+    def _predict(self, pulls: Array, begin: float, revoked: Callable[[], bool]) -> Stiffness:
+        """
+        Return the stiffness with which pulls (k, tendons), m, keep the tension limits.
+
+        On a busy computer the states of other nodes may arrive later than a trajectory that was
+        planned from them.  So a shape from before ``begin``, s, does not refuse it: the prediction
+        is repeated with the next shape, if one arrives.  Ends early once ``revoked``.  Raises
+        MotionRefusedError.
+        """
+        arm, parameters = self._arm, self.parameters
+        limits = TensionLimits(parameters['tension_limit'], parameters['co_contraction_limit'])
+        while True:
+            stiffness = arm.stiffness
+            while not (arm.agreed or arm.motion_interlock() or revoked()):
+                STEADY.sleep(AGREE_PERIOD)  # else its jams would not be where they formed
+            known, time = arm.shape_and_model, self._shape_time
+            if known is None:
+                return stiffness  # follow() says why not
+            try:
+                self._prediction.check(
+                    pulls + known[1].offsets, known[0],
+                    [not jam for jam in arm.jammed(stiffness)], limits, revoked)
+                return stiffness
+            except MotionRefusedError:
+                end = begin + arm.timeout
+                while self._shape_time <= begin and STEADY() < end and not revoked():
+                    STEADY.sleep(AGREE_PERIOD)
+                if time > begin or self._shape_time <= begin:
+                    raise
+
+    @property
+    def _shape_time(self) -> float:
+        """Time of the last reported shape, s (steady); before all others without one."""
+        time = self.ros_time.steady(self._arm.kinematics.stamp)
+        return -inf if time is None else time
 
     def _refuse(self, request_id: str, error: MotionRefusedError) -> None:
         if error.reason is Reason.HELD:  # by its sender

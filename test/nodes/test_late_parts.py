@@ -1,10 +1,18 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A motion that comes late, in whole or in part, is later and has the path that was planned."""
+"""A late motion, or part of one, keeps its path; and late states of other nodes refuse none."""
 
+from contextlib import nullcontext
+from typing import Any
+from unittest.mock import Mock
+
+import numpy as np
 import pytest
 
 from soft_continuum.hardware import tendon_controller
+from soft_continuum.hardware.tendon_controller import MotionRefusedError, Reason
+from soft_continuum.nodes import tendon_actuation
+from soft_continuum.nodes.tendon_actuation import TendonActuation
 from support.steered_tendons import PATH, PERIOD, Steered
 
 MAX_DELAY = tendon_controller.MAX_DELAY
@@ -54,3 +62,36 @@ def test_of_a_trajectory_without_an_id_points_that_are_past_are_left_out(
     steered.send(0.0, 1.0, motion='')
     steered.go_on(0.5 + 3 * PERIOD)
     assert steered.pulls[-1] == pytest.approx(PATH[-1], abs=1e-5)
+
+
+@pytest.mark.parametrize(('arrives', 'refused'), [
+    ('allowed', False), ('refused', True), ('', True)])
+def test_only_a_shape_from_after_a_trajectory_arrived_refuses_it(
+        arrives: str, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    begin, model, tried = 10.0, Mock(offsets=0.0), []
+    arm = Mock(agreed=True, stiffness='old', timeout=5.0, shape_and_model=('refused', model),
+               jammed=lambda stiffness: (stiffness == 'old',))
+
+    def check(pulls: Any, shape: str, *_: Any) -> None:
+        tried.append((shape, arm.stiffness))
+        if shape == 'refused':
+            raise MotionRefusedError(Reason.TENSION, 'too much')
+
+    node = Mock(_arm=arm, _prediction=Mock(check=check), _shape_time=begin - 0.1,
+                parameters={'tension_limit': 60.0, 'co_contraction_limit': 5.0})
+    clock = Mock(return_value=begin)
+
+    def sleep(seconds: float) -> None:
+        clock.return_value += seconds
+        if arrives:
+            arm.stiffness, arm.shape_and_model = 'new', (arrives, model)
+            node._shape_time = clock.return_value
+
+    clock.sleep = sleep
+    monkeypatch.setattr(tendon_actuation, 'STEADY', clock)
+    expected = pytest.raises(MotionRefusedError) if refused else nullcontext()
+    with expected:
+        assert TendonActuation._predict(
+            node, np.zeros((2, 2)), begin, lambda: False) == arm.stiffness
+    assert tried == [('refused', 'old')] + [(arrives, 'new')] * bool(arrives)
+    assert clock.return_value <= begin + arm.timeout + 0.1
