@@ -1,16 +1,18 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The arm as shape_sequencer observes it, from the topics of the other three nodes."""
+"""The arm as shape_sequencer and servo observe it, from the topics of the other three nodes."""
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Any
 
 from sensor_msgs.msg import JointState
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
@@ -19,7 +21,11 @@ from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age, RosTime
 from soft_continuum.sequencing.arm_port import Failure, Observation
 from soft_continuum.text import plain
-from soft_continuum_interfaces.msg import JammingValvesState, TendonActuationState
+from soft_continuum_interfaces.msg import (
+    JammingValvesState,
+    KinematicsState,
+    TendonActuationState,
+)
 
 VACUUM_ROUNDING = 1.0  # Pa
 COMPUTING = 4.0
@@ -210,3 +216,31 @@ class ArmObserver(ReportedArm):
             lost_tendons=self._lost(TENDON_ACTUATION, self._tendon_age),
             lost_valves=self._lost(JAMMING_VALVES, self.jamming_age),
             agreed=self.agreed and self._vacuums_agreed)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A shape of the arm, its time, and the time of the last measurement, s (steady) or None."""
+
+    shape: Equilibrium
+    time: float
+    measured_time: float | None
+
+
+class EstimateObserver(ArmObserver):
+    """ArmObserver with the times of shape and measurements."""
+
+    def __init__(self, node: Any, *arguments: Any) -> None:
+        """Subscribe."""
+        self.estimate: Estimate | None = None
+        super().__init__(node, *arguments)
+
+    def _on_shape(self, message: KinematicsState) -> None:
+        before = self._reported
+        super()._on_shape(message)
+        if self._reported is None or self._reported is before:
+            return
+        now = STEADY()
+        time, measured = self._ros_time.steady(message.stamp), self.measured
+        self.estimate = Estimate(self._reported[0], now if time is None else min(time, now),
+                                 None if measured is None else min(measured, now))

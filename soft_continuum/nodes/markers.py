@@ -9,6 +9,7 @@ from textwrap import fill
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point
 import numpy as np
+from rclpy.node import Node
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -22,8 +23,11 @@ from soft_continuum.colours import (
     tension_colour,
     WRONG,
 )
-from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.ros.qos import LATCHED
+from soft_continuum.sequencing.plans import Shape
 
 LIFETIME = Duration(nanosec=500_000_000)
 """Lifetime of temporary markers: they disappear when no longer published."""
@@ -109,3 +113,27 @@ def _marker(namespace: str, number: int, kind: int, colour: Colour, frame: str, 
 
 def _points(rows: Array) -> list[Point]:
     return [Point(x=x, y=y, z=z) for x, y, z in rows.tolist()]
+
+
+class Ghost:
+    """Publishes target_markers (visualization_msgs/MarkerArray, latched)."""
+
+    def __init__(self, node: Node, arm: Arm, frame: str) -> None:
+        """Remove any ghost of an earlier process."""
+        self._node, self._arm, self._frame = node, arm, frame
+        self._shape: Shape | None = None
+        self._publisher = node.create_publisher(MarkerArray, 'target_markers', LATCHED)
+        self._publish()
+
+    def show(self, shape: Shape | None) -> None:
+        """Show a shape, with its angles, or none."""
+        if shape != self._shape:
+            self._shape = shape
+            self._publish()
+
+    def _publish(self) -> None:
+        shape = self._shape
+        target = None if shape is None else Chain(self._arm).uniform(
+            bending_vectors(self._arm, shape.bending_angles, shape.bending_directions))
+        self._publisher.publish(target_markers(
+            target, self._frame, self._node.get_clock().now().to_msg()))

@@ -18,8 +18,8 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
+from soft_continuum.nodes.arm_observer import Estimate, EstimateObserver
 from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
-from soft_continuum.nodes.estimate_observer import Estimate, EstimateObserver
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS

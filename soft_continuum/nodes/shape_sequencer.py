@@ -16,8 +16,8 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.entries import guarded, repeat
-from soft_continuum.nodes.ghost import Ghost
 from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
+from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.obstacles import KnownObstacles

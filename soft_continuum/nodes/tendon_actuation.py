@@ -35,8 +35,7 @@ from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
-from soft_continuum.nodes.tendon_control import Device, TendonControl
-from soft_continuum.nodes.tendon_report import Report
+from soft_continuum.nodes.tendon_control import Device, Report, TendonControl
 from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros

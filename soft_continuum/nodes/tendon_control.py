@@ -3,6 +3,7 @@
 """The control thread of tendon_actuation."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
@@ -16,7 +17,6 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.question import Question
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
-from soft_continuum.nodes.tendon_report import Report
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
 from soft_continuum_interfaces.msg import TendonActuationState
@@ -29,6 +29,26 @@ CHANGED = 'a segment changed between soft and stiff, or its vacuum was set'
 REST_CHANGE = 1e-6  # m of pull
 MAX_REVOKED = 20  # motions whose further parts are refused
 Device = tuple[TendonDriver, TendonController]
+
+
+@dataclass(frozen=True)
+class Report:
+    """
+    State after a cycle or a request.
+
+    ended, refused: why the last motion was, for people; empty once a later one is accepted.
+    unmeasured: which load cell is stale or implausible.  reading: the last one or None; its pulls
+    are only valid if referenced.  time, start: of the reading and of the accepted trajectory, s
+    (steady).
+    """
+
+    state: TendonActuationState
+    ended: str
+    refused: str
+    unmeasured: str
+    reading: TendonReading | None
+    time: float
+    start: float
 
 
 class TendonControl:
