@@ -9,7 +9,6 @@ the twin's cameras; the truth is what the plant knows.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import cos, sin
 from pathlib import Path
 from typing import Any
 
@@ -336,14 +335,6 @@ def _mean(poses: list[Array]) -> Array:
     """Return the mean of poses as of Pose."""
     mean: Array = np.mean(poses, axis=0) if len(poses[0]) == 3 else mean_pose(poses)
     return mean
-
-
-def tip_of(arm: Arm, measured: Mapping[int, Pose]) -> Array:
-    """Return the tip (x, z, angle), (3,) m and rad, from the last disc; KeyError if not seen."""
-    last = len(arm.discs) - 1
-    x, z, angle = measured[last].pose
-    height = arm.discs[last].height
-    return np.array([x + height * sin(angle), z + height * cos(angle), angle])
 
 
 def angles_of(arm: Arm, measured: Mapping[int, Pose]) -> Array:

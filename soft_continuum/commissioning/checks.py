@@ -6,7 +6,7 @@ The checks of ``doctor``: ports, firmware, settings, boards, valves and sensors 
 They move and switch nothing.  Steps that depend on one that failed are left out.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import suppress
 import getpass
 from math import isfinite
@@ -17,6 +17,7 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import Check, check_reference, FAIL, OK, WARN
 from soft_continuum.hardware.drivers import (
     commissioning,
+    GROUPS,
     JAMMING_DRIVERS,
     make_driver,
     TENDON_DRIVERS,
@@ -29,7 +30,6 @@ from soft_continuum.parameters.parameter import ParameterError
 MAX_ZERO_ERROR = 3e3
 """Pa that a vented segment may differ from ambient pressure: 3 % of the usual full scale."""
 SIMULATED = 'simulated'
-DRIVERS = {'tendon_driver': TENDON_DRIVERS, 'jamming_driver': JAMMING_DRIVERS}
 
 
 def check_real_time(values: Mapping[str, Any]) -> Check:
@@ -57,7 +57,7 @@ def check_ports(values: Mapping[str, Any]) -> Check:
     """Check that the configured port names are stable."""
     step = 'serial ports'
     names = []
-    for parameter, group in DRIVERS.items():
+    for parameter, group in GROUPS.items():
         if group == JAMMING_DRIVERS and not values['arm.jamming']:
             continue
         with suppress(HardwareError):  # the check of that driver reports it
@@ -88,21 +88,22 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
         elif hasattr(family, 'checks'):
             yield from family.checks(values)
         else:
-            driver.open()
-            try:
-                yield Check(step, OK, 'opens and reads')
-                yield from _check_opened(family, driver)
-                reading = driver.read()
-            finally:
-                driver.close()
+            reading = yield from _read(family, driver, Check(step, OK, 'opens and reads'))
             yield check_reference(reading.referenced, reading.unreferenced)
     except (HardwareError, ParameterError) as error:
         yield Check(step, FAIL, str(error))
 
 
-def _check_opened(family: Any, driver: Any) -> Iterator[Check]:
-    if hasattr(family, 'checks_opened'):
-        yield from family.checks_opened(driver)
+def _read(family: Any, driver: Any, *opened: Check) -> Generator[Check, None, Any]:
+    """Yield the checks of a driver while it is open, ``opened`` first; return its reading."""
+    driver.open()
+    try:
+        yield from opened
+        if hasattr(family, 'checks_opened'):
+            yield from family.checks_opened(driver)
+        return driver.read()
+    finally:
+        driver.close()
 
 
 def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
@@ -121,12 +122,7 @@ def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
             yield from checks
             if any(check.status == FAIL for check in checks):
                 return
-        driver.open()
-        try:
-            yield from _check_opened(family, driver)
-            reading = driver.read()
-        finally:
-            driver.close()
+        reading = yield from _read(family, driver)
     except (HardwareError, ParameterError) as error:
         yield Check(step, FAIL, str(error))
         return
@@ -134,8 +130,8 @@ def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
         yield _check_pump(reading.pump, reading.evacuated)
     for i, (pressure, evacuated) in enumerate(
             zip(reading.pressures, reading.evacuated, strict=True)):
-        told = reading.vacuums[i] if reading.vacuums else 0.0
-        yield _check_segment(f'segment {i + 1}', values, pressure, evacuated, told)
+        setpoint = reading.vacuums[i] if reading.vacuums else 0.0
+        yield _check_segment(f'segment {i + 1}', values, pressure, evacuated, setpoint)
 
 
 def _check_pump(pump: bool, evacuated: tuple[bool, ...]) -> Check:
@@ -150,15 +146,15 @@ def _check_pump(pump: bool, evacuated: tuple[bool, ...]) -> Check:
 
 
 def _check_segment(step: str, values: Mapping[str, Any], pressure: float,
-                   evacuated: bool, told: float) -> Check:
+                   evacuated: bool, setpoint: float) -> Check:
     if not isfinite(pressure):
         return Check(step, FAIL, 'no pressure: its transmitter gives no current between 3.6 and '
                      '21 mA; check its wires and its supply, and modbus.pressure_registers')
     vacuum = values['ambient_pressure'] - pressure
     message = f'{vacuum / 1e3:.1f} kPa of vacuum'
-    if told:
-        text = f'{message}, its regulator is set to {told / 1e3:.1f} kPa'
-        if abs(vacuum - told) <= values['vacuum_tolerance']:
+    if setpoint:
+        text = f'{message}, its regulator is set to {setpoint / 1e3:.1f} kPa'
+        if abs(vacuum - setpoint) <= values['vacuum_tolerance']:
             return Check(step, OK, text)
         return Check(step, FAIL, f'{text}; if the set-point has not just changed, its regulator, '
                      'the regulator supply or its sensor has failed, or it leaks')

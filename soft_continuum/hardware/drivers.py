@@ -29,6 +29,8 @@ from soft_continuum.parameters.parameter import Parameter
 
 TENDON_DRIVERS = 'soft_continuum.tendon_drivers'
 JAMMING_DRIVERS = 'soft_continuum.jamming_drivers'
+GROUPS = {'tendon_driver': TENDON_DRIVERS, 'jamming_driver': JAMMING_DRIVERS}
+"""By the parameter that selects one."""
 _HERE = 'soft_continuum.hardware'
 _OWN = {
     TENDON_DRIVERS: {'simulated': f'{_HERE}.simulated_tendons:SimulatedTendons',
@@ -109,7 +111,7 @@ def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], 
     in the parameters) to types (as std_msgs/Bool): published by its node, and subscribed to.
     """
     found = {}
-    for group, name in ((TENDON_DRIVERS, 'tendon_driver'), (JAMMING_DRIVERS, 'jamming_driver')):
+    for name, group in GROUPS.items():
         topics = getattr(_load(group, values[name]), 'topics', None)
         found[name] = topics(values) if topics is not None else ({}, {})
     return found
