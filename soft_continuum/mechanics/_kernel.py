@@ -32,26 +32,26 @@ from soft_continuum.mechanics.plane import _assembly, _newton
 from soft_continuum.mechanics.space import _assembly as _spatial_assembly
 from soft_continuum.mechanics.space import _path
 
-# States may be arrays of any strides, for an extension does not check those that it is given;
-# what the solver lays out for itself is contiguous, which is faster.
+# An extension does not check the strides of arrays that it is given.  What users may have made can
+# have any; what the solver lays out for itself is contiguous, which is faster.
 VECTOR, MATRIX, TENSOR, INDICES = 'f8[:]', 'f8[:, :]', 'f8[:, :, :]', 'i8[:]'
 LIST, TABLE, BLOCKS, NUMBERS = 'f8[::1]', 'f8[:, ::1]', 'f8[:, :, ::1]', 'i8[::1]'
-STATE = f'UniTuple({VECTOR}, 3)'
+STATE = f'UniTuple({LIST}, 3)'
 SYSTEM = f'Tuple(({TABLE}, {TABLE}, {BLOCKS}, {TABLE}, {TABLE}, {NUMBERS}))'
-DRIVE = f'Tuple(({INDICES}, {VECTOR}, {VECTOR}, {INDICES}))'
+DRIVE = f'Tuple(({NUMBERS}, {LIST}, {LIST}, {NUMBERS}))'
 LINKS = (f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, {NUMBERS}, {TABLE}, i8[:, ::1], '
          f'{TABLE}, {BLOCKS}, {LIST}))')
 ROUTING = f'Tuple(({MATRIX}, {INDICES}, {INDICES}, {INDICES}, {MATRIX}))'
 SIGNATURES = {
-    'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {LIST}, f8, {VECTOR})',
+    'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {LIST}, f8, {LIST})',
     'equilibrium':
         f'Tuple((i8, i8, f8, f8))(UniTuple({VECTOR}, 2), {SYSTEM}, {DRIVE}, Tuple((i8, f8)), b1, '
-        f'{VECTOR}, UniTuple({VECTOR}, 4))',
+        f'{LIST}, UniTuple({LIST}, 4))',
     'newton_batch':
-        f'void(Tuple(({MATRIX}, {MATRIX}, {MATRIX})), '
-        f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, i8[:, ::1])), {INDICES}, '
-        f'Tuple(({INDICES}, {MATRIX}, {MATRIX}, {INDICES})), {MATRIX}, '
-        f'{INDICES}, {VECTOR}, {VECTOR}, i8, i8)',
+        f'void(Tuple(({TABLE}, {TABLE}, {TABLE})), '
+        f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, i8[:, ::1])), {NUMBERS}, '
+        f'Tuple(({NUMBERS}, {TABLE}, {TABLE}, {NUMBERS})), {TABLE}, '
+        f'{NUMBERS}, {LIST}, {LIST}, i8, i8)',
     'moment_balance': f'f8[::1]({VECTOR}, {VECTOR}, {SYSTEM}, i8)',
     'dense_system':
         f'Tuple((f8[:, ::1], f8[:, ::1], f8[:, ::1]))({VECTOR}, {VECTOR}, {SYSTEM}, i8)',

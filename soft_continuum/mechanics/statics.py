@@ -128,8 +128,8 @@ class Statics:
               vacuum: Sequence[float] | None) -> tuple[Sequence[bool], Sequence[float] | None]:
         """Return which segments are soft, and the vacuum, for ``bend``; raises ValueError."""
         check_start(start)
-        mask = soft_flags([i == segment for i in range(self.chain.segments)]
-                          if soft is None else soft, self.chain.segments)
+        mask = (tuple(i == segment for i in range(self.chain.segments)) if soft is None
+                else soft_flags(soft, self.chain.segments))
         if not (whole(segment) and 0 <= segment < self.chain.segments and mask[segment]):
             raise ValueError(f'segment index {segment} is not one of the soft segments; '
                              f'soft: {list(mask)}')

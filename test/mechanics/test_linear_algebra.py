@@ -1,6 +1,8 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The solver's own linear algebra against NumPy's."""
+"""The solver's own numerics against NumPy's."""
+
+from types import SimpleNamespace
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ from soft_continuum.mechanics._linear_algebra import (
     condense,
     negative_eigenvalues,
 )
+from soft_continuum.mechanics.plane._assembly import turn
 
 
 @given(st.integers(1, 20), st.integers(0, 2**32 - 1), st.floats(-8, 8), st.integers(0, 3))
@@ -51,3 +54,19 @@ def test_a_band_is_solved_as_lapack_does(half):
     assert products == pytest.approx(given_.T @ expected, rel=1e-9)
     back_substitute(band, columns, 2)
     assert columns[:, 2] == pytest.approx(expected[:, 2], rel=1e-9)
+
+
+@given(st.floats(-1e5, 1e5) | st.integers(-40, 40).map(lambda k: k * np.pi / 4.0))
+def test_cosines_and_sines_are_those_of_the_library_to_rounding(angle):
+    found = SimpleNamespace(cosine=np.empty(1), sine=np.empty(1))
+    turn(np.array([angle]), found)
+    assert abs(found.cosine[0] - np.cos(angle)) < 2.3e-16
+    assert abs(found.sine[0] - np.sin(angle)) < 2.3e-16
+
+
+@pytest.mark.parametrize('angle', [np.nan, np.inf, -np.inf])
+@pytest.mark.filterwarnings('ignore:invalid value')
+def test_an_angle_that_is_not_finite_has_no_cosine(angle):
+    found = SimpleNamespace(cosine=np.empty(1), sine=np.empty(1))
+    turn(np.array([angle]), found)
+    assert np.isnan([found.cosine, found.sine]).all()

@@ -104,9 +104,9 @@ class Work(NamedTuple):
 def workspace(bodies, segments, groups):  # type: ignore[no-untyped-def]
     """Return a Work for a chain of so many bodies, segments and rigid groups."""
     width = 3 + 2 * segments  # right-hand side, two tendons, and one for each of their spans
+    moments, turned = np.zeros((4, groups)), np.empty((2, bodies))
+    small, flags = np.empty((2, width, width)), np.zeros((2, 2), dtype=np.bool_)
     return Work(
-        np.zeros(groups), np.zeros(groups), np.zeros(groups), np.empty((groups, width)),
-        np.empty((width, groups)), np.empty((width, width)), np.empty((width, width)),
-        np.empty(bodies), np.empty(bodies), np.empty((2, segments, 3)), np.zeros(groups),
-        np.empty(width), np.zeros(2, dtype=np.int64), np.zeros(2), np.zeros(2, dtype=np.bool_),
-        np.zeros(2, dtype=np.bool_))
+        moments[0], moments[1], moments[2], np.empty((groups, width)), np.empty((width, groups)),
+        small[0], small[1], turned[0], turned[1], np.empty((2, segments, 3)), moments[3],
+        np.empty(width), np.zeros(2, dtype=np.int64), np.zeros(2), flags[0], flags[1])

@@ -7,12 +7,21 @@ In absolute angles the springs give a tridiagonal Hessian, loads a diagonal one 
 span a diagonal plus a rank-one term.
 """
 
-from math import cos, sin, sqrt
+from math import pi, sqrt
 
 import numpy as np
 
 from soft_continuum.mechanics._compile import borrowing, compiled
 from soft_continuum.mechanics.plane._arrays import System, workspace
+
+TWO_OVER_PI = 2.0 / pi
+ROUND = 1.5 * 2.0**52
+QUARTER = (1.57079625129699707031, 7.54978941586159635336e-8, 5.39030285815811905290e-15)
+"""A quarter of a turn, rad, as a sum whose first parts have few digits."""
+SINE = (1.58962301576546568060e-10, -2.50507477628578072866e-8, 2.75573136213857245213e-6,
+        -1.98412698295895385996e-4, 8.33333333332211858878e-3, -1.66666666666666307295e-1)
+COSINE = (-1.13585365213876817300e-11, 2.08757008419747316778e-9, -2.75573141792967388112e-7,
+          2.48015872888517045348e-5, -1.38888888888730564116e-3, 4.16666666666665929218e-2)
 
 
 @compiled
@@ -55,17 +64,28 @@ def jam_law(q, joint, tables, secant):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def turn(theta, group, again, work):  # type: ignore[no-untyped-def]
-    """Fill the cosines and sines of the absolute angles; again: but for what cannot turn."""
+def turn(theta, work):  # type: ignore[no-untyped-def]
+    """
+    Fill the cosines and sines of the absolute angles, to 2e-16, for angles up to 1e5 rad.
+
+    By the polynomials of Cephes (Moshier 1992, sin.c) without branches, so that several are
+    computed at once; two calls of the C library for each angle would take a quarter of a solve.
+    """
     cosine, sine = work.cosine, work.sine
     for i in range(theta.shape[0]):
-        if again and group[i] < 0:
-            continue
-        if i > 0 and theta[i] == theta[i - 1]:  # locked in line
-            cosine[i], sine[i] = cosine[i - 1], sine[i - 1]
-            continue
-        cosine[i] = cos(theta[i])
-        sine[i] = sin(theta[i])
+        # Adding and subtracting ROUND rounds to a whole number.
+        quarters = (theta[i] * TWO_OVER_PI + ROUND) - ROUND
+        x = ((theta[i] - quarters * QUARTER[0]) - quarters * QUARTER[1]) - quarters * QUARTER[2]
+        z = x * x
+        s = x + x * z * (((((SINE[0] * z + SINE[1]) * z + SINE[2]) * z + SINE[3]) * z + SINE[4])
+                         * z + SINE[5])
+        c = 1.0 - 0.5 * z + z * z * (((((COSINE[0] * z + COSINE[1]) * z + COSINE[2]) * z
+                                       + COSINE[3]) * z + COSINE[4]) * z + COSINE[5])
+        quarter = quarters - 4.0 * ((0.25 * quarters + ROUND) - ROUND)  # of a turn, -2 to 2
+        along = 1.0 - abs(quarter)  # 1 or -1, or 0 where sine and cosine are exchanged
+        across = quarter * (1.0 - abs(along))
+        cosine[i] = along * c - across * s
+        sine[i] = along * s + across * c
 
 
 @borrowing
@@ -191,7 +211,7 @@ def add_springs_and_loads(theta, system, work, secant):  # type: ignore[no-untyp
 def _springs_and_loads(theta, system, groups):  # type: ignore[no-untyped-def]
     """Return a Work that holds the springs, the loads and the geometry of the tendons."""
     work = workspace(theta.shape[0], system.guides.shape[0], groups)
-    turn(theta, system.group, False, work)
+    turn(theta, work)
     tendon_geometry(system, work, np.empty(2))
     add_springs_and_loads(theta, system, work, False)
     return work

@@ -71,13 +71,14 @@ class Continuation:
         """
         Return the equilibrium that a full step finds, or None if it is not that wanted.
 
-        hold: as of _newton.equilibrium.
+        hold: as of _newton.equilibrium; the tendons then begin without tension.
         """
         chain = self.chain
         angles, tensions, pulls, slack = found = (
             np.empty(chain.bodies), np.empty(2), np.empty(2), np.empty(2))
         status, iterations, residual, turned = _kernel.functions().equilibrium(
-            (start.configuration, start.tensions), tuple(problem.system), tuple(problem.drive),
+            (start.configuration, np.zeros(2) if hold else start.tensions),
+            tuple(problem.system), tuple(problem.drive),
             (problem.groups, chain.straight_paths[0]), hold, problem.tolerance, found)
         if not problem.reached(status, turned, tensions):
             return None

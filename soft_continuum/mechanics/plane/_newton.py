@@ -76,7 +76,7 @@ def assemble(state, system, drive, bias, damping, iteration, work):  # type: ign
     for k in range(gradient.shape[0]):
         gradient[k] = bias[k] + damping * moved[k]
         diagonal[k] = damping
-    turn(state.theta, system.group, iteration > 0, work)
+    turn(state.theta, work)
     tendon_geometry(system, work, state.lengths)
     add_springs_and_loads(state.theta, system, work, iteration % 16 >= 8)
     used = 1

@@ -3,6 +3,7 @@
 """Statics of a planar arm: hinges and a pair of tendons."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -54,6 +55,7 @@ class PlaneStatics(Statics):
         self._bodies = np.column_stack([self.chain.body_lengths, self.chain.load_coefficients])
         self.continuation = Continuation(self.chain, self.laws)
         self.compliance = compliances(self.chain, np.zeros(self.chain.bodies), (0, 0))
+        self._both = np.repeat(np.arange(self.chain.segments)[:, None], 2, axis=1)
         self._no_friction = np.ones((2, self.chain.segments))
         self._groups = cache(self._find_groups)
         self._stiff = cache(self._find_stiff)
@@ -81,25 +83,22 @@ class PlaneStatics(Statics):
              sliding: Sequence[int] = ()) -> Equilibrium:
         """Return the equilibrium in which ``segment`` has an angle; all as in Statics."""
         mask, vacuum = self._bent(start, segment, angle, soft, vacuum)
-        # What the tendons carried before may be far too much for the segment that is soft now.
-        start = Equilibrium(
-            start.configuration, np.zeros(2), start.pulls, start.slack, start.residual, 0,
-            start.stiff, start.held, False, start.vacuum, chain=self.chain)
         reasons: dict[int, str] = {}
         # What a jam holds depends on where it was stiffened, so on both solves.
         at_once = self.laws.rigid_only and not (any(sliding) and self.chain.tendon.friction)
         rows = slice(segment * self.chain.joints_per_segment,
                      (segment + 1) * self.chain.joints_per_segment)
-        turn = angle - float(start.configuration[rows].sum()) or angle
+        turn = angle - sum(start.configuration[rows].tolist()) or angle
         for tendon in (RIGHT, LEFT) if turn >= 0.0 else (LEFT, RIGHT):
-            modes, target = np.zeros(2, dtype=np.int64), np.full(2, np.inf)
+            modes, target = np.zeros(2, dtype=np.int64), np.array((np.inf, np.inf))
             modes[tendon], target[tendon] = ANGLE, angle
             problem = self.problem(start, mask, target, vacuum, modes, segment)
             try:
                 if at_once and (held := self.continuation.in_one_step(start, problem, hold=True)
                                 ) is not None and held.tensions[tendon] >= -NO_TENSION:
                     return held
-                found = self._find(start, problem, sliding)
+                # What they carried before may be far too much for the segment that is soft now.
+                found = self._find(replace(start, tensions=np.zeros(2)), problem, sliding)
                 if found.tensions[tendon] >= -NO_TENSION:
                     return self._hold(found, mask, vacuum, sliding)
                 reasons[tendon] = 'it would have to push'
@@ -184,8 +183,7 @@ class PlaneStatics(Statics):
         if parts or not self.laws.rigid_only:
             system = system._replace(joints=self.laws.joints(start, stiff, parts))
         return Problem(
-            system, Drive(modes, target, self.compliance,
-                          np.array((segment, segment)) if segment else BOTH_LENGTHS), groups,
+            system, Drive(modes, target, self.compliance, self._both[segment]), groups,
             turn_limit, tolerance, start.configuration, stiff, parts)
 
     def _find_stiff(self, soft: Sequence[bool]) -> tuple[bool, ...]:

@@ -49,14 +49,16 @@ class ConstraintState(NamedTuple):
 
     link: (bodies,), of each body, -1 for what is fixed to the base.  free: (bodies,), bodies that
     a link begins with.  joints: (links, 4, 3), as of _laws, but for the shapes that they hold.
-    still: (tendons,), those along locked segments only.  yields: whether a joint may.  direct:
-    whether a full step may find what small ones do, since the energy is convex.
+    still: (tendons,), those along locked segments only; any_still: whether there are such.
+    yields: whether a joint may.  direct: whether a full step may find what small ones do, since
+    the energy is convex.
     """
 
     link: Integers
     free: Booleans
     joints: Array
     still: Booleans
+    any_still: bool
     yields: bool
     direct: bool
 
@@ -91,8 +93,7 @@ class _Links:
         self.compliance, self.ratios = tendons
         self.rotations, self.bias = np.empty((2, links, 3, 3)), np.empty((2, links, 3))
         self.tension, self.targets = np.empty((2, count)), np.empty((4, count))
-        self.tension[:] = start.tensions
-        self.tension[np.isnan(self.tension)] = 0.0
+        self.tension[:] = [t if t == t else 0.0 for t in start.tensions.tolist()]  # nan: none
         self.taut = self.tension > 0.0
         self.bodies = np.empty((chain.bodies, 3, 3))
         self.joints = locks.joints.copy()
@@ -262,12 +263,12 @@ class SpaceStatics(Statics):
         direct = not (yields or chain.moments.any()) and outweigh(
             chain.laws.least_stiffness()[free],
             sums(link[link >= 0], loads[link >= 0], len(joints)))
-        return ConstraintState(link, free, joints, still, yields, direct)
+        return ConstraintState(link, free, joints, still, bool(still.any()), yields, direct)
 
     def _follow(self, start: Equilibrium, locks: ConstraintState, by_force: Booleans,
                 target: Array, sliding: Sequence[int]) -> Equilibrium:
         """Return the equilibrium for pulls (m), or tensions (N) of those by force."""
-        if not locks.free.any():
+        if not len(locks.joints):
             return self._locked(start, by_force, target)
         state = self._follow_load_path(
             start, locks, by_force, target, self.compliance, self._no_friction)
@@ -288,7 +289,7 @@ class SpaceStatics(Statics):
     def _follow_load_path(self, start: Equilibrium, locks: ConstraintState, by_force: Booleans,
                           target: Array, compliance: Array, ratios: Array) -> Equilibrium:
         """Follow lengths, tensions and initial unbalanced moments to the target."""
-        if locks.still.any():
+        if locks.any_still:
             self._refuse_short(np.where(locks.still & ~by_force, target - start.pulls, 0.0), start)
         links = _Links(self.chain, start, locks, by_force, (compliance, ratios))
         done, total, residual, rests = links.follow(target, False)
