@@ -91,7 +91,7 @@ def _chain(discretisation: str, bodies: int) -> Callable[[Arm], Solver]:
         straight = statics.chain.straight()
 
         def solve(steps: list[paper.Step]) -> Array:
-            return statics.chain.points(paper.walk(statics, steps, straight)[-1].joint_angles)
+            return paper.walk(statics, steps, straight)[-1].points[:, ::2]
 
         return solve
 
@@ -105,7 +105,8 @@ def _elastica(arm: Arm, steps: list[paper.Step], bodies: int) -> Array:
     before = [statics.chain.straight(), *paper.walk(statics, steps)[:-1]]
     last = steps[-1]
     rod = rods.solve(before[-1], paper.pulls_of(last, before[-1]), paper.only(last.segment))
-    return rod.points
+    points: Array = rod.points[:, :2]
+    return points
 
 
 def _elastica_sampler(shape: Shape) -> Sampler:

@@ -72,7 +72,8 @@ def _measure(chain: PlaneChain, layout: TagLayout, given: ModelErrors,
     camera = TagCamera(layout, drawn.lens)
     errors, inside, times = [], [], []
     for _ in range(PICTURES):
-        discs = chain.uniform(random.uniform(-ANGLE, ANGLE, chain.segments)).points[::2]
+        state = chain.uniform(random.uniform(-ANGLE, ANGLE, chain.segments))
+        discs = chain.plane_points(state.configuration)[::2]
         picture = drawn.picture(full_poses(discs))
         begin = time.perf_counter()
         sight = camera.measure(picture)

@@ -218,11 +218,12 @@ def replayed(description: Description, given: ModelErrors, ticks: Sequence[Tick]
 
 def _judged(shape: ArmShape, given: ModelErrors, truth: Array) -> Judged:
     assert shape.state is not None
-    tip = float(np.linalg.norm((shape.state.tip - truth[-1])[:2]))
+    points = shape.statics.chain.plane_points(shape.state.configuration)
+    tip = float(np.linalg.norm((points[-1] - truth[-1])[:2]))
     estimate = shape.estimate
     if estimate is None:
         return Judged(tip, np.nan, ())
-    away, axes = shape.state.points[-2] - truth[-2], estimate.arm.pose_axes
+    away, axes = points[-2] - truth[-2], estimate.arm.pose_axes
     factors = np.exp(estimate.values[estimate.layout.stiffness])
     covariance = estimate.pose_covariances()[-1][np.ix_(axes, axes)]
     return Judged(tip, float(away @ np.linalg.solve(covariance, away)),

@@ -102,4 +102,4 @@ def walk(statics: Statics, steps: list[Step], straight: Equilibrium | None = Non
 def apart(statics: Statics, one: np.ndarray, other: np.ndarray) -> float:
     """Return the largest distance (m) between calculation points of two vectors of angles."""
     difference = statics.chain.points(one) - statics.chain.points(other)
-    return float(np.linalg.norm(difference[:, :2], axis=1).max())
+    return float(np.linalg.norm(difference, axis=1).max())

@@ -108,8 +108,8 @@ def _contenders(statics: Statics, task: paper.Task, residuals: list[float],
         begun = solid.solve(begun, (float(start.pulls[0]), SLACK), paper.ALL_SOFT)
     found['Statics.solve in space, the same arm'] = Contender(
         sampler(lambda: solid.solve(begun, task.pulls, paper.ALL_SOFT)),
-        float(np.abs(solid.solve(begun, task.pulls, paper.ALL_SOFT).points[:, ::2]
-                     - state.points[:, :2]).max()))
+        float(np.abs(solid.solve(begun, task.pulls, paper.ALL_SOFT).points
+                     - state.points).max()))
     found |= _in_mujoco(statics, task, notes)
     def plain() -> Equilibrium:
         with patch.object(_kernel, 'functions', lambda: _kernel.SOURCE):

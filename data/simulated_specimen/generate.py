@@ -102,7 +102,7 @@ def set_on(arm: Arm, shape: SetShape) -> tuple[list[Step], Array]:
         state = statics.solve(state, (SLACK, SLACK), soft)
         steps.append(Step(shape.released, (SLACK, SLACK), float(
             statics.chain.bending_angles(state.joint_angles)[shape.released])))
-    return steps, statics.chain.points(state.joint_angles)[:, :2]
+    return steps, state.points[:, ::2]
 
 
 def curves(rng: np.random.Generator) -> Iterator[tuple[float, float, float]]:

@@ -107,12 +107,12 @@ class Equilibrium:
 
     @property
     def points(self) -> Array:
-        """Bottom and top centre of each disc, (2 * discs, 3): x, y, z, or x, z, angle (rad)."""
+        """Bottom and top centre of each disc, base first, (2 * discs, 3): x, y, z, m."""
         return self.chain.points(self.configuration)
 
     @property
     def tip(self) -> Array:
-        """The last of the points: the top of the last disc."""
+        """The last of the points: the top of the last disc, (3,), m."""
         tip: Array = self.points[-1]
         return tip
 
@@ -249,10 +249,6 @@ class Chain:
         """Return the sum of joint angles over each segment about x and y, (segments, 2), rad."""
         raise NotImplementedError
 
-    def points(self, configuration: Array) -> Array:
-        """Return Equilibrium.points."""
-        raise NotImplementedError
-
     def axes(self, configuration: Array) -> Array:
         """Return the directions of all bodies, (..., bodies, 3)."""
         raise NotImplementedError
@@ -350,6 +346,10 @@ class Chain:
     def directions(self, bending: Array) -> Array:
         """Return the directions (segments,) of bending (segments, 2), rad."""
         return bending_directions(bending)
+
+    def points(self, configuration: Array) -> Array:
+        """Return Equilibrium.points."""
+        return self.along_discs(self.ends(configuration))
 
     def poses(self, configuration: Array) -> Array:
         """Return Equilibrium.poses."""

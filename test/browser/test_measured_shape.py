@@ -206,7 +206,7 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
                  '23 mm from <post>', '0.4 mm from its goal'):
         page.wait_for_text(text)
     page.wait_for_pixels((green, 25, 10**6, 'green, as the shape that would be taken is'))
-    tip = CHAIN.points(joint_angles(arm.angles))[-1]
+    tip = CHAIN.plane_points(joint_angles(arm.angles))[-1]
     assert place(arm.planned[-1]) == pytest.approx((tip[0], 0.0, tip[1]), abs=1e-6)
     before = len(arm.planned)
     page.wait_for_pixels((pink, 1, 10**6, 'pink, as the handle is'))

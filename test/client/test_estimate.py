@@ -57,7 +57,8 @@ def test_a_client_sees_how_well_the_shape_is_known_and_what_is_wrong(
     assert estimate.age < 2.0
     assert estimate.tip_stddev == pytest.approx(5e-4)
     assert estimate.angle_stddevs == (0.002,) * 3
-    tip, alone = (CHAIN.points(joint_angles(angles))[-1] for angles in (arm.angles, arm.predicted))
+    tip, alone = (CHAIN.plane_points(joint_angles(angles))[-1]
+                  for angles in (arm.angles, arm.predicted))
     assert estimate.predicted_tip_error == pytest.approx(hypot(*(tip - alone)[:2]), abs=1e-6)
     factor, payload = estimate.parameters
     assert (factor.kind, factor.segment, factor.determined) == ('stiffness_factor', 1, True)

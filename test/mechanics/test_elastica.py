@@ -45,7 +45,7 @@ def rod_and_chain(arm, angles, pulls, soft):
 def distance(arm, *case):
     """Largest distance of a calculation point of the chain from the rod's, of the arm's length."""
     rod, state, _ = rod_and_chain(arm, *case)
-    apart = (state.points - rod.points)[:, :2]
+    apart = state.points[:, ::2] - rod.points[:, :2]
     return np.linalg.norm(apart, axis=1).max() / arm.length
 
 

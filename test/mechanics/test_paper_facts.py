@@ -88,7 +88,7 @@ def test_tensions_that_hold_each_segment_at_36_degrees(c_form):
 
 
 def test_tip_of_the_c_form(weightless, c_form):
-    tip = c_form[-1].points[-1]
+    tip = paper.plane_points(c_form[-1])[-1]
     assert np.round(tip[:2] * 1e3, 3) == pytest.approx([220.706, 160.374])
     assert tip[2] == pytest.approx(3 * paper.ANGLE, abs=1e-12)
 
@@ -102,7 +102,7 @@ def test_constant_curvature_and_chain_agree_within_2_percent_without_gravity(
     signs, arm = paper.FORMS[form], weightless.chain.arm
     states = paper.set_form(weightless, signs)
     angles = [sign * paper.ANGLE for sign in signs]
-    chain = states[-1].points
+    chain = paper.plane_points(states[-1])
     assert chain[::2, 2] == pytest.approx(np.cumsum([0.0, *angles]), abs=1e-12)
     if equal == 'pulls':
         steps = paper.pulls_of_each_step(weightless, states, signs)

@@ -103,7 +103,7 @@ def test_a_ghost_stands_where_the_arm_goes_and_the_published_robot_where_the_pos
     assert (ghost.action, end.action) == (Marker.ADD, Marker.DELETE)
     assert (ghost.ns, ghost.id) == (end.ns, end.id)
     chain = Chain(load_arm(CONFIG / 'manipulator.yaml'))
-    x, z, _ = chain.points(chain.uniform(angles).joint_angles)[-1]
+    x, z, _ = chain.plane_points(chain.uniform(angles).joint_angles)[-1]
     assert (ghost.points[-1].x, ghost.points[-1].z) == pytest.approx((x, z), abs=1e-6)
     assert 0.0 < ghost.color.a < 1.0
     arm.assert_rests()

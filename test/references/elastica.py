@@ -89,7 +89,7 @@ class Elastica:
         mask = np.array(soft, dtype=bool)
         if not mask.any():
             q = guess.joint_angles
-            return Rod(self.chain.points(q), self.chain.bending_angles(q), guess.tensions,
+            return Rod(self.chain.plane_points(q), self.chain.bending_angles(q), guess.tensions,
                        guess.pulls, guess.slack, 0.0)
         failure = StaticsError('with every set of taut tendons that balances the rods a tendon '
                                'has to push or another one is too short', guess)
@@ -146,7 +146,7 @@ class _Problem:
         self.held_turn = np.diff(held[top], prepend=0.0)
 
         self.backbone = chain.backbone(q)
-        points = chain.points(q)
+        points = chain.plane_points(q)
         lower, upper = points[1:-1:2][~soft], points[2::2][~soft]
         self.held_length = _lengths(_spans(
             chain.guides[~soft], (upper - lower)[:, :2].T, lower[:, 2], upper[:, 2]))

@@ -321,10 +321,10 @@ def test_a_tip_is_approached_as_near_as_the_segment_can(segment):
     servo = new_servo(segment)
     for angle in (-0.7, -0.01, 0.3, 0.9):
         tip = STATICS.bend(STRAIGHT, segment, angle).tip
-        assert servo.map.angle_for_tip(tip[0], tip[1]) == pytest.approx(angle, abs=2e-3)
+        assert servo.map.angle_for_tip(tip[0], tip[2]) == pytest.approx(angle, abs=2e-3)
     x, z = 0.05, 0.4
     nearest = servo.map.angle_for_tip(x, z).real
-    tips = np.array([STATICS.bend(STRAIGHT, segment, a).tip[:2]
+    tips = np.array([STATICS.bend(STRAIGHT, segment, a).tip[::2]
                      for a in np.linspace(nearest - 0.05, nearest + 0.05, 11)])
     assert np.hypot(*(tips - [x, z]).T).argmin() in (4, 5, 6)
 

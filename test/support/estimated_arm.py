@@ -160,7 +160,7 @@ class EstimatedArm:
     def _publish(self) -> None:
         now = self._nodes[0].get_clock().now()
         stamp = now.to_msg()
-        joints, points = joint_angles(self.angles), CHAIN.points(joint_angles(self.angles))
+        joints, points = joint_angles(self.angles), CHAIN.plane_points(joint_angles(self.angles))
         state = self.state
         state.stamp = stamp
         state.measured = Time() if self.age is None else (
@@ -180,7 +180,7 @@ class EstimatedArm:
                for n in (1, 2, 3)}}
         if self.predicted is not None:
             streams['predicted_disc_poses'] = poses_to_ros(
-                full_poses(CHAIN.points(joint_angles(self.predicted))), PoseArray())
+                full_poses(CHAIN.plane_points(joint_angles(self.predicted))), PoseArray())
         for name, message in streams.items():
             self._streams[name].publish(message)
         if self._feedback is not None and self._running.running:

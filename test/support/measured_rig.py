@@ -18,6 +18,7 @@ from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
 from soft_continuum.sequencing.planner import Planner, Shape
 from soft_continuum.sequencing.settings import LoopSettings
 from support.flat_arm import of_segments
+from support.paper_arm import plane_points
 from support.virtual_rig import ARM, STEP, VirtualRig
 
 ARM = replace(of_segments(ARM, range(2)), bodies_per_segment=4)
@@ -106,7 +107,8 @@ class MeasuredRig(VirtualRig):
         lost = self.hidden if self.now - self.begin >= self.lost_after else ()
         if seen := [n for n in range(1, len(self.arm.discs)) if n not in lost]:
             self.estimator.measure(self.now, [
-                DiscMeasurement(n, *in_plane(self.state.points[2 * n], COVARIANCE)) for n in seen])
+                DiscMeasurement(n, *in_plane(plane_points(self.state)[2 * n], COVARIANCE))
+                for n in seen])
 
     def observe(self):
         if self.count % round(PERIOD / STEP) == 0:

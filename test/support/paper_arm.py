@@ -74,6 +74,10 @@ def degrees_of(statics, state):
 
 def position_errors(statics, state, other_statics, other):
     """Return the distances (m) between calculation points, and theirs (m) from the base."""
-    points = state.points[1:, :2]
-    true = other.points[1:, :2]
+    points, true = state.points[1:], other.points[1:]
     return np.linalg.norm(points - true, axis=1), np.linalg.norm(true, axis=1)
+
+
+def plane_points(state):
+    """Return x and z, m, and angle, rad, of the points of a state of a planar arm."""
+    return state.chain.plane_points(state.configuration)

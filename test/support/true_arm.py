@@ -17,7 +17,7 @@ from soft_continuum.mechanics.statics import Statics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import UNKNOWN
 from soft_continuum.user_files import description_file
-from support.paper_arm import only
+from support.paper_arm import only, plane_points
 
 ARM = replace(load_arm(description_file()), bodies_per_segment=4)
 DEVIATIONS = np.array([3e-4, 3e-4, 2e-3])  # m, m, rad: of the camera
@@ -60,7 +60,7 @@ class TrueArm:
     @property
     def discs(self):
         """Poses of the bottoms of all discs."""
-        return self.state.points[::2]
+        return plane_points(self.state)[::2]
 
     def seen(self, rng=None, bias=None, own=0.3, discs=(1, 2, 3), covariance=None):
         """

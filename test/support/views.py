@@ -14,6 +14,7 @@ from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
+from support.paper_arm import plane_points
 
 VALUES = load_description(description_file(), node='camera')
 ARM = arm_from_parameters(VALUES)
@@ -38,7 +39,7 @@ def camera(preset='ideal', tags=None, **changes):
 
 def discs(*bending_angles):
     """Return x, z and angle of the bottom of every disc of an arm bent in circles."""
-    return CHAIN.uniform(bending_angles).points[::2]
+    return plane_points(CHAIN.uniform(bending_angles))[::2]
 
 
 def poses(*bending_angles):

@@ -63,7 +63,7 @@ def test_a_planar_arm_with_less_vacuum_rests_where_the_plan_says(
                          [Shape('held', angles, vacuums=vacuums)])
     before, after = resting(arm, plan, vacuums, min(yield_moment, 1000.0))
     assert np.abs(after - before)[:, :2].max() > 3e-3  # the arm gives way
-    assert after[:, :2] == pytest.approx(plan.state.points[:, :2], abs=tolerance)
+    assert after[:, :2] == pytest.approx(plan.state.points[:, ::2], abs=tolerance)
     off = np.abs(np.diff(after[1::2, 2]) - angles).max()
     assert bool(plan.warning) == (off > radians(0.2))  # as was wanted, or it is said
 

@@ -17,6 +17,7 @@ from soft_continuum.twin.model_errors import Obstacle, read_model_errors, TwinEr
 from soft_continuum.twin.plant import Plant
 from soft_continuum.twin.sensors import Sensors
 from soft_continuum.user_files import description_file
+from support.paper_arm import plane_points
 from support.plants import ARM as FINE
 from support.plants import FREE, only, plant, points_of, run, SOFT, STIFF
 from support.spatial_arms import in_space, stretching
@@ -52,10 +53,10 @@ def test_the_ideal_plant_rests_where_the_statics_say(mounting):
         goal = np.where(state.tensions > 0.0, state.pulls, state.pulls - 0.003)
         run(found, pulls, pulls, only(segment), 0.5)
         pulls = run(found, pulls, goal, only(segment), 3.0)
-        assert points_of(found)[:, :2] == pytest.approx(state.points[:, :2], abs=1e-4)
+        assert points_of(found)[:, :2] == pytest.approx(state.points[:, ::2], abs=1e-4)
         assert found.tensions == pytest.approx(state.tensions, abs=0.01)
         run(found, pulls, pulls, STIFF, 0.5)
-    assert points_of(found)[:, :2] == pytest.approx(state.points[:, :2], abs=1e-4)
+    assert points_of(found)[:, :2] == pytest.approx(state.points[:, ::2], abs=1e-4)
     assert found.speed < 1e-3
 
 
@@ -181,7 +182,7 @@ def test_shifts_are_those_of_the_seed():
 def test_the_description_of_the_shape_is_that_of_the_chain():
     found = plant()
     state = set_shape(Statics(ARM.without_gravity()), [0.0, 0.0, 0.0])
-    assert points_of(found) == pytest.approx(state.points, abs=1e-12)
+    assert points_of(found) == pytest.approx(plane_points(state), abs=1e-12)
 
 
 # In space.

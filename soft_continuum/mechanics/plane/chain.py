@@ -88,7 +88,7 @@ class PlaneChain(Chain):
         """Return an empty array: the arm bends in one plane only."""
         return np.zeros(0)
 
-    def points(self, configuration: Array) -> Array:
+    def plane_points(self, configuration: Array) -> Array:
         """
         Return (x, z, tangent angle) at the calculation points, shape (2 * discs, 3), m and rad.
 
@@ -100,7 +100,7 @@ class PlaneChain(Chain):
 
     def poses(self, configuration: Array) -> Array:
         """Return the points in space, with quaternions, (2 * discs, 7)."""
-        return full_poses(self.points(configuration))
+        return full_poses(self.plane_points(configuration))
 
     def backbone(self, joint_angles: Array) -> Array:
         """
@@ -127,7 +127,7 @@ class PlaneChain(Chain):
 
         Inside the base and the tip disc the tendon runs parallel to the axis.
         """
-        points = self.points(joint_angles)
+        points = self.plane_points(joint_angles)
         offsets = self.guides.ravel()
         offsets = np.concatenate([offsets[:1], offsets, offsets[-1:]])
         across = np.stack([np.cos(points[:, 2]), -np.sin(points[:, 2])], axis=1)

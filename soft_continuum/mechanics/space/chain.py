@@ -161,10 +161,6 @@ class SpaceChain(Chain):
         axes: Array = configuration[..., 2]
         return axes
 
-    def points(self, configuration: Array) -> Array:
-        """Return bottom and top centre of every disc, base first, (2 * discs, 3), m."""
-        return self.along_discs(self.ends(configuration))
-
     def tendon_points(self, rotations: Array) -> list[Array]:
         """Return the guides of each tendon, base first, (guides, 3), m."""
         turned = np.concatenate([np.eye(3)[None], rotations])
