@@ -21,7 +21,8 @@ from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.planner import Planner, Shape, ShapePlan
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import Shape, ShapePlan
 from soft_continuum.sequencing.progress import Phase
 from soft_continuum.sequencing.settings import (
     DEAD_BAND,
@@ -29,6 +30,7 @@ from soft_continuum.sequencing.settings import (
     LoopSettings,
     RunnerSettings,
 )
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.plant import TIME_STEP
 
 TICK = 0.02  # s
@@ -125,7 +127,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
         return future
 
     def plan(shapes: Sequence[Shape]) -> 'Future[list[ShapePlan]]':
-        return planned(lambda planner: planner.plan(state(), lab.pulls.tolist(), shapes))
+        return planned(lambda planner: plans_to(planner, shapes, state(), lab.pulls))
 
     def state() -> Equilibrium:
         found: Equilibrium | None = rig.shape.state

@@ -30,7 +30,9 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.rigid import displacement, IDENTITY, in_plane
 from soft_continuum.sensing.tilt import ImuSample, SensorError
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
@@ -185,7 +187,7 @@ def _plans(description: Description, seed: int, shapes: int) -> Sequence[ShapePl
     while True:
         angles = random.uniform(-ANGLE, ANGLE, (shapes, len(description.arm.segments)))
         try:
-            return planner.plan(planner.statics.chain.straight(), (0.0, 0.0), [
+            return plans_to(planner, [
                 Shape(f'shape {n}', tuple(each.tolist())) for n, each in enumerate(angles)])
         except PlanError:
             continue

@@ -16,7 +16,9 @@ from benchmarks.loop import random_goal
 from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Move, PlanError, Shape
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 
@@ -346,7 +348,7 @@ def _plan(arm: Arm, random: np.random.Generator, shapes: int
         if min(np.abs(angles - state.bending_angles).min(), np.abs(angles).min()) < LEAST_ANGLE:
             continue
         try:
-            plan, = planner.plan(state, tuple(pulls), [Shape('random', tuple(angles))])
+            plan, = plans_to(planner, [Shape('random', tuple(angles))], state, pulls)
         except PlanError:
             continue
         for move in plan.moves:

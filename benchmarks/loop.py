@@ -26,7 +26,9 @@ from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sensing.tilt import SensorError
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError, Shape
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
@@ -97,11 +99,10 @@ def random_goal(description: Description, seed: int) -> Goal:
     """Return a shape that the described arm can be set to, and where its tip then is."""
     random = np.random.default_rng([seed, 14])
     planner = Planner(description.arm, description.settings)
-    straight = planner.statics.chain.straight()
     while True:
         angles = tuple(random.uniform(-ANGLE, ANGLE, len(description.arm.segments)).tolist())
         try:
-            plan, = planner.plan(straight, (0.0, 0.0), [Shape('goal', angles)])
+            plan, = plans_to(planner, [Shape('goal', angles)])
         except PlanError:
             continue
         x, z, _ = plan.state.tip.tolist()

@@ -16,7 +16,7 @@ from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics.arm import Arm, Array, mounted
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.sequencing.planner import Move, PlanError
+from soft_continuum.sequencing.plans import Move, PlanError
 from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 

@@ -19,9 +19,8 @@ from benchmarks.lab import Description
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
-from soft_continuum.sequencing.moves import soft_flags
-from soft_continuum.sequencing.planner import Move, PlanError, Planner
-from soft_continuum.sequencing.reach import TipGoal
+from soft_continuum.sequencing.planner import Planner, soft_flags
+from soft_continuum.sequencing.plans import Move, PlanError, TipGoal
 
 MARGIN = 0.005  # m that plans keep
 ASIDE = 0.015  # m that obstacles are away from the motion by which a goal is known to be reached

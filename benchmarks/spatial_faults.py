@@ -29,7 +29,9 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.mechanics.space.statics import SpaceStatics
-from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Move, PlanError, Shape
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
@@ -113,8 +115,9 @@ class SpatialRig(Rig):
             if np.linalg.norm(away, axis=1).min() < LEAST_ANGLE:
                 continue
             try:
-                plan, = planner.plan(state, tuple(pulls), [Shape(
-                    'random', tuple(angles.tolist()), 0.0, tuple(directions.tolist()))])
+                plan, = plans_to(planner, [Shape(
+                    'random', tuple(angles.tolist()), 0.0, tuple(directions.tolist()))],
+                    state, pulls)
             except PlanError:
                 continue
             for move in plan.moves:

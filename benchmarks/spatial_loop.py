@@ -13,7 +13,9 @@ from benchmarks.lab import CAMERA, Description, NOTHING, TWO_CAMERAS
 from benchmarks.loop import judged, line, Result
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError, Shape
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
@@ -57,13 +59,12 @@ def random_goal(description: Description, seed: int) -> Goal:
     """Return a shape that the described arm can be set to, and where its tip then is."""
     random = np.random.default_rng([seed, 15])
     planner = Planner(description.arm, description.settings)
-    straight, count = planner.statics.chain.straight(), len(description.arm.segments)
+    count = len(description.arm.segments)
     while True:
         angles = tuple(random.uniform(0.0, ANGLE, count).tolist())
         directions = tuple(random.uniform(-pi, pi, count).tolist())
         try:
-            plan, = planner.plan(straight, (0.0,) * len(description.arm.tendon_names),
-                                 [Shape('goal', angles, 0.0, directions)])
+            plan, = plans_to(planner, [Shape('goal', angles, 0.0, directions)])
         except PlanError:
             continue
         return Goal(angles, tuple(plan.state.tip.tolist()), directions)

@@ -165,7 +165,7 @@ class Runner:
         """Plan a shape, from an arm of which every segment is stiff."""
         self.plan, self.move = None, 0
         plan = self.plan = (yield from self._planned(self._plan([shape])))[0]
-        if plan.ways:
+        if plan.paths:
             yield  # what is observed from now on is of this plan
         while self._observed.unseen:  # an obstacle may have come while it was made
             self._check_stiff(None)

@@ -10,7 +10,7 @@ from typing import Any, TYPE_CHECKING
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 
 if TYPE_CHECKING:  # with it all of mechanics would be loaded
-    from soft_continuum.sequencing.reach import ReachSettings
+    from soft_continuum.sequencing.reach.limits import ReachSettings
 
 ON_ANOMALY = GO_ON, PAUSE, ABORT = ('go_on', 'pause', 'abort')
 REPLAN = 'replan'
@@ -160,7 +160,7 @@ def loop_from_parameters(parameters: Mapping[str, Any]) -> LoopSettings:
 
 def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':
     """Return the settings for planning to tip goals; raises ParameterError for invalid weights."""
-    from soft_continuum.sequencing.reach import ReachSettings
+    from soft_continuum.sequencing.reach.limits import ReachSettings
     weights = tuple(values['reach.weights'])
     if len(weights) not in (1, 3) or (len(weights) == 1) != (not any(weights)):
         raise ParameterError(
