@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.mechanics.chain import SLACK
 from soft_continuum.mechanics.directions import bending_vectors, within_limits
-from soft_continuum.mechanics.statics import HeldBending, SLACK_ALLOWANCE, Statics
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.sequencing.plans import Move, PlanError, Shape, WHOLE_ARM
 from soft_continuum.sequencing.timing import timed
 
@@ -150,7 +149,7 @@ class Planner:
                                      sliding=sliding)
             bent = held.state
             tension = max(tension, float(bent.tensions.max()))
-            points.append(self._with_slack(held))
+            points.append(held.eased(self.settings.antagonist_slack) - self._offsets)
         pulls = np.array(points)
         self.check_limits(pulls, tension)
         end = self.held(bent, pulls[-1], segment, sliding)
@@ -170,14 +169,6 @@ class Planner:
         """Return the change of bending of soft segments to a goal, as State.bending."""
         chosen = self.statics.chain.arm.bending_axes & np.array(self._soft(segment))[:, None]
         return np.where(chosen, goal - state.bending, 0.0)
-
-    def _with_slack(self, held: HeldBending) -> Array:
-        """Return the pulls of the motors, with slack in the tendons that do not carry."""
-        carries = held.pulls != SLACK
-        # Where none carries, all hold the arm, but as just taut as motors are they fight.
-        slack = self.settings.antagonist_slack if carries.any() else SLACK_ALLOWANCE
-        pulls: Array = np.where(carries, held.pulls, held.state.pulls - slack) - self._offsets
-        return pulls
 
     def until(self, spent: Callable[[], bool]) -> 'Planner':
         """
