@@ -4,16 +4,15 @@
 
 from dataclasses import dataclass, replace
 from math import degrees, inf, isfinite, pi, radians
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.sequencing.progress import TIP_KINDS, TipKind
 
 WHOLE_ARM = -1
 """In place of a segment (0-based): the whole arm without jamming, set at once."""
-Kind = Literal['position', 'direction', 'pose']
-KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
 FINEST, FINEST_TURN = 1e-5, 1e-4  # m, rad: tolerances below what friction and springs allow
 ORTHONORMAL = 1e-6
 
@@ -48,7 +47,7 @@ class TipGoal:
 
     position: Array
     rotation: Array | None = None
-    kind: Kind = 'position'
+    kind: TipKind = 'position'
     position_tolerance: float = 1e-3
     angle_tolerance: float = radians(2.0)
 
@@ -59,9 +58,9 @@ class TipGoal:
         if position.shape != (3,) or not np.all(np.isfinite(position)):
             raise PlanError(f'the tip goal is at {position.tolist()}; needed: three finite '
                             'numbers x, y, z in m')
-        if self.kind not in KINDS:
+        if self.kind not in TIP_KINDS:
             raise PlanError(f'the kind of the tip goal is {self.kind!r}; '
-                            f'allowed: {", ".join(KINDS)}')
+                            f'allowed: {", ".join(TIP_KINDS)}')
         for name, value, low, high, unit in (
                 ('position', self.position_tolerance, FINEST, 1.0, 'm'),
                 ('angle', self.angle_tolerance, FINEST_TURN, pi, 'rad')):
