@@ -290,7 +290,7 @@ class ClosedLoopRunner(Runner):
         """Set a segment; on_path: how it is moved first, where the way there counts."""
         yield from self._pause(None)
         self._report(index, self._part(index), Phase.SOFTENING, segment=segment + 1)
-        yield from self._soften(segment)
+        yield from self._switch(segment, False)
         before = inf
         if on_path is not None and on_path.duration:
             self._report(index, self._part(index), Phase.MOVING)
@@ -308,7 +308,7 @@ class ClosedLoopRunner(Runner):
             self._report(index, part, Phase.MOVING)
             yield from self._move(step.move, index, part, 0.0)
         self._report(index, self._part(index), Phase.STIFFENING)
-        yield from self._stiffen(segment)
+        yield from self._switch(segment, True)
         self.progress = replace(self.progress, correction=0)
 
     def _from_here(self, move: Move) -> Move:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles import Clearance
 from soft_continuum.sequencing.plans import PlanError, Reach, Shape, TipGoal
@@ -276,7 +277,7 @@ class Search:
         key = bending.tobytes()
         if key not in self._too_far:
             low, high = self.planner.settings.pull_limits
-            pulls = self.arcs.pulls(bending)
+            pulls = constant_curvature.pulls(self.arcs.arm, bending)
             self._too_far[key] = bool(
                 pulls.min() < low - PULL_ERROR or pulls.max() > high + PULL_ERROR)
         return self._too_far[key]
