@@ -12,12 +12,10 @@ import numpy as np
 from benchmarks.contenders import Goal, Outcome
 from benchmarks.lab import Lab, LabError
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
@@ -92,9 +90,7 @@ class _Rig:
         if lab.time - self._pictured < PICTURE_PERIOD:
             return
         self._pictured = lab.time
-        self.shape.measure(lab.time, [
-            DiscMeasurement(n, *in_plane(seen.pose, seen.covariance))
-            for n, seen in lab.look().items()])
+        self.shape.measure(lab.time, list(lab.look().values()))
 
     def observation(self) -> Observation:
         """Return what a Runner needs."""
@@ -134,8 +130,7 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
         assert found is not None
         return found
 
-    tip = np.array(goal.tip) if len(goal.tip) == 3 else np.insert(goal.tip, 1, 0.0)
-    aim = Aim(bending_vectors(arm, goal.angles, goal.directions), tip, on_tip)
+    aim = Aim(bending_vectors(arm, goal.angles, goal.directions), np.array(goal.tip), on_tip)
     loop = Loop(
         lambda _: planned(lambda planner: aim),
         lambda segments, aim: planned(lambda planner: next_step(

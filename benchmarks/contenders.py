@@ -27,9 +27,9 @@ TOLERANCE = np.radians(0.1)
 @dataclass(frozen=True)
 class Goal:
     """
-    A shape: bending angles (segments,), rad, and the tip (x, z), m, that they shall give.
+    A shape: bending angles (segments,), rad, and the tip (3,), m, that they shall give.
 
-    In space the tip is (x, y, z), and bendings have directions (segments,), rad.
+    directions: (segments,) rad, of a spatial arm.
     """
 
     angles: tuple[float, ...]
