@@ -11,17 +11,20 @@ import numpy as np
 
 from benchmarks.closed import closed_loop
 from benchmarks.contenders import open_loop
-from benchmarks.lab import CAMERA, Description, Lab, Pose
+from benchmarks.fault_runs import moved
+from benchmarks.lab import CAMERA, Description, Lab
 from benchmarks.loop import judged, judged_in, random_goal, Result
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
+from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 FIRST_SEED, SEEDS = 200, 20  # of rigs on which nothing was tried before
 MOMENTS = (0.25, 0.5, 0.75)  # parts of the pictures that an undisturbed run takes
-TURNED, SHIFTED = np.radians(2.0), np.array([0.01, -0.006])  # rad and m: the camera was bumped
-Seen = dict[int, Pose]
+TURNED = np.radians([0.0, 2.0, 0.0])  # rad: the camera was bumped, and by how many m
+SHIFTED = np.array([0.01, 0.0, -0.006])
+Seen = dict[int, DiscMeasurement]
 LOST = 'has not been measured'  # in the message of a run that ended since its sight was lost
 SURE = 0.5e-3  # m: a tip that is as good to this is no worse
 
@@ -35,9 +38,9 @@ def _without(disc: int, seen: Seen) -> Seen:
 
 
 def _bumped(seen: Seen) -> Seen:
-    turn = np.array([[np.cos(TURNED), np.sin(TURNED)], [-np.sin(TURNED), np.cos(TURNED)]])
-    return {n: replace(pose, pose=np.array([
-        *(turn @ pose.pose[:2] + SHIFTED), pose.pose[2] + TURNED])) for n, pose in seen.items()}
+    poses = moved(np.array([one.pose for one in seen.values()]), SHIFTED, TURNED, np.zeros(3))
+    return {n: replace(one, pose=pose)
+            for (n, one), pose in zip(seen.items(), poses, strict=True)}
 
 
 FAULTS: dict[str, Callable[[Seen], Seen]] = {

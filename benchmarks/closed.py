@@ -12,16 +12,15 @@ import numpy as np
 from benchmarks.contenders import Goal, Outcome
 from benchmarks.lab import Lab, LabError
 from soft_continuum.estimation.commands import Commands
-from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.planner import Planner, Shape, ShapePlan
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import Shape, ShapePlan
 from soft_continuum.sequencing.progress import Phase
 from soft_continuum.sequencing.settings import (
     DEAD_BAND,
@@ -29,6 +28,7 @@ from soft_continuum.sequencing.settings import (
     LoopSettings,
     RunnerSettings,
 )
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.plant import TIME_STEP
 
 TICK = 0.02  # s
@@ -90,9 +90,7 @@ class _Rig:
         if lab.time - self._pictured < PICTURE_PERIOD:
             return
         self._pictured = lab.time
-        self.shape.measure(lab.time, [
-            DiscMeasurement(n, *in_plane(seen.pose, seen.covariance))
-            for n, seen in lab.look().items()])
+        self.shape.measure(lab.time, list(lab.look().values()))
 
     def observation(self) -> Observation:
         """Return what a Runner needs."""
@@ -125,15 +123,14 @@ def closed_loop(lab: Lab, goal: Goal, arm: Arm, on_tip: bool = True) -> Outcome:
         return future
 
     def plan(shapes: Sequence[Shape]) -> 'Future[list[ShapePlan]]':
-        return planned(lambda planner: planner.plan(state(), lab.pulls.tolist(), shapes))
+        return planned(lambda planner: plans_to(planner, shapes, state(), lab.pulls))
 
     def state() -> Equilibrium:
         found: Equilibrium | None = rig.shape.state
         assert found is not None
         return found
 
-    tip = np.array(goal.tip) if len(goal.tip) == 3 else np.insert(goal.tip, 1, 0.0)
-    aim = Aim(bending_vectors(arm, goal.angles, goal.directions), tip, on_tip)
+    aim = Aim(bending_vectors(arm, goal.angles, goal.directions), np.array(goal.tip), on_tip)
     loop = Loop(
         lambda _: planned(lambda planner: aim),
         lambda segments, aim: planned(lambda planner: next_step(

@@ -11,7 +11,9 @@ import numpy as np
 from benchmarks.lab import angles_of, Lab
 from soft_continuum.mechanics import Arm, constant_curvature, Jam
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.planner import Planner, Shape
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import Shape
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.sequencing.timing import timed
 from soft_continuum.twin.model_errors import ModelErrors
 
@@ -25,9 +27,9 @@ TOLERANCE = np.radians(0.1)
 @dataclass(frozen=True)
 class Goal:
     """
-    A shape: bending angles (segments,), rad, and the tip (x, z), m, that they shall give.
+    A shape: bending angles (segments,), rad, and the tip (3,), m, that they shall give.
 
-    In space the tip is (x, y, z), and bendings have directions (segments,), rad.
+    directions: (segments,) rad, of a spatial arm.
     """
 
     angles: tuple[float, ...]
@@ -54,8 +56,7 @@ Contender = Callable[[Lab, Goal, Any], Outcome]
 def open_loop(lab: Lab, goal: Goal, arm: Arm) -> Outcome:
     """Plan by the model, and carry that out."""
     planner = Planner(arm, lab.description.settings)
-    plan, = planner.plan(planner.statics.chain.straight(), lab.pulls.tolist(),
-                         [Shape('goal', goal.angles, 0.0, goal.directions)])
+    plan, = plans_to(planner, [Shape('goal', goal.angles, 0.0, goal.directions)], pulls=lab.pulls)
     for move in plan.moves:
         lab.switch(move.segment, False)
         lab.follow(move.times, move.pulls)

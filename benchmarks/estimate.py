@@ -28,9 +28,11 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.measured_tensions import MeasuredTensions
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
-from soft_continuum.sensing.rigid import displacement, IDENTITY, in_plane
+from soft_continuum.sensing.rigid import displacement, IDENTITY
 from soft_continuum.sensing.tilt import ImuSample, SensorError
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape, ShapePlan
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
@@ -107,8 +109,7 @@ class RecordedLab(Lab):
         if len(self.ticks) % IMU_TICKS == 0:
             measured[IMUS] = tilts
         if len(self.ticks) % PICTURE_TICKS == 0:
-            measured[CAMERA] = [DiscMeasurement(n, *in_plane(seen.pose, seen.covariance))
-                                for n, seen in self.look().items() if n > 0]
+            measured[CAMERA] = [seen for n, seen in self.look().items() if n > 0]
         self.ticks.append(Tick(
             Commands(self.time, self.pulls.copy(), self.stiff, None,
                      tuple(int(one) for one in self._sliding)),
@@ -185,7 +186,7 @@ def _plans(description: Description, seed: int, shapes: int) -> Sequence[ShapePl
     while True:
         angles = random.uniform(-ANGLE, ANGLE, (shapes, len(description.arm.segments)))
         try:
-            return planner.plan(planner.statics.chain.straight(), (0.0, 0.0), [
+            return plans_to(planner, [
                 Shape(f'shape {n}', tuple(each.tolist())) for n, each in enumerate(angles)])
         except PlanError:
             continue
@@ -218,12 +219,12 @@ def replayed(description: Description, given: ModelErrors, ticks: Sequence[Tick]
 
 def _judged(shape: ArmShape, given: ModelErrors, truth: Array) -> Judged:
     assert shape.state is not None
-    points = shape.statics.chain.plane_points(shape.state.configuration)
-    tip = float(np.linalg.norm((points[-1] - truth[-1])[:2]))
+    tip = float(np.linalg.norm(shape.state.backbone[-1] - truth[-1, :3]))
     estimate = shape.estimate
     if estimate is None:
         return Judged(tip, np.nan, ())
-    away, axes = points[-2] - truth[-2], estimate.arm.pose_axes
+    axes = estimate.arm.pose_axes
+    away = displacement(shape.state.poses[-2], truth[-2])[axes]
     factors = np.exp(estimate.values[estimate.layout.stiffness])
     covariance = estimate.pose_covariances()[-1][np.ix_(axes, axes)]
     return Judged(tip, float(away @ np.linalg.solve(covariance, away)),

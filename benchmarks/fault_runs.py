@@ -5,18 +5,23 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import cos, sin
+from math import cos, sin, tan
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from benchmarks import closed
-from benchmarks.lab import Description, Lab, Pose, TRUTH
+from benchmarks.lab import Description, known, Lab, TRUTH
 from benchmarks.loop import random_goal
+from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.sequencing.planner import Move, PlanError, Planner, PlanSettings, Shape
+from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.orientations import bending_between, matrices
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Move, PlanError, Shape
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 
@@ -31,9 +36,9 @@ OFFSET, LOAD = (3e-3, 6e-3), (5e-3, 2e-2)  # m: of a tendon; by which a load mov
 PUSH, MAX_PUSH = 1.0, 1.5  # N/s, N
 LEAST_TENSION, LEAST_TRAVEL = 0.5, 8e-3  # N, m: of a tendon that fails in motion
 TAG, CAMERA = (5e-3, 1e-2), (5e-3, 1.2e-2)  # m; turned by up to 10 and 4 degrees, besides
-DEVIATIONS = np.array([8e-4, 8e-4, 1e-2])  # m, m, rad of a disc, the same in every picture ...
+DEVIATIONS = np.repeat([8e-4, 1e-2], 3)  # m, rad of a disc, the same in every picture ...
 NOISE = 0.2  # ... and as parts of them, new in every picture
-COVARIANCE = np.diag(DEVIATIONS**2 * (1.0 + NOISE**2))
+MIDDLE = np.array([0.0, 0.0, 0.15])  # m, about which a camera turns
 
 
 class Fault(Enum):
@@ -55,8 +60,8 @@ class Run:
     """
     A recording, a row each PERIOD.
 
-    times: (n,) s.  pulls: (n, 2) m, as the motors say.  soft: (n, segments), as reported.
-    poses: (n, discs, 3), of the discs as a perfect camera sees them.  moment: s, when the fault
+    times: (n,) s.  pulls: (n, tendons) m, as the motors say.  soft: (n, segments), as reported.
+    poses: (n, discs, 7), of the discs as a perfect camera sees them.  moment: s, when the fault
     could be seen first.  detail: what it was, for a person.
     """
 
@@ -73,26 +78,21 @@ class Run:
 class SyntheticCamera:
     """Sees discs with errors that are the same in all pictures, and with noise."""
 
-    covariance = COVARIANCE
-    spread = DEVIATIONS
-    """Of each coordinate of a disc, m and rad."""
-
-    def __init__(self, random: np.random.Generator) -> None:
-        """Put it up."""
-        self._random = random
+    def __init__(self, random: np.random.Generator, arm: Arm) -> None:
+        """Put it up before an arm."""
+        self._random, self._axes = random, arm.pose_axes
         self._errors: Array | None = None
+        self.covariance = known(arm, DEVIATIONS * np.sqrt(1.0 + NOISE**2))
 
     def __call__(self, poses: Array) -> Array:
-        """Return poses (discs, 3) as they are seen."""
-        return np.asarray(poses + self._away(len(poses)))
-
-    def _away(self, discs: int) -> Array:
-        """Return how far discs are seen from where they are, (discs, coordinates)."""
-        shape = discs, len(self.spread)
+        """Return poses (discs, 7) as they are seen."""
+        shape = len(poses), int(self._axes.sum())
         if self._errors is None:
             self._errors = self._random.normal(size=shape)
         noise = self._random.normal(0.0, NOISE, shape)
-        return np.asarray((self._errors + noise) * self.spread)
+        away = np.zeros((len(poses), 6))
+        away[:, self._axes] = (self._errors + noise) * DEVIATIONS[self._axes]
+        return off(poses, away[:, :3], away[:, 3:])
 
 
 @dataclass(eq=False)
@@ -121,7 +121,7 @@ class Rig:
         self.leaking = np.zeros(len(arm.segments))  # 1: of which only a little arrives
         self.keeping = np.zeros(len(arm.segments), dtype=bool)
         self.vacuum = np.ones(len(arm.segments))
-        self.poses: Callable[[Array], Array] = _seen_straight
+        self.poses: Callable[[Array], Array] = lambda poses: poses
         self.rows: list[tuple[float, Array, Array, Array]] = []
         self.pushed: _Push | None = None
         self.carrying = 0  # the tendon that will, after the motion
@@ -143,7 +143,7 @@ class Rig:
                     pulls = np.array([np.interp(now, move.times, one) for one in move.pulls.T])
                 self._step(pulls)
             self.rows.append((self.plant.time, self.pulls.copy(), np.array(self.soft),
-                              self.poses(self._discs())))
+                              self.poses(self.plant.poses[::2])))
 
     def _push(self) -> None:
         one = self.pushed
@@ -211,73 +211,84 @@ class Rig:
         elif fault is Fault.CAMERA:
             self._knock_camera()
 
-    # What differs in space.
-
-    def _discs(self) -> Array:
-        """Return where the discs are, (discs, 3)."""
-        return np.array(list(map(planar_pose, self.plant.poses[::2])))
-
     def _places(self) -> Array:
-        """Return where the discs are without their angles, (2 * discs, 2), m."""
-        return np.asarray(self.plant.poses[:, [0, 2]])
+        """Return where the discs are without their angles, (2 * discs, 3), m."""
+        return np.asarray(self.plant.poses[:, :3])
 
     def _bent(self) -> Array:
         """Return by how much each segment bends, (segments,), rad."""
-        return np.asarray(np.abs(self.plant.joint_angles.reshape(len(self.soft), -1).sum(axis=1)))
+        return np.asarray(np.linalg.norm(
+            bending_between(matrices(self.plant.poses[::2, 3:])), axis=1))
 
     def _way(self, tendon: int) -> Array:
         """Return a direction (3,) in which to push, while a tendon is taut."""
         # Against a taut tendon nothing moves: it pushes more or less towards that.
-        side = 1.0 if tendon == 0 else -1.0
-        way = side * self.random.uniform(np.pi / 6.0, 5.0 * np.pi / 6.0)
-        return np.array([sin(way), 0.0, cos(way)])
+        arm, random = self.plant.arm, self.random
+        angle = arm.tendons[tendon].angle
+        if arm.planar:
+            lift = 1.0 / tan(random.uniform(np.pi / 6.0, 5.0 * np.pi / 6.0))
+        else:
+            angle += random.uniform(-1.0, 1.0)
+            lift = random.uniform(-0.5, 0.5)
+        return np.asarray(np.array([cos(angle), sin(angle), lift]) / np.hypot(1.0, lift))
+
+    def _knock(self, sizes: tuple[float, float], turned: float) -> tuple[Array, Array]:
+        """Return a random shift (3,), m, and rotation (3,), rad; turned: degrees, at most."""
+        random = self.random
+        if self.plant.arm.planar:
+            way, size = random.uniform(-np.pi, np.pi), random.uniform(*sizes)
+            turn = np.radians(random.uniform(-turned, turned))
+            return size * np.array([sin(way), 0.0, cos(way)]), np.array([0.0, turn, 0.0])
+        shift = random.uniform(*sizes) * _direction(random)
+        return shift, np.radians(random.uniform(0.0, turned)) * _direction(random)
 
     def _knock_tag(self, disc: int) -> None:
-        way, size = self.random.uniform(-np.pi, np.pi), self.random.uniform(*TAG)
-        jump = np.zeros((len(self.soft) + 1, 3))
-        jump[disc] = size * sin(way), size * cos(way), np.radians(self.random.uniform(-10, 10))
-        self.poses = lambda poses: poses + jump
-        self.broke(f'disc {disc}, {size * 1e3:.1f} mm, {np.degrees(jump[disc, 2]):.1f} deg')
+        shift, turn = self._knock(TAG, 10.0)
+        which = np.arange(len(self.soft) + 1)[:, None] == disc
+        self.poses = lambda poses: off(poses, which * shift, which * turn)
+        self.broke(f'disc {disc}, {_sizes(shift, turn)}')
 
     def _knock_camera(self) -> None:
-        way, size = self.random.uniform(-np.pi, np.pi), self.random.uniform(*CAMERA)
-        turn = np.radians(self.random.uniform(-4.0, 4.0))
-        shift = np.array([size * sin(way), size * cos(way)])
+        shift, turn = self._knock(CAMERA, 4.0)
         self.poses = lambda poses: moved(poses, shift, turn)
-        self.broke(f'{size * 1e3:.1f} mm, {np.degrees(turn):.1f} degrees')
-
-    @staticmethod
-    def plan(arm: Any, random: np.random.Generator, shapes: int
-             ) -> tuple[list[Move], list[int | None]]:
-        """Return moves, as _plan."""
-        return _plan(arm, random, shapes)
+        self.broke(_sizes(shift, turn))
 
 
-def _seen_straight(poses: Array) -> Array:
-    return poses
+def _direction(random: np.random.Generator) -> Array:
+    """Return a random direction, (3,)."""
+    found: Array = random.normal(size=3)
+    return found / np.linalg.norm(found)
 
 
-def moved(poses: Array, shift: Array, turn: float) -> Array:
-    """Return poses (n, 3) as a camera sees them that has moved: by ``shift`` m, ``turn`` rad."""
-    middle = np.array([0.0, 0.15])  # m, in the picture
-    away = poses[:, :2] - middle
-    turned = np.column_stack([away[:, 0] * cos(turn) + away[:, 1] * sin(turn),
-                              -away[:, 0] * sin(turn) + away[:, 1] * cos(turn)])
-    return np.column_stack([middle + shift + turned, poses[:, 2] + turn])
+def _sizes(shift: Array, turn: Array) -> str:
+    return (f'{np.linalg.norm(shift) * 1e3:.1f} mm, '
+            f'{np.degrees(np.linalg.norm(turn)):.1f} degrees')
+
+
+def off(poses: Array, shift: Array, turn: Array) -> Array:
+    """Return poses (n, 7) that are shifted (m) and turned (rad), each (3,) or (n, 3)."""
+    turned = Rotation.from_rotvec(turn) * Rotation.from_quat(poses[:, 3:])
+    return np.column_stack([poses[:, :3] + shift, turned.as_quat()])
+
+
+def moved(poses: Array, shift: Array, turn: Array, middle: Array = MIDDLE) -> Array:
+    """Return poses (n, 7) as a camera sees them that moved: by (3,) m, (3,) rad about a point."""
+    places = Rotation.from_rotvec(turn).apply(poses[:, :3] - middle) + middle
+    return off(np.column_stack([places, poses[:, 3:]]), shift, turn)
 
 
 def simulate(arm: Any, differences: ModelErrors, fault: Fault, seed: int, shapes: int = 1,
-             harmless: bool = False, kind: type[Rig] = Rig) -> Run:
+             harmless: bool = False) -> Run:
     """
     Return a sequence of random shapes in which a fault happens in a random move.
 
     With a fault it ends WATCHED after it, at the earliest after that move.  harmless: nothing
-    breaks, and all else is the same.  kind: Rig, or in space what takes its place.
+    breaks, and all else is the same.
     """
-    rig = kind(arm, replace(differences, seed=seed), fault, seed, harmless)
+    rig = Rig(arm, replace(differences, seed=seed), fault, seed, harmless)
     in_motion = fault in (Fault.SLIP_MOVING, Fault.STEPS)
     more = 2 if in_motion or fault is Fault.SLIP else 0  # until a tendon does what it has to
-    moves, carrying = kind.plan(arm, rig.random, shapes + more)
+    moves, carrying = _plan(arm, rig.random, shapes + more)
     # A jam that holds nothing shows when the next segment moves.
     chosen, last = -1, len(moves) - (fault is Fault.NOT_STIFF)
     if in_motion:  # of a tendon that moves and carries then, and that did so before
@@ -327,7 +338,7 @@ def simulate(arm: Any, differences: ModelErrors, fault: Fault, seed: int, shapes
 def displacement(arm: Arm, differences: ModelErrors, run: Run) -> float:
     """Return by how much at most a fault displaced a disc, m: against the run without it."""
     without = simulate(arm, differences, run.fault, run.seed, harmless=True)
-    return float(np.linalg.norm((run.poses - without.poses)[:, :, :2], axis=2).max())
+    return float(np.linalg.norm((run.poses - without.poses)[:, :, :3], axis=2).max())
 
 
 def _plan(arm: Arm, random: np.random.Generator, shapes: int
@@ -338,20 +349,23 @@ def _plan(arm: Arm, random: np.random.Generator, shapes: int
     And the tendon that carries after each, as the described arm has it, or None.
     """
     planner, statics = Planner(arm, PlanSettings()), Statics(arm)
-    state, pulls = statics.chain.straight(), np.zeros(2)
-    found: list[Move] = []
+    state, pulls = statics.chain.straight(), np.zeros(len(arm.tendons))
+    count, found = len(arm.segments), list[Move]()
     carrying: list[int | None] = []
-    while len(found) < shapes * len(arm.segments):
-        angles = random.uniform(-ANGLE, ANGLE, len(arm.segments))
-        if min(np.abs(angles - state.bending_angles).min(), np.abs(angles).min()) < LEAST_ANGLE:
+    while len(found) < shapes * count:
+        angles = random.uniform(-ANGLE if arm.planar else LEAST_ANGLE, ANGLE, count)
+        directions = () if arm.planar else tuple(random.uniform(-np.pi, np.pi, count).tolist())
+        away = bending_vectors(arm, angles.tolist(), directions) - state.bending
+        if min(np.linalg.norm(away, axis=1).min(), np.abs(angles).min()) < LEAST_ANGLE:
             continue
         try:
-            plan, = planner.plan(state, tuple(pulls), [Shape('random', tuple(angles))])
+            plan, = plans_to(planner, [Shape('random', tuple(angles.tolist()), 0.0, directions)],
+                             state, pulls)
         except PlanError:
             continue
         for move in plan.moves:
             state = statics.solve(
-                state, move.pulls[-1], [s == move.segment for s in range(len(arm.segments))])
+                state, move.pulls[-1], [s == move.segment for s in range(count)])
             carrying.append(int(np.argmax(state.tensions))
                             if max(state.tensions) > LEAST_TENSION else None)
         found += plan.moves
@@ -364,7 +378,8 @@ class _Recorder(Lab):
 
     def __init__(self, description: Description, differences: ModelErrors) -> None:
         self.rows: list[tuple[float, Array, Array, Array]] = []
-        self._synthetic = SyntheticCamera(np.random.default_rng(differences.seed))
+        self._synthetic = SyntheticCamera(
+            np.random.default_rng(differences.seed), description.arm)
         super().__init__(description, differences, TRUTH)
 
     def advance(self, pulls: Array) -> None:
@@ -373,9 +388,9 @@ class _Recorder(Lab):
         self.rows.append(
             (self.time, self.pulls.copy(), ~np.array(self.stiff), self.truth[::2]))
 
-    def look(self) -> dict[int, Pose]:
+    def look(self) -> dict[int, DiscMeasurement]:
         """Return the discs as they are seen now."""
-        return {n: Pose(pose, COVARIANCE)
+        return {n: DiscMeasurement(n, pose, self._synthetic.covariance)
                 for n, pose in enumerate(self._synthetic(self.truth[::2]))}
 
 

@@ -4,7 +4,6 @@
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -31,8 +30,7 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.twin.model_errors import read_model_errors
+from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 RUNS, OPEN, CLOSED = 20, 60, 120  # of each fault; sequences without one; goals of a closed loop
@@ -67,9 +65,9 @@ class Outcome:
     unseen: bool = False
 
 
-def observe(arm: Arm, run: Run, camera: Any = None) -> list[Anomaly]:
+def observe(arm: Arm, run: Run) -> list[Anomaly]:
     """Return what is named in a run, seen by a camera with a delay, with errors and noise."""
-    camera = camera or SyntheticCamera(np.random.default_rng(run.seed))
+    camera = SyntheticCamera(np.random.default_rng(run.seed), arm)
     shape, before = ArmShape(arm, 5e-4), run.pulls[0]
     sliding = np.zeros(len(before), dtype=int)
     pictures: list[tuple[float, np.ndarray]] = []
@@ -86,7 +84,7 @@ def observe(arm: Arm, run: Run, camera: Any = None) -> list[Anomaly]:
             pictures.append((time, camera(run.poses[k])))
         while pictures and pictures[0][0] < time - DELAY:
             stamp, poses = pictures.pop(0)
-            shape.measure(stamp, [DiscMeasurement(n, *in_plane(pose, camera.covariance))
+            shape.measure(stamp, [DiscMeasurement(n, pose, camera.covariance)
                                   for n, pose in enumerate(poses)])
         found.update(dict.fromkeys(shape.anomalies))
     return list(found)
@@ -99,6 +97,30 @@ def judge(run: Run, named: list[Anomaly]) -> Outcome:
     delay = max(0.0, after[0].time + DELAY - run.moment) if after else np.inf
     return Outcome(after[0].cause if after else None, delay, max(0, len(after) - 1),
                    len(named) - len(after), begin - float(run.times[0]))
+
+
+def watched(arm: Arm, given: ModelErrors, one: Run) -> Outcome:
+    """Return what becomes of a run of an arm with these differences."""
+    named = observe(arm, one)
+    progress(f'faults: {one.fault.value}, seed {one.seed}, {one.detail}: ' + (
+        ', '.join(f'{a.cause.name} at {a.time:.1f} s' for a in named) or 'nothing named'))
+    found = judge(one, named)
+    if one.fault is Fault.NONE or found.first in RIGHT[one.fault]:
+        return found
+    away = displacement(arm, given, one)
+    progress(f'faults: it moved a disc by {away * 1e3:.1f} mm')
+    return replace(found, unseen=away < UNSEEN)
+
+
+def simulated(arm: Arm, given: ModelErrors, faults: int, sequences: int, shapes: int
+              ) -> tuple[dict[Fault, list[Outcome]], list[Outcome]]:
+    """Return what becomes of so many runs of each fault, and of sequences of shapes without."""
+    def each(fault: Fault, count: int, shapes: int = 1) -> list[Outcome]:
+        return [watched(arm, given, simulate(arm, given, fault, seed, shapes))
+                for seed in range(FIRST_SEED, FIRST_SEED + count)]
+
+    return ({fault: each(fault, faults) for fault in RIGHT},
+            each(Fault.NONE, sequences, shapes))
 
 
 def row(fault: Fault, outcomes: list[Outcome]) -> tuple[str, ...]:
@@ -140,30 +162,14 @@ def run(quick: bool) -> Section:
     arm = description.arm
     typical = read_model_errors(description_file().with_name('twin.yaml'), 'typical')
 
-    def watched(one: Run) -> Outcome:
-        named = observe(arm, one)
-        progress(f'faults: {one.fault.value}, seed {one.seed}, {one.detail}: ' + (
-            ', '.join(f'{a.cause.name} at {a.time:.1f} s' for a in named) or 'nothing named'))
-        found = judge(one, named)
-        if one.fault is Fault.NONE or found.first in RIGHT[one.fault]:
-            return found
-        away = displacement(arm, typical, one)
-        progress(f'faults: it moved a disc by {away * 1e3:.1f} mm')
-        return replace(found, unseen=away < UNSEEN)
-
-    def seeds(count: int) -> range:
-        return range(FIRST_SEED, FIRST_SEED + (1 if quick else count))
-
-    broken = {fault: [watched(simulate(arm, typical, fault, seed)) for seed in seeds(RUNS)]
-              for fault in RIGHT}
-    sequences = [watched(simulate(arm, typical, Fault.NONE, seed, 1 if quick else SHAPES))
-                 for seed in seeds(OPEN)]
-    closed = [watched(closed_loop(description, typical, seed)) for seed in seeds(CLOSED)]
+    broken, sequences = simulated(arm, typical, *((1, 1, 1) if quick else (RUNS, OPEN, SHAPES)))
+    closed = [watched(arm, typical, closed_loop(description, typical, seed))
+              for seed in range(FIRST_SEED, FIRST_SEED + (1 if quick else CLOSED))]
     body = '\n\n'.join([
         'Simulated: random shapes of rigs `typical`, each run with a fault of random size at a '
         f'random time. {1.0 / (PICTURES * PERIOD):.0f} images per second, {DELAY:g} s late, show '
         f'all discs and the base, with constant errors of {DEVIATIONS[0] * 1e3:g} mm and '
-        f'{np.degrees(DEVIATIONS[2]):.1f}° and noise of {NOISE:.0%} of them. Segments that leak '
+        f'{np.degrees(DEVIATIONS[3]):.1f}° and noise of {NOISE:.0%} of them. Segments that leak '
         f'or keep their vacuum bend by at least {np.degrees(LEAST_ANGLE):.0f}°. Seeds were not '
         'used for tuning. A cause is correct for any disc or segment. ' + machine(),
         table(HEAD, [row(fault, outcomes) for fault, outcomes in broken.items()]), total(broken),

@@ -8,23 +8,24 @@ the twin's cameras; the truth is what the plant knows.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.ring_sight import RingSight
+from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.mechanics import Arm
-from soft_continuum.mechanics.arm import Array, PLANAR_AXES
-from soft_continuum.mechanics.orientations import bending_between, full_poses, matrices
+from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.detections import TagDetections
-from soft_continuum.sensing.rigid import mean_pose, planar_pose
+from soft_continuum.sensing.rigid import mean_pose, planar_pose, UNKNOWN
 from soft_continuum.sensing.ring_layout import layout_of, RingLayout
 from soft_continuum.sequencing.planner import PlanSettings
 from soft_continuum.twin.model_errors import ModelErrors
@@ -35,7 +36,6 @@ from soft_continuum.user_files import description_file
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
 """What measures the discs."""
-IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)  # of a covariance (6, 6)
 PICTURE_PERIOD = 0.2  # s
 TRIES = 10  # pictures until all discs that move were seen in one
 TARE_PICTURES = 6  # within a second, as the camera node averages them
@@ -79,20 +79,6 @@ class Description:
         return cls(arm, layout_of(values), values['arm.jamming'], PlanSettings.of(values),
                    jamming_settings(values), values['speed_limit'], values['soft_vacuum'],
                    values['jamming_timeout'], 1.0 / values['jamming_rate'])
-
-
-@dataclass(frozen=True)
-class Pose:
-    """
-    Where a disc was measured: its bottom in base_link, m and rad.
-
-    pose, covariance: x, z, angle and (3, 3) of a planar arm.  Of a spatial one position and
-    quaternion x, y, z, w, (7,), and (6, 6) of the position and of a rotation vector along the axes
-    of base_link.
-    """
-
-    pose: Array
-    covariance: Array
 
 
 class Lab:
@@ -164,24 +150,18 @@ class Lab:
 
     @property
     def truth(self) -> Array:
-        """Where bottom and top of every disc really are, (2 * discs, 3 or 7), as in Pose."""
-        poses = self.plant.poses
-        return np.array(list(map(planar_pose, poses))) if self.plant.arm.planar else poses
+        """Poses of bottom and top of every disc as they really are, (2 * discs, 7)."""
+        return self.plant.poses
 
     @property
     def tip(self) -> Array:
-        """Where the tip really is, (3,) or (7,), as in Pose."""
+        """The true pose of the tip, (7,)."""
         tip: Array = self.truth[-1]
         return tip
 
     @property
-    def bending_angles(self) -> Array:
-        """The true bending angles of a planar arm, (segments,) rad."""
-        return np.diff(self.truth[::2, 2])
-
-    @property
     def bending(self) -> Array:
-        """The true bending of a spatial arm, about x and y of the disc below, (segments, 2)."""
+        """The true bending about x and y of the disc below, (segments, 2), rad."""
         return bending_between(matrices(self.truth[::2, 3:]))
 
     @property
@@ -266,7 +246,7 @@ class Lab:
 
     # What is measured.
 
-    def measure(self, pictures: int = 1) -> dict[int, Pose]:
+    def measure(self, pictures: int = 1) -> dict[int, DiscMeasurement]:
         """
         Return the discs that were measured, by number; the mean of some pictures, 0.2 s apart.
 
@@ -274,15 +254,15 @@ class Lab:
         """
         if self._sensor == NOTHING:
             return {}
-        seen: dict[int, list[Pose]] = {}
+        seen: dict[int, list[DiscMeasurement]] = {}
         for _ in range(pictures):
             self.wait(PICTURE_PERIOD)
             for n, disc in self.look().items():
                 seen.setdefault(n, []).append(disc)
-        return {n: Pose(_mean([d.pose for d in discs]), discs[-1].covariance)
+        return {n: replace(discs[-1], pose=mean_pose([d.pose for d in discs]))
                 for n, discs in seen.items()}
 
-    def measure_all(self, pictures: int = 1) -> dict[int, Pose]:
+    def measure_all(self, pictures: int = 1) -> dict[int, DiscMeasurement]:
         """
         Measure until every disc above the base is seen: some pictures miss one.
 
@@ -299,20 +279,20 @@ class Lab:
         """Return what load cells show of the tensions now, (tendons,) N."""
         return self.sensors.tensions()
 
-    def look(self) -> dict[int, Pose]:
+    def look(self) -> dict[int, DiscMeasurement]:
         """Return the discs as they are measured now."""
         discs = self.truth[::2]
         if self._sensor == TRUTH:
-            numbers = 3 if discs.shape[1] == 3 else 6
-            return {n: Pose(pose, TRUTH_DEVIATION**2 * np.eye(numbers))
-                    for n, pose in enumerate(discs)}
+            covariance = known(self.plant.arm, TRUTH_DEVIATION * np.ones(6))
+            return {n: DiscMeasurement(n, pose, covariance) for n, pose in enumerate(discs)}
         layout = self.description.layout
         if isinstance(layout, RingLayout):
             if self._rings is None:  # drawn only now: not every contender looks
                 self._rings = RingSight(layout, self.differences, self._first,
                                         1 + (self._sensor == TWO_CAMERAS))
             self.pictures += 1
-            return {n: Pose(*seen) for n, seen in self._rings.discs(discs).items()}
+            return {n: DiscMeasurement(n, *seen)
+                    for n, seen in self._rings.discs(discs).items()}
         if self._drawn is None:
             self._drawn = TagTwinCamera(layout, self.differences)
             stuck = layout.stuck_as({'tags.offsets': (0.0,)})
@@ -321,26 +301,25 @@ class Lab:
             _, stuck, _ = layout.tared(stuck, [self._sight(*then) for then in self._straight])
             self._camera = layout.camera(self._drawn.lens, stuck)
         self.pictures += 1
-        return {n: Pose(planar_pose(disc.pose), disc.covariance[IN_PLANE])
+        return {n: DiscMeasurement(n, disc.pose, disc.covariance)
                 for n, disc in self._sight(discs, self.time).discs.items()}
 
     def _sight(self, discs: Array, time: float) -> TagDetections:
         """Draw a picture and return what is measured in it."""
         assert self._drawn is not None
-        sight: TagDetections = self._camera.measure(self._drawn.picture(full_poses(discs), time))
+        sight: TagDetections = self._camera.measure(self._drawn.picture(discs, time))
         return sight
 
 
-def _mean(poses: list[Array]) -> Array:
-    """Return the mean of poses as of Pose."""
-    mean: Array = np.mean(poses, axis=0) if len(poses[0]) == 3 else mean_pose(poses)
-    return mean
+def known(arm: Arm, deviations: Array) -> Array:
+    """Return a covariance (6, 6) of deviations (6,), m and rad, about the axes of an arm alone."""
+    return np.diag(np.where(arm.pose_axes, deviations**2, UNKNOWN))
 
 
-def angles_of(arm: Arm, measured: Mapping[int, Pose]) -> Array:
+def angles_of(arm: Arm, measured: Mapping[int, DiscMeasurement]) -> Array:
     """
-    Return the bending angles, (segments,) rad; KeyError for a disc that is not seen.
+    Return the angles of a planar arm, (segments,) rad; KeyError for a disc that is not seen.
 
     That of the base need not be: it stands still.
     """
-    return np.diff([0.0, *(measured[n].pose[2] for n in range(1, len(arm.discs)))])
+    return np.diff([0.0, *(planar_pose(measured[n].pose)[2] for n in range(1, len(arm.discs)))])

@@ -3,6 +3,7 @@
 """Where the simulated arm ends up when it is set to random shapes, with and without sensors."""
 
 from dataclasses import dataclass, replace
+from math import pi
 import time
 
 import cv2
@@ -23,10 +24,11 @@ from benchmarks.lab import CAMERA, Description, Lab, LabError
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import StaticsError
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.sensing.tilt import SensorError
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError, Shape
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
@@ -95,17 +97,17 @@ def run(quick: bool) -> Section:
 
 def random_goal(description: Description, seed: int) -> Goal:
     """Return a shape that the described arm can be set to, and where its tip then is."""
-    random = np.random.default_rng([seed, 14])
-    planner = Planner(description.arm, description.settings)
-    straight = planner.statics.chain.straight()
+    arm, count = description.arm, len(description.arm.segments)
+    random = np.random.default_rng([seed, 14 if arm.planar else 15])
+    planner = Planner(arm, description.settings)
     while True:
-        angles = tuple(random.uniform(-ANGLE, ANGLE, len(description.arm.segments)).tolist())
+        angles = tuple(random.uniform(-ANGLE if arm.planar else 0.0, ANGLE, count).tolist())
+        directions = () if arm.planar else tuple(random.uniform(-pi, pi, count).tolist())
         try:
-            plan, = planner.plan(straight, (0.0, 0.0), [Shape('goal', angles)])
+            plan, = plans_to(planner, [Shape('goal', angles, 0.0, directions)])
         except PlanError:
             continue
-        x, z, _ = plan.state.tip.tolist()
-        return Goal(angles, (x, z))
+        return Goal(angles, tuple(plan.state.backbone[-1].tolist()), directions)
 
 
 def judged(description: Description, given: ModelErrors, goal: Goal, contender: Contender,
@@ -127,18 +129,15 @@ def judged_in(lab: Lab, goal: Goal, contender: Contender) -> Result:
             lab.switch(segment, True)
     lab.wait(HOLDING)
     return Result(
-        float(np.linalg.norm(lab.tip[:len(goal.tip)] - goal.tip)), _angle_error(lab, goal),
+        float(np.linalg.norm(lab.tip[:3] - goal.tip)), _angle_error(lab, goal),
         outcome, duration, lab.largest_tension, tuple(lab.violations),
         time.process_time() - begin)
 
 
 def _angle_error(lab: Lab, goal: Goal) -> float:
     """Return how far the worst segment really is off, rad."""
-    arm = lab.description.arm
-    if isinstance(arm, Arm):
-        away = lab.bending - bending_vectors(arm, goal.angles, goal.directions)
-        return float(np.linalg.norm(away, axis=1).max())
-    return float(np.abs(lab.bending_angles - goal.angles).max())
+    away = lab.bending - bending_vectors(lab.description.arm, goal.angles, goal.directions)
+    return float(np.linalg.norm(away, axis=1).max())
 
 
 def line(result: Result) -> str:

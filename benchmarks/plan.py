@@ -16,7 +16,8 @@ from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics.arm import Arm, Array, mounted
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.sequencing.planner import Move, PlanError
+from soft_continuum.sensing.rigid import planar_pose
+from soft_continuum.sequencing.plans import Move, PlanError
 from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
@@ -140,7 +141,7 @@ def on_twin(description: Description, query: Query, seed: int, moves: Sequence[M
 
 def _near(arm: Arm, lab: Lab, query: Query) -> float:
     """Return how far the simulated arm is from the nearest obstacle, m: discs, arcs between."""
-    discs, rims = lab.truth.reshape(-1, 2, 3), []
+    discs, rims = planar_pose(lab.truth).reshape(-1, 2, 3), []
     turn = np.linspace(0.0, 2.0 * pi, AROUND, endpoint=False)
     for s, segment in enumerate(arm.segments):
         below, above = discs[s, 1], discs[s + 1, 0]

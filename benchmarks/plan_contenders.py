@@ -14,8 +14,10 @@ from soft_continuum.mechanics import bending_for_tip, set_shape
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles import CollisionScene
-from soft_continuum.sequencing.planner import Move, PlanError, Planner, Shape
-from soft_continuum.sequencing.reach import reach, ReachSettings
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import Move, PlanError, Shape
+from soft_continuum.sequencing.reach import ReachSettings
+from soft_continuum.sequencing.shape_plans import plan_shapes, plans_to
 
 UNLIMITED = 10**9  # states: contenders have the same time
 STEP = 0.05  # rad between two states that OMPL has looked at
@@ -27,10 +29,10 @@ class NoPlanError(RuntimeError):
 
 def ours(description: Description, query: Query, limit: float) -> Sequence[Move]:
     """Return the first plan of the suite."""
-    found = next(reach(
-        Planner(description.arm, description.settings), query.state, query.pulls.tolist(),
-        query.goal, CollisionScene(description.arm, query.obstacles),
-        ReachSettings(margin=MARGIN, states=UNLIMITED, time_limit=limit)))
+    found = next(plan_shapes(
+        Planner(description.arm, description.settings), query.state, query.pulls,
+        [Shape('goal', (), tips=(query.goal,))], CollisionScene(description.arm, query.obstacles),
+        ReachSettings(margin=MARGIN, states=UNLIMITED, time_limit=limit), first=True))
     if found.why or found.plan is None:
         raise NoPlanError(found.why)
     return found.plan.moves
@@ -42,8 +44,7 @@ def base_to_tip(description: Description, query: Query, limit: float) -> Sequenc
     shapes = _goals(planner, query)
     if not shapes:
         raise NoPlanError('no angles for the tip')
-    plan, = planner.plan(query.state, query.pulls.tolist(),
-                         [Shape('tip', tuple(shapes[0].tolist()))])
+    plan, = plans_to(planner, [Shape('tip', tuple(shapes[0].tolist()))], query.state, query.pulls)
     return plan.moves
 
 
@@ -105,8 +106,8 @@ def rrt_connect(description: Description, query: Query, limit: float) -> Sequenc
     geometric.PathSimplifier(information).simplifyMax(path)
     steps = [tuple(path.getState(k)[axis] for axis in range(len(limits)))
              for k in range(1, path.getStateCount())]
-    plans = planner.plan(query.state, query.pulls.tolist(),
-                         [Shape(f'step {k}', step) for k, step in enumerate(steps)])
+    plans = plans_to(planner, [Shape(f'step {k}', step) for k, step in enumerate(steps)],
+                     query.state, query.pulls)
     return [move for plan in plans for move in plan.moves]
 
 

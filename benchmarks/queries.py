@@ -16,12 +16,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.lab import Description
-from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
-from soft_continuum.sequencing.moves import soft_flags
-from soft_continuum.sequencing.planner import Move, PlanError, Planner
-from soft_continuum.sequencing.reach import TipGoal
+from soft_continuum.sequencing.planner import Planner, soft_flags
+from soft_continuum.sequencing.plans import Move, PlanError, TipGoal
 
 MARGIN = 0.005  # m that plans keep
 ASIDE = 0.015  # m that obstacles are away from the motion by which a goal is known to be reached
@@ -91,10 +90,10 @@ def _moved(description: Description, planner: Any, draw: np.random.Generator, st
     for _ in range(count):
         segment = int(draw.choice([s for s in range(len(limits)) if s != last]))
         last = segment
-        if isinstance(description.arm, Arm):
-            goal: Any = float(BENT * limits[segment] * draw.uniform(-1.0, 1.0))
+        goal = np.array(state.bending)
+        if description.arm.planar:
+            goal[segment, 1] = BENT * limits[segment] * draw.uniform(-1.0, 1.0)
         else:
-            goal = np.array(state.bending)
             way = draw.uniform(-pi, pi)
             goal[segment] = BENT * limits[segment] * np.sqrt(draw.random()) * np.array(
                 [-np.sin(way), np.cos(way)])

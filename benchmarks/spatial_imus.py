@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.contenders import Goal, open_loop
 from benchmarks.lab import Description, Lab, NOTHING
-from benchmarks.loop import HOLDING
-from benchmarks.spatial_loop import ARM, random_goal
+from benchmarks.loop import HOLDING, random_goal
+from benchmarks.spatial_loop import ARM
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.commands import Commands
@@ -107,7 +107,7 @@ def _errors(description: Description, given: ModelErrors) -> tuple[float, float]
     lab = TiltedLab(description, given)
     open_loop(lab, goal, description.arm)
     lab.wait(HOLDING)
-    tips = [np.linalg.norm(state.tip - lab.tip[:3])
+    tips = [np.linalg.norm(state.backbone[-1] - lab.tip[:3])
             for state in (lab.shape.predicted, lab.shape.state)]
     progress(f'spatial_imus: seed {given.seed}: prediction {tips[0] * 1e3:.2f} mm, '
              f'IMUs {tips[1] * 1e3:.2f} mm')

@@ -3,24 +3,21 @@
 """Where the simulated arm in space ends up that is set to random shapes, open and closed loop."""
 
 from dataclasses import replace
-from math import pi
 
 import numpy as np
 
 from benchmarks.closed import closed_loop
-from benchmarks.contenders import Contender, Goal, open_loop
+from benchmarks.contenders import Contender, open_loop
 from benchmarks.lab import CAMERA, Description, NOTHING, TWO_CAMERAS
-from benchmarks.loop import judged, line, Result
+from benchmarks.loop import ANGLE, judged, line, random_goal, Result
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape
 from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'
 PRESET = 'severe'
 SEEDS = 12
-ANGLE = 0.6  # rad, largest bending angle of a goal
 CONTENDERS: dict[str, tuple[Contender, str]] = {
     'open loop': (open_loop, NOTHING),
     'closed loop, one camera': (closed_loop, CAMERA),
@@ -51,19 +48,3 @@ def run(quick: bool) -> Section:
 def _row(name: str, results: list[Result]) -> tuple[str, ...]:
     tips = 1e3 * np.array([one.tip_error for one in results])
     return name, str(len(tips)), f'{np.median(tips):.2f}', f'{tips.max():.2f}'
-
-
-def random_goal(description: Description, seed: int) -> Goal:
-    """Return a shape that the described arm can be set to, and where its tip then is."""
-    random = np.random.default_rng([seed, 15])
-    planner = Planner(description.arm, description.settings)
-    straight, count = planner.statics.chain.straight(), len(description.arm.segments)
-    while True:
-        angles = tuple(random.uniform(0.0, ANGLE, count).tolist())
-        directions = tuple(random.uniform(-pi, pi, count).tolist())
-        try:
-            plan, = planner.plan(straight, (0.0,) * len(description.arm.tendon_names),
-                                 [Shape('goal', angles, 0.0, directions)])
-        except PlanError:
-            continue
-        return Goal(angles, tuple(plan.state.tip.tolist()), directions)

@@ -25,12 +25,10 @@ from soft_continuum.extras import require
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import CollisionScene
 from soft_continuum.obstacles.files import load_obstacles
-from soft_continuum.sequencing.moves import PlanSettings
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import Shape, WHOLE_ARM
-from soft_continuum.sequencing.reach import Reach, TipGoal
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Reach, Shape, TipGoal, WHOLE_ARM
 from soft_continuum.sequencing.settings import reach_from_parameters
-from soft_continuum.sequencing.shape_plans import plan_shapes
+from soft_continuum.sequencing.shape_plans import plan_shapes, plans_to
 
 NAME = 'plan'
 
@@ -108,15 +106,13 @@ def _planned(arm: Arm, values: dict[str, Any], around: CollisionScene,
     goals = tuple(_goal(tip, values) for tip in tips)
     for goal in goals:
         goal.check(arm)
-    state, pulls = planner.statics.chain.straight(), (0.0,) * len(arm.tendon_names)
+    state, pulls = planner.statics.chain.straight(), np.zeros(len(arm.tendon_names))
     if start is not None:
         pairs = [bend if isinstance(bend, tuple) else (bend, 0.0) for bend in start]
         directions = tuple(direction for _, direction in pairs)
-        begin, = planner.plan(state, pulls, [Shape(
-            '--from', tuple(angle for angle, _ in pairs), 0.0,
-            directions if any(directions) else ())])
-        state = begin.state
-        pulls = tuple(begin.moves[-1].pulls[-1].tolist()) if begin.moves else pulls
+        begin, = plans_to(planner, [Shape('--from', tuple(angle for angle, _ in pairs), 0.0,
+                                          directions if any(directions) else ())])
+        state, pulls = begin.state, begin.pulls(pulls)
     found, = plan_shapes(planner, state, pulls, [Shape('tip', (), tips=goals)], around, settings)
     return state, found
 

@@ -14,8 +14,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.drawing import draw_arm, projection_of, SOFT
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.obstacles.drawing import draw_obstacles
-from soft_continuum.sequencing.plans import WHOLE_ARM
-from soft_continuum.sequencing.reach import Reach
+from soft_continuum.sequencing.plans import Reach, WHOLE_ARM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -4,11 +4,8 @@
 
 from dataclasses import dataclass
 from math import cos, hypot, isfinite, sin
-from typing import Literal
 
-Kind = Literal['position', 'direction', 'pose']
-KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
-"""Constrained parts of a goal; the values of kind in TipGoal, from 0."""
+from soft_continuum.sequencing.progress import TipKind
 
 
 @dataclass(frozen=True)
@@ -52,8 +49,8 @@ class Tip:
         return x, y[0] if y else 0.0, z
 
     @property
-    def kind(self) -> Kind:
-        """Its constrained parts, one of KINDS."""
+    def kind(self) -> TipKind:
+        """Its constrained parts, one of TIP_KINDS."""
         if self.orientation is not None:
             return 'pose'
         return 'position' if self.angle is None and self.direction is None else 'direction'

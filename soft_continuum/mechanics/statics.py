@@ -46,6 +46,16 @@ class HeldBending:
     state: Equilibrium
     pulls: Array
 
+    def eased(self, slack: float, all_slack: float = SLACK_ALLOWANCE) -> Array:
+        """
+        Return the pulls of the motors, m, with slack (m) in tendons that do not carry.
+
+        all_slack: of all tendons where none carries: all hold the arm, and just taut they fight.
+        """
+        carries = self.pulls != SLACK
+        eased = self.state.pulls - (slack if carries.any() else all_slack)
+        return np.where(carries, self.pulls, eased)
+
 
 class Statics:
     """

@@ -16,8 +16,8 @@ from soft_continuum.parameters.shapes import (
     vacuums_problem,
 )
 from soft_continuum.ros.conversions import MAX_QUATERNION_ERROR, pose_from_ros, seconds
-from soft_continuum.sequencing.plans import KINDS, PlanError, Shape
-from soft_continuum.sequencing.reach import TipGoal
+from soft_continuum.sequencing.plans import PlanError, Shape, TipGoal
+from soft_continuum.sequencing.progress import TIP_KINDS
 from soft_continuum.text import MAX_NAME, name_problem, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
@@ -137,9 +137,9 @@ def _tip_goal(tip: TipGoalMessage, parameters: Mapping[str, Any]) -> TipGoal:
         raise PlanError(f'the frame_id of the tip goal is '
                         f'{printable(repr(tip.header.frame_id), MAX_NAME)}; allowed: {frame!r}, '
                         'or empty. Transform the goal, for instance with tf2')
-    if tip.kind >= len(KINDS):
+    if tip.kind >= len(TIP_KINDS):
         raise PlanError(f'the kind of the tip goal is {tip.kind}; allowed: '
-                        + ', '.join(f'{n} ({kind})' for n, kind in enumerate(KINDS)))
+                        + ', '.join(f'{n} ({kind})' for n, kind in enumerate(TIP_KINDS)))
     pose = np.array(pose_from_ros(tip.pose))
     rotation = None
     if tip.kind != TipGoalMessage.POSITION:
@@ -154,4 +154,4 @@ def _tip_goal(tip: TipGoalMessage, parameters: Mapping[str, Any]) -> TipGoal:
     for name, given in (('position_tolerance', tip.position_tolerance),
                         ('angle_tolerance', tip.angle_tolerance)):
         tolerances[name] = given if given != 0.0 else parameters[f'reach.{name}']
-    return TipGoal(pose[:3], rotation, KINDS[tip.kind], **tolerances)
+    return TipGoal(pose[:3], rotation, TIP_KINDS[tip.kind], **tolerances)

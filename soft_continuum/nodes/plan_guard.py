@@ -34,7 +34,7 @@ class PlanGuard:
         """
         if plan is not self._plan:
             self._plan, self._watch, self._seen, self._look = plan, None, None, None
-            if plan is not None and plan.ways:
+            if plan is not None and plan.paths:
                 self._watch = PlanWatch(plan, self._parameters['obstacles.margin'],
                                         self._parameters['reach.max_deviation'])
         watch, around = self._watch, self._scene()

@@ -13,8 +13,7 @@ from soft_continuum.nodes.entries import serve_later
 from soft_continuum.nodes.planning import Planning
 from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.ros.plans import plans_to_ros
-from soft_continuum.sequencing.plans import PlanError, Shape
-from soft_continuum.sequencing.reach import Reach
+from soft_continuum.sequencing.plans import PlanError, Reach, Shape
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
 from soft_continuum_interfaces.srv import PlanShapes
 

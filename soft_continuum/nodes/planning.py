@@ -18,12 +18,11 @@ from soft_continuum.obstacles import CollisionScene
 from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting, Step
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans
-from soft_continuum.sequencing.moves import PlanSettings
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
-from soft_continuum.sequencing.reach import Reach, ReachSettings
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import PlanError, Reach, Shape, ShapePlan
+from soft_continuum.sequencing.reach import ReachSettings
 from soft_continuum.sequencing.settings import reach_from_parameters
-from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
+from soft_continuum.sequencing.shape_plans import plan_shapes, plans_of, plans_to
 from soft_continuum_interfaces.action import RunShapeSequence
 
 Result = TypeVar('Result')
@@ -79,20 +78,17 @@ class Planning:
         Begin to plan shapes one after the other; the future raises PlanError if one has none.
 
         Plans of ``explain`` are reused while nothing has changed.  first: take the first plan
-        found, without states on its paths.
+        found.
         """
         around = self._scene()
-        if first and not around.obstacles and not any(shape.tips for shape in shapes):
-            return self._start(lambda planner, state, pulls: planner.plan(state, pulls, shapes))
         if kept := self._shown(shapes, take=not first):
             self.abandon()
             shown: Future[list[ShapePlan]] = Future()
             shown.set_result(kept)
             return shown
         settings = reach_from_parameters(self._parameters)
-        return self._start(lambda planner, state, pulls: [
-            plan_of(found, shape) for shape, found in zip(shapes, self._searched(
-                planner, state, pulls, shapes, around, settings, first), strict=False)])
+        return self._start(lambda planner, state, pulls: plans_of(shapes, self._searched(
+            planner, state, pulls, shapes, around, settings, first)))
 
     def explain(self, shapes: Sequence[Shape], time_limit: float, states: int
                 ) -> 'Future[list[Reach]]':
@@ -182,8 +178,7 @@ def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
     chain = Chain(arm)
     state: Equilibrium
     try:
-        state = Planner(arm, settings).plan(
-            chain.straight(), (0.0,) * len(arm.tendon_names), [shape])[0].state
+        state = plans_to(Planner(arm, settings), [shape])[0].state
     except PlanError:  # it can be reached from the present shape only
         state = chain.uniform(bending)
     return Aim(bending, state.backbone[-1], kind == RunShapeSequence.Goal.TIP)

@@ -31,8 +31,8 @@ class Clearance:
     obstacle: the name of the nearest one, empty without any.
     """
 
-    distance: float
-    obstacle: str
+    distance: float = inf
+    obstacle: str = ''
 
 
 class CollisionScene:
@@ -76,7 +76,7 @@ class CollisionScene:
         other pair can be nearer.
         """
         if not self.obstacles:
-            return Clearance(inf, '')
+            return Clearance()
         return self._nearest(self._body.parts(state))
 
     def _nearest(self, parts: Cylinders) -> Clearance:
@@ -99,7 +99,7 @@ class CollisionScene:
     def at(self, position: Sequence[float] | Array) -> Clearance:
         """Return the distance of a point (3,), m, from the nearest obstacle."""
         if not self.obstacles:
-            return Clearance(inf, '')
+            return Clearance()
         small = np.array([MIN_HALF_LENGTH])
         return self._nearest(Cylinders(
             np.array([position], dtype=float), np.array([[0.0, 0.0, 1.0]]), small, small))

@@ -26,7 +26,7 @@ CONVEX = 1e-5  # of its volume by which the hull of a convex mesh is larger, for
 
 
 @dataclass(frozen=True)
-class BodyFrames:
+class PlacedShape:
     """
     A geometry of coal at its pose.
 
@@ -38,16 +38,16 @@ class BodyFrames:
     pose: Any
 
 
-def placed(obstacle: Obstacle) -> BodyFrames:
+def placed(obstacle: Obstacle) -> PlacedShape:
     """Return an obstacle as a geometry of coal; raises ObstacleError without coal."""
     with needed(ObstacleError):
         import coal
     geometry, hull = _geometry(coal, obstacle.shape)
-    return BodyFrames(geometry, hull, coal.Transform3s(
+    return PlacedShape(geometry, hull, coal.Transform3s(
         obstacle.rotation, np.array(obstacle.position, dtype=float)))
 
 
-def distance(centre: Array, axis: Array, length: float, radius: float, other: BodyFrames,
+def distance(centre: Array, axis: Array, length: float, radius: float, other: PlacedShape,
              most: float = inf) -> float:
     """
     Return the distance of a cylinder from an obstacle, m; negative where they overlap.

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from geometry_msgs.msg import Point, Pose, Quaternion
 
-from soft_continuum.sequencing.plans import Move, Shape
-from soft_continuum.sequencing.reach import PlannedStep, Reach
+from soft_continuum.sequencing.plans import Move, PlannedStep, Reach, Shape
 from soft_continuum_interfaces.msg import PlanStep
 from soft_continuum_interfaces.srv import PlanShapes
 

@@ -21,8 +21,7 @@ from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import within_limits
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import PRETENSIONS
-from soft_continuum.sequencing.moves import soft_flags
-from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.planner import Planner, soft_flags
 from soft_continuum.sequencing.plans import Move, PlanError, WHOLE_ARM
 
 ANGLE_SCALE = 0.05  # rad away from the wanted angle costs as much as

@@ -175,13 +175,12 @@ def bending_map(statics: Any, state: Any, segment: int, limits: BendingLimits,
         goal[segment] = -bending.imag, bending.real
         change[segment] = goal[segment] - start.bending[segment]
         held = statics.hold(start, goal, soft, sliding=statics.sliding_towards(change))
-        carries = held.pulls != SLACK
-        slack = limits.antagonist_slack
-        if not carries.any():  # about a hinge, tendons that are all just taut oppose each other
-            slack = 0.0 if all(free) else min(slack, SLACK_ALLOWANCE)
-        pulls = np.where(carries, held.pulls, held.state.pulls - slack) - limits.offsets
+        slack = limits.antagonist_slack  # about a hinge, tendons that are all just taut fight
+        pulls = held.eased(slack, 0.0 if all(free) else min(slack, SLACK_ALLOWANCE))
+        pulls -= limits.offsets
         limits.check(held.state, pulls)
-        return held.state, np.concatenate([pulls, carries, held.state.backbone[-1]])
+        return held.state, np.concatenate(
+            [pulls, held.pulls != SLACK, held.state.backbone[-1]])
 
     present = _along(free, bending_of(state.bending, segment))
     present *= min(1.0, limit / max(abs(present), limit))
@@ -241,16 +240,10 @@ def _table(free: tuple[bool, bool], places: Array, rows: list[Array]) -> Callabl
     if all(free):
         found = scipy.interpolate.LinearNDInterpolator(_plane(places), np.array(rows))
         return lambda bendings: np.asarray(found(_plane(bendings)))
-    line = places.real if free[0] else places.imag
-    order = np.argsort(line)
-    line, known = line[order], np.array(rows)[order]
-    slopes = np.diff(known, axis=0) / np.diff(line)[:, None]
-
-    def on_line(bendings: Array) -> Array:
-        at = bendings.real if free[0] else bendings.imag
-        k = np.clip(np.searchsorted(line, at) - 1, 0, len(slopes) - 1)
-        return np.asarray(known[k] + (at - line[k])[:, None] * slopes[k])
-    return on_line
+    along = _plane(places)[:, int(free[1])]
+    order = np.argsort(along)
+    line = scipy.interpolate.make_interp_spline(along[order], np.array(rows)[order], k=1)
+    return lambda bendings: np.asarray(line(_plane(bendings)[:, int(free[1])]))
 
 
 def _plane(bendings: Array) -> Array:

@@ -21,13 +21,13 @@ from math import inf, isnan, nan
 import numpy as np
 
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.aiming import Aim, Step
 from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.plans import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
 from soft_continuum.sequencing.runner import EndError, Plan, PlanInvalidError, Runner
 from soft_continuum.sequencing.settings import ABORT, LoopSettings, PAUSE, RunnerSettings
+from soft_continuum.sequencing.timing import minimum_jerk
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
 GROWS = 1e-3  # rad: nor is a change this small expected to shrink
@@ -290,7 +290,7 @@ class ClosedLoopRunner(Runner):
         """Set a segment; on_path: how it is moved first, where the way there counts."""
         yield from self._pause(None)
         self._report(index, self._part(index), Phase.SOFTENING, segment=segment + 1)
-        yield from self._soften(segment)
+        yield from self._switch(segment, False)
         before = inf
         if on_path is not None and on_path.duration:
             self._report(index, self._part(index), Phase.MOVING)
@@ -308,13 +308,13 @@ class ClosedLoopRunner(Runner):
             self._report(index, part, Phase.MOVING)
             yield from self._move(step.move, index, part, 0.0)
         self._report(index, self._part(index), Phase.STIFFENING)
-        yield from self._stiffen(segment)
+        yield from self._switch(segment, True)
         self.progress = replace(self.progress, correction=0)
 
     def _from_here(self, move: Move) -> Move:
         """Return a move that begins at the present pulls and ends as planned."""
         off = np.asarray(self._observed.pulls) - move.pulls[0]
-        fades = 1.0 - minimum_jerk.progress(move.times / move.duration)
+        fades = 1.0 - minimum_jerk(move.times / move.duration)
         return replace(move, pulls=move.pulls + fades[:, None] * off)
 
     def _part(self, index: int) -> float:
@@ -375,5 +375,5 @@ def _worse(aim: Aim, before: float, error: float) -> str:
 
 def _way_point(plan: ShapePlan, move: int) -> Aim:
     """Return what a move of a plan (0-based) ends in."""
-    state = plan.ways[move][-1]
+    state = plan.steps[move].states[-1]
     return Aim(state.bending, state.backbone[-1])

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.plans import Shape, ShapePlan
-from soft_continuum.sequencing.reach import Reach
+from soft_continuum.sequencing.plans import Reach, Shape, ShapePlan
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +36,13 @@ class KeptPlans:
     def keep(self, situation: object, state: Any, pulls: Sequence[float],
              shapes: Sequence[Shape], found: Sequence[Reach]) -> None:
         """Store the plans of shapes, in place of earlier ones; state, pulls: their start."""
-        kept: list[_Kept] = []
+        kept, start = list[_Kept](), np.asarray(pulls)
         for shape, one in zip(shapes, found, strict=False):
             if one.plan is None or one.why:
                 break
-            kept.append(_Kept(state.bending, np.asarray(pulls), _wanted(shape), one.plan))
+            kept.append(_Kept(state.bending, start, _wanted(shape), one.plan))
             state = one.plan.state if one.plan.stiff is None else one.plan.stiff
-            pulls = one.plan.moves[-1].pulls[-1].tolist() if one.plan.moves else pulls
+            start = one.plan.pulls(start)
         self._kept = situation, kept
 
     def find(self, situation: object, bending: Array, rests_at: Callable[[Array], bool],

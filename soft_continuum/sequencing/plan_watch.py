@@ -33,10 +33,10 @@ class PlanWatch:
         away from obstacles.
         """
         self._plan, self._margin, self._max_deviation = plan, margin, max_deviation
-        self._least = [min(margin, near) - ROUNDING for near in plan.clearances] or (
-            [margin] * len(plan.ways))
+        self._least = [min(margin, path.clearance) - ROUNDING for path in plan.paths]
         self._radius = body_radius(plan.state.chain)
-        self._points = [np.array([state.backbone for state in way]) for way in plan.ways]
+        self._points = [np.array([state.backbone for state in path.states])
+                        for path in plan.paths]
         # Of every state, and from it to the next one; before ``look`` of none.
         self._clear: list[list[tuple[Clearance, Clearance]]] = []
 
@@ -48,7 +48,7 @@ class PlanWatch:
     def look(self, scene: CollisionScene) -> None:
         """Compute the distances of the states, and of the motion between them, to obstacles."""
         self._clear = [list(zip(clear, self._onward(way, clear), strict=True)) for way, clear in (
-            (way, scene.clearances(way)) for way in self._plan.ways)]
+            (path.states, scene.clearances(path.states)) for path in self._plan.paths)]
 
     def _onward(self, way: Sequence[Any], clear: Sequence[Clearance]) -> Iterator[Clearance]:
         """Yield the clearance between each state and the next, and at the last one."""

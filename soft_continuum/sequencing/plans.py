@@ -2,19 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes and tip goals, and the plans made for them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import degrees, inf, isfinite, pi, radians
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.sequencing.progress import TIP_KINDS, TipKind
 
 WHOLE_ARM = -1
 """In place of a segment (0-based): the whole arm without jamming, set at once."""
-Kind = Literal['position', 'direction', 'pose']
-KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
 FINEST, FINEST_TURN = 1e-5, 1e-4  # m, rad: tolerances below what friction and springs allow
 ORTHONORMAL = 1e-6
 
@@ -49,7 +47,7 @@ class TipGoal:
 
     position: Array
     rotation: Array | None = None
-    kind: Kind = 'position'
+    kind: TipKind = 'position'
     position_tolerance: float = 1e-3
     angle_tolerance: float = radians(2.0)
 
@@ -60,9 +58,9 @@ class TipGoal:
         if position.shape != (3,) or not np.all(np.isfinite(position)):
             raise PlanError(f'the tip goal is at {position.tolist()}; needed: three finite '
                             'numbers x, y, z in m')
-        if self.kind not in KINDS:
+        if self.kind not in TIP_KINDS:
             raise PlanError(f'the kind of the tip goal is {self.kind!r}; '
-                            f'allowed: {", ".join(KINDS)}')
+                            f'allowed: {", ".join(TIP_KINDS)}')
         for name, value, low, high, unit in (
                 ('position', self.position_tolerance, FINEST, 1.0, 'm'),
                 ('angle', self.angle_tolerance, FINEST_TURN, pi, 'rad')):
@@ -116,6 +114,11 @@ class Shape:
     tips: tuple[TipGoal, ...] = ()
     vacuums: tuple[float, ...] = ()
 
+    def at(self, state: Any) -> 'Shape':
+        """Return the same with the bending of a state of the arm."""
+        return replace(self, bending_angles=tuple(state.bending_angles.tolist()),
+                       bending_directions=tuple(state.bending_directions.tolist()))
+
 
 @dataclass(frozen=True, eq=False)
 class Move:
@@ -157,25 +160,39 @@ class PlannedStep:
     tension: float
     duration: float
 
+    def then(self, other: 'PlannedStep', pause: float = 0.0) -> 'PlannedStep':
+        """Return this step and another one, less a pause (s), as one."""
+        nearest = min(self, other, key=lambda one: one.clearance)
+        return PlannedStep(self.states + other.states, nearest.clearance, nearest.obstacle,
+                           max(self.tension, other.tension),
+                           self.duration + other.duration - pause)
+
 
 @dataclass(frozen=True, eq=False)
 class ShapePlan:
     """
     The moves that set one shape, and the state of the model after them.
 
-    ways: states on the path of each move, from soft to stiffened, and last those of ``relaxing``;
-    empty if not needed.  clearances: smallest planned distance to obstacles on each path, m; empty
-    without obstacles.  relaxing: relaxation of the arm when the shape's vacuums are lowered, None
-    without vacuums.  warning: error of the shape with its vacuums; empty if small.
+    steps: one for each move, from soft to stiffened.  relaxing: relaxation of the arm when the
+    shape's vacuums are lowered, None without vacuums.  warning: error of the shape with its
+    vacuums; empty if small.
     """
 
     shape: Shape
     moves: tuple[Move, ...]
     state: Any
-    ways: tuple[tuple[Any, ...], ...] = ()
-    clearances: tuple[float, ...] = ()
+    steps: tuple[PlannedStep, ...] = ()
     relaxing: PlannedStep | None = None
     warning: str = ''
+
+    @property
+    def paths(self) -> tuple[PlannedStep, ...]:
+        """The steps, and last the relaxation, if there is one."""
+        return self.steps if self.relaxing is None else (*self.steps, self.relaxing)
+
+    def pulls(self, start: Array) -> Array:
+        """Return the pulls of the motors after the moves from those at the start, m."""
+        return self.moves[-1].pulls[-1] if self.moves else start
 
     @property
     def stiff(self) -> Any:
@@ -188,10 +205,8 @@ class ShapePlan:
         if self.stiff is None:
             return self.shape
         tip = self.stiff.backbone[-1]
-        return replace(self.shape, bending_angles=tuple(self.stiff.bending_angles.tolist()),
-                       bending_directions=tuple(self.stiff.bending_directions.tolist()),
-                       tips=tuple(replace(goal, position=tip) for goal in self.shape.tips),
-                       vacuums=())
+        return replace(self.shape.at(self.stiff), vacuums=(),
+                       tips=tuple(replace(goal, position=tip) for goal in self.shape.tips))
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,20 +216,26 @@ class Reach:
 
     plan: its moves and the state after them; None if no plan improves on the present state.  why:
     empty; or why the goal is not reached, and then the plan leads to the nearest known state.
-    steps: one for each move; the last one includes the relaxation when the vacuums of its shape
-    are lowered.  tip_error: m from the tip to the goal in the end, of a path the largest distance
-    of the tip from it on the way.  turn_error: rad, likewise.  blocked_by: the names of obstacles
+    tip_error: m from the tip to the goal in the end, of a path the largest distance of the tip
+    from it on the way.  turn_error: rad, likewise.  blocked_by: the names of obstacles
     that blocked candidates, the most frequent first, if there is no plan.  cut_short: whether
     time_limit ended the search: with more time it may find another plan.
     """
 
     plan: ShapePlan | None
     why: str = ''
-    steps: tuple[PlannedStep, ...] = ()
     tip_error: float = 0.0
     turn_error: float = 0.0
     blocked_by: tuple[str, ...] = ()
     cut_short: bool = False
+
+    @property
+    def steps(self) -> tuple[PlannedStep, ...]:
+        """One for each move; the last one includes the relaxation under vacuums."""
+        if self.plan is None or self.plan.relaxing is None or not self.plan.steps:
+            return () if self.plan is None else self.plan.steps
+        *before, last = self.plan.steps
+        return (*before, last.then(self.plan.relaxing))
 
     @property
     def softenings(self) -> int:
@@ -236,20 +257,3 @@ class Reach:
         """The smallest distance to an obstacle on the way, m, and its name."""
         nearest = min(self.steps, key=lambda step: step.clearance, default=None)
         return (inf, '') if nearest is None else (nearest.clearance, nearest.obstacle)
-
-
-def ways_of(steps: Sequence[PlannedStep]
-            ) -> tuple[tuple[tuple[Any, ...], ...], tuple[float, ...]]:
-    """Return the ways and clearances of a plan, as in ShapePlan."""
-    return tuple(step.states for step in steps), tuple(step.clearance for step in steps)
-
-
-def with_relaxing(steps: Sequence[PlannedStep], relaxing: PlannedStep) -> tuple[PlannedStep, ...]:
-    """Return steps, with the relaxation appended to the last one."""
-    if not steps:
-        return ()
-    last = steps[-1]
-    nearest = min(last, relaxing, key=lambda one: one.clearance)
-    return (*steps[:-1], PlannedStep(
-        last.states + relaxing.states, nearest.clearance, nearest.obstacle,
-        max(last.tension, relaxing.tension), last.duration))

@@ -165,7 +165,7 @@ class Runner:
         """Plan a shape, from an arm of which every segment is stiff."""
         self.plan, self.move = None, 0
         plan = self.plan = (yield from self._planned(self._plan([shape])))[0]
-        if plan.ways:
+        if plan.paths:
             yield  # what is observed from now on is of this plan
         while self._observed.unseen:  # an obstacle may have come while it was made
             self._check_stiff(None)
@@ -179,11 +179,11 @@ class Runner:
             self._check_plan()
             done, part = self.move / len(moves), 1.0 / len(moves)
             self._report(index, done, Phase.SOFTENING, segment=move.segment + 1)
-            yield from self._soften(move.segment)
+            yield from self._switch(move.segment, False)
             self._report(index, done + 0.3 * part, Phase.MOVING)
             yield from self._move(move, index, done + 0.3 * part, 0.4 * part)
             self._report(index, done + 0.7 * part, Phase.STIFFENING)
-            yield from self._stiffen(move.segment)
+            yield from self._switch(move.segment, True)
         self.move = len(moves)
 
     def _relax(self, index: int, shape: Shape) -> Iterator[None]:
@@ -262,16 +262,6 @@ class Runner:
                     Code.TIMEOUT, f'{what} within {self._settings.settle_timeout:g} s')
             yield
 
-    def _soften(self, segment: int) -> Iterator[None]:
-        def softened() -> bool:
-            return (not self._observed.stiff[segment]
-                    and self._observed.vacuum[segment] <= self._settings.soft_vacuum)
-
-        yield from self._switch(segment, False, softened)
-
-    def _stiffen(self, segment: int) -> Iterator[None]:
-        yield from self._switch(segment, True, lambda: self._is_stiff(segment))
-
     def _is_stiff(self, segment: int) -> bool:
         """Whether a segment is stiff; with a regulator, also whether it has its full vacuum."""
         observed, settings = self._observed, self._settings
@@ -304,7 +294,13 @@ class Runner:
                     f'stiff within {self._settings.jamming_timeout:g} s')
             yield
 
-    def _switch(self, segment: int, stiff: bool, reached: Callable[[], bool]) -> Iterator[None]:
+    def _switch(self, segment: int, stiff: bool) -> Iterator[None]:
+        """Soften or stiffen a segment, and wait until its vacuum says so."""
+        def reached() -> bool:
+            return self._is_stiff(segment) if stiff else (
+                not self._observed.stiff[segment]
+                and self._observed.vacuum[segment] <= self._settings.soft_vacuum)
+
         if self._settings.jamming:
             yield from self._request(segment, lambda: self._port.set_stiff(segment, stiff),
                                      reached, f'become {"stiff" if stiff else "soft"}')

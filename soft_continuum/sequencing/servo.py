@@ -23,8 +23,8 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.sequencing import minimum_jerk
 from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
+from soft_continuum.sequencing.timing import minimum_jerk, minimum_jerk_duration
 
 LEAD = 0.035
 """Lead time (s) of changes in a piece, since tendon_actuation reads ahead."""
@@ -324,14 +324,14 @@ class AngleServo:
         speed, acceleration = (OFFSET_SHARE * self.settings.speed,
                                OFFSET_SHARE * self.settings.acceleration)
         self._offset_time = max(self.settings.period,
-                                minimum_jerk.duration(largest, speed, acceleration))
+                                minimum_jerk_duration(largest, speed, acceleration))
         begin = _Point(now, angle)
         return _Motion(begin, past=deque([begin]))
 
     def _offset_at(self, followed: float) -> Array:
         """Return the remaining difference of the pulls from those of the map, (tendons,), m."""
         t = min(followed / self._offset_time, 1.0)
-        offset: Array = self._offset * (1.0 - minimum_jerk.progress(t))
+        offset: Array = self._offset * (1.0 - minimum_jerk(t))
         return offset
 
     def _correct(self) -> None:

@@ -3,14 +3,14 @@
 """How sequences are run, corrected and planned: the settings, and the parameters that set them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from math import pi, radians
+from dataclasses import dataclass, field, fields
+from math import inf, pi, radians
 from typing import Any, TYPE_CHECKING
 
-from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.parameters.parameter import Parameter, ParameterError, Value
 
 if TYPE_CHECKING:  # with it all of mechanics would be loaded
-    from soft_continuum.sequencing.reach import ReachSettings
+    from soft_continuum.sequencing.reach.limits import ReachSettings
 
 ON_ANOMALY = GO_ON, PAUSE, ABORT = ('go_on', 'pause', 'abort')
 REPLAN = 'replan'
@@ -19,32 +19,49 @@ DEAD_BAND = 5e-5  # m
 LOCK_IN_STDDEV = 0.006  # rad
 
 
+def _setting(default: Value, meaning: str, low: float = -inf, high: float = inf, **more: Any
+             ) -> Any:
+    """Return a field with what its parameter of the same name means, and its range."""
+    return field(default=default, metadata={
+        'default': default, 'meaning': meaning, 'low': low, 'high': high, 'read_only': False,
+        **more})
+
+
 @dataclass(frozen=True)
 class LoopSettings:
-    """
-    When measurements are used, and the number of corrections.
+    """When measurements are used, and the number of corrections, by parameters ``loop.*``."""
 
-    settling_time: s after a motion or a switch until the arm rests.  measuring_time: s for which
-    it is measured then.  sensor_timeout: s after which a measurement is stale. max_corrections: of
-    one segment before it is stiffened.  max_passes: over all segments. abort_when_lost: end the
-    run when measurements stop; otherwise continue open loop. on_anomaly: what to do when an
-    anomaly of the arm is detected; one of ON_ANOMALY.  tip_tolerance, angle_tolerance: m and rad;
-    larger errors, and drift while a shape is held, cause a warning.  correct_drift: set segments
-    again when they drift.  release_limit: m that the tip may move when a segment is softened to
-    correct drift.
-    """
-
-    settling_time: float = 1.2
-    measuring_time: float = 0.5
-    sensor_timeout: float = 3.0
-    max_corrections: int = 3
-    max_passes: int = 2
-    abort_when_lost: bool = True
-    on_anomaly: str = GO_ON
-    tip_tolerance: float = 2e-3
-    angle_tolerance: float = 0.02
-    correct_drift: bool = False
-    release_limit: float = 0.01
+    settling_time: float = _setting(
+        1.2, 'time for the arm to come to rest after a motion or a change of stiffness', 0.0, 60.0,
+        unit='s')
+    measuring_time: float = _setting(
+        0.5, 'time over which the arm at rest is measured', 0.0, 60.0, unit='s')
+    sensor_timeout: float = _setting(
+        3.0, 'age at which a measurement is stale', 0.1, 60.0, unit='s')
+    max_corrections: int = _setting(
+        3, 'maximum number of corrections of one segment before it is stiffened', 0, 20)
+    max_passes: int = _setting(
+        2, 'maximum number of passes over all segments; later segments and passes correct the '
+        'shifts that stiffening causes', 1, 10)
+    abort_when_lost: bool = _setting(
+        True, 'end the sequence when measurements stop during it; otherwise it continues open '
+        'loop')
+    on_anomaly: str = _setting(
+        GO_ON, 'reaction of a sequence to an anomaly that kinematics reports: go on, abort, or '
+        'pause at rest until this parameter is changed or the goal is canceled',
+        choices=ON_ANOMALY)
+    tip_tolerance: float = _setting(
+        2e-3, 'aim on the tip: error of the tip, or drift from its position when first held, '
+        'above which the status warns', 1e-4, 1.0, unit='m')
+    angle_tolerance: float = _setting(
+        0.02, 'aim on angles: error of bending angles, or drift from their values when first '
+        'held, above which the status warns', 1e-3, 1.0, unit='rad')
+    correct_drift: bool = _setting(
+        False, 'set segments again when a held shape drifts by more than loop.tip_tolerance or '
+        'loop.angle_tolerance')
+    release_limit: float = _setting(
+        0.01, 'tip displacement above which a loaded segment is not softened to correct drift',
+        0.0, 1.0, unit='m')
 
 
 @dataclass(frozen=True)
@@ -79,40 +96,8 @@ class RunnerSettings:
 LOOP_PARAMETERS = (
     Parameter('closed_loop', True, 'correct every segment with measurements while they are '
               'available', read_only=False),
-    Parameter('loop.settling_time', LoopSettings.settling_time, 'time for the arm to come to rest '
-              'after a motion or a change of stiffness', 0.0, 60.0, read_only=False, unit='s'),
-    Parameter('loop.measuring_time', LoopSettings.measuring_time,
-              'time over which the arm at rest is measured', 0.0, 60.0, read_only=False, unit='s'),
-    Parameter('loop.sensor_timeout', LoopSettings.sensor_timeout,
-              'age at which a measurement is stale', 0.1, 60.0, read_only=False,
-              unit='s'),
-    Parameter('loop.max_corrections', LoopSettings.max_corrections,
-              'maximum number of corrections of one segment before it is stiffened',
-              0, 20, read_only=False),
-    Parameter('loop.max_passes', LoopSettings.max_passes, 'maximum number of passes over all '
-              'segments; later segments and passes correct the shifts that stiffening causes',
-              1, 10,
-              read_only=False),
-    Parameter('loop.abort_when_lost', LoopSettings.abort_when_lost, 'end the sequence when '
-              'measurements stop during it; otherwise it continues open loop',
-              read_only=False),
-    Parameter('loop.on_anomaly', LoopSettings.on_anomaly, 'reaction of a sequence to an anomaly '
-              'that kinematics reports: go on, abort, or pause at rest until this parameter is '
-              'changed or the goal is canceled', choices=ON_ANOMALY,
-              read_only=False),
-    Parameter('loop.tip_tolerance', LoopSettings.tip_tolerance, 'aim on the tip: error of the '
-              'tip, or drift from its position when first held, above which the status warns',
-              1e-4, 1.0, read_only=False, unit='m'),
-    Parameter('loop.angle_tolerance', LoopSettings.angle_tolerance, 'aim on angles: error of '
-              'bending angles, or drift from their values when first held, above which the status '
-              'warns',
-              1e-3, 1.0, read_only=False, unit='rad'),
-    Parameter('loop.correct_drift', LoopSettings.correct_drift, 'set segments again when a held '
-              'shape drifts by more than loop.tip_tolerance or loop.angle_tolerance',
-              read_only=False),
-    Parameter('loop.release_limit', LoopSettings.release_limit, 'tip displacement above which a '
-              'loaded segment is not softened to correct drift',
-              0.0, 1.0, read_only=False, unit='m'),
+    *(Parameter(f'loop.{one.name}', **one.metadata)
+      for one in fields(LoopSettings)),
     Parameter('loop.dead_band', DEAD_BAND, 'corrections that move every tendon by less are not '
               'sent: friction absorbs them', 0.0, 0.01, read_only=False, unit='m'),
     Parameter('loop.lock_in_stddev', LOCK_IN_STDDEV,
@@ -155,12 +140,12 @@ REACH_PARAMETERS = (
 def loop_from_parameters(parameters: Mapping[str, Any]) -> LoopSettings:
     """Return the settings from parameters ``loop.*``."""
     return LoopSettings(**{
-        field.name: parameters[f'loop.{field.name}'] for field in fields(LoopSettings)})
+        one.name: parameters[f'loop.{one.name}'] for one in fields(LoopSettings)})
 
 
 def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':
     """Return the settings for planning to tip goals; raises ParameterError for invalid weights."""
-    from soft_continuum.sequencing.reach import ReachSettings
+    from soft_continuum.sequencing.reach.limits import ReachSettings
     weights = tuple(values['reach.weights'])
     if len(weights) not in (1, 3) or (len(weights) == 1) != (not any(weights)):
         raise ParameterError(

@@ -2,39 +2,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans of shapes one after the other, given by angles or by the tip, among obstacles."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from itertools import permutations
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.obstacles.collision_scene import CollisionScene
-from soft_continuum.sequencing.held_plan import held, plan_held
-from soft_continuum.sequencing.held_tip import reach_held
+from soft_continuum.obstacles import CollisionScene
+from soft_continuum.parameters.shapes import angles_problem
+from soft_continuum.sequencing.held_shapes import compensate_relaxation, reach_held
 from soft_continuum.sequencing.planner import Planner
 from soft_continuum.sequencing.plans import (
     Move,
     ObstructedError,
     PlanError,
-    Shape,
-    ShapePlan,
-    ways_of,
-    with_relaxing,
-)
-from soft_continuum.sequencing.reach import (
-    follow,
     PlannedStep,
     Reach,
-    reach,
-    ReachSettings,
+    Shape,
+    ShapePlan,
 )
-from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
-
-Ended = TypeVar('Ended')
+from soft_continuum.sequencing.reach import follow, MotionValidator, reach, ReachSettings
+from soft_continuum.sequencing.reach.passage import BlockedError, Node
 
 STATES = 20
 """Largest number of states on the path of a move without obstacles."""
@@ -42,9 +36,9 @@ ORDERS = 24
 """Number of segment orders tried among obstacles; the one from the base is first."""
 
 
-def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float],
-                shapes: Sequence[Shape], scene: CollisionScene, settings: ReachSettings,
-                first: bool = False) -> Iterator[Reach]:
+def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float] | Array,
+                shapes: Sequence[Shape], scene: CollisionScene | None = None,
+                settings: ReachSettings | None = None, first: bool = False) -> Iterator[Reach]:
     """
     Yield the plan of each shape, from where the one before it ends, up to the first that fails.
 
@@ -52,106 +46,118 @@ def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float],
     to a tip goal, without looking for a better one.  The shape of each plan has the planned
     angles.  Raises PlanError when the plans were abandoned.
     """
+    validator = MotionValidator(
+        planner, scene or CollisionScene(planner.statics.chain.arm), settings or ReachSettings())
     for shape in shapes:
         try:
-            if shape.tips and shape.vacuums:
-                found = reach_held(
-                    planner, state, pulls, shape, scene, settings, first)
-            elif shape.tips:
-                found = _by_tip(planner, state, pulls, shape, scene, settings, first)
-            elif scene.obstacles:
-                found = _in_some_order(planner, state, pulls, shape, scene, settings)
+            start = validator.start(state, pulls)
+            if not shape.tips:
+                found = _by_angles(validator, start, shape)
+            elif shape.vacuums:
+                found = reach_held(validator, start, shape, first)
             else:
-                found = _from_base(planner, state, pulls, shape, settings)
+                found = _by_tip(validator, start, shape, first)
         except PlanError as error:
             planner.check_wanted()
-            found = Reach(None, str(error).removeprefix(f'{shape.name}: '))
+            found = Reach(None, str(error))
         yield found
         if found.why or found.plan is None:
             return
-        state, moves = found.plan.state, found.plan.moves
-        pulls = moves[-1].pulls[-1].tolist() if moves else pulls
+        state, pulls = found.plan.state, found.plan.pulls(start.pulls)
         if found.plan.stiff is not None:
             state = planner.jammed(state, pulls)
 
 
-def plan_of(found: Reach, shape: Shape) -> ShapePlan:
-    """Return the plan to a shape; raises PlanError or ObstructedError if there is none."""
-    if found.plan is not None and not found.why:
-        return found.plan
-    raise (ObstructedError if found.blocked_by else PlanError)(f'{shape.name}: {found.why}')
+def plans_of(shapes: Sequence[Shape], found: Iterator[Reach]) -> list[ShapePlan]:
+    """Return the plans of shapes; raises PlanError or ObstructedError if one has none."""
+    plans = []
+    for shape, one in zip(shapes, found, strict=False):
+        if one.plan is None or one.why:
+            raise (ObstructedError if one.blocked_by else PlanError)(f'{shape.name}: {one.why}')
+        plans.append(one.plan)
+    return plans
 
 
-def _by_tip(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
-            scene: CollisionScene, settings: ReachSettings, first: bool) -> Reach:
+def plans_to(planner: Planner, shapes: Sequence[Shape], state: Any = None,
+             pulls: Sequence[float] | Array | None = None) -> list[ShapePlan]:
+    """
+    Return the plans of shapes one after the other, without obstacles.
+
+    state, pulls: as of plan_shapes; by default straight, with tendons at 0.  Raises PlanError.
+    """
+    chain = planner.statics.chain
+    return plans_of(shapes, plan_shapes(
+        planner, chain.straight() if state is None else state,
+        np.zeros(len(chain.arm.tendon_names)) if pulls is None else pulls, shapes))
+
+
+def _by_tip(validator: MotionValidator, start: Node, shape: Shape, first: bool) -> Reach:
     """Return the best plan to a goal of the tip, or along a path."""
-    for found in (reach(planner, state, pulls, shape.tips[0], scene, settings)
-                  if len(shape.tips) == 1 else
-                  follow(planner, state, pulls, shape.tips, scene, settings)):
+    for found in (reach(validator, start, shape.tips[0]) if len(shape.tips) == 1 else
+                  follow(validator, start, shape.tips)):
         if first and not found.why:
             break
-    if found.plan is None:
-        return found
-    end = found.plan.state
-    return replace(found, plan=ShapePlan(
-        replace(shape, bending_angles=tuple(end.bending_angles.tolist()),
-                bending_directions=tuple(end.bending_directions.tolist())),
-        found.plan.moves, end, *ways_of(found.steps)))
+    plan = found.plan
+    return found if plan is None else replace(
+        found, plan=replace(plan, shape=shape.at(plan.state)))
 
 
-def _from_base(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
-               settings: ReachSettings) -> Reach:
-    """Return the plan to angles from the base to the tip."""
-    plan, = planner.plan(state, pulls, [shape])
-    steps = []
-    for move in plan.moves:
-        steps.append(_step(planner, state, move, settings))
-        state = steps[-1].states[-1]
-    if plan.relaxing is None:
-        return Reach(replace(plan, ways=ways_of(steps)[0]), '', tuple(steps))
-    return Reach(replace(plan, ways=ways_of((*steps, plan.relaxing))[0]), '',
-                 with_relaxing(steps, plan.relaxing))
+def _by_angles(validator: MotionValidator, start: Node, shape: Shape) -> Reach:
+    """Return the plan to angles from the base, or in the first order clear of obstacles."""
+    planner = validator.planner
+    arm, tolerance = planner.statics.chain.arm, planner.settings.angle_tolerance
+    problem = angles_problem(shape.bending_angles, arm, shape.bending_directions)
+    if problem:
+        raise PlanError(problem)
+    blocked_by: dict[str, None] = {}
+    set_to = (partial(_in_some_order, validator, start, shape, blocked_by)
+              if validator.scene.obstacles else partial(_from_base, validator, start, shape))
+    try:
+        if not shape.vacuums:
+            return Reach(set_to(None).plan(shape))
+        wanted = bending_vectors(arm, shape.bending_angles, shape.bending_directions)
+        found, off = compensate_relaxation(
+            planner, set_to, lambda state: wanted - state.bending, tolerance)
+    except BlockedError as error:
+        return Reach(None, str(error), blocked_by=tuple(blocked_by))
+    return Reach(found.plan(shape, '' if off <= tolerance else (
+        f'{shape.name} is predicted to be {np.degrees(off):.1f} degrees off with its vacuums')))
 
 
-def _step(planner: Planner, state: Any, move: Move, settings: ReachSettings) -> PlannedStep:
+def _from_base(validator: MotionValidator, node: Node, shape: Shape, shift: Array | None) -> Node:
+    """Return where the order from the base leads; shift: as of Planner.goals_of."""
+    planner = validator.planner
+    for segment, goal, at in planner.goals_of(shape, shift):
+        if planner.away(node.state, segment, goal) <= planner.settings.angle_tolerance:
+            continue
+        try:
+            move, end = planner.move(node.state, node.pulls, segment, goal)
+        except (StaticsError, PlanError) as error:
+            raise PlanError(f'{at}{error}') from None
+        node = replace(node, state=end, pulls=move.pulls[-1], moves=(*node.moves, move),
+                       steps=(*node.steps, _step(validator, node.state, move)))
+    return validator.relaxed(node, shape.vacuums)
+
+
+def _step(validator: MotionValidator, state: Any, move: Move) -> PlannedStep:
     """Return what is predicted of a move where nothing is in the way."""
+    planner = validator.planner
     states = [state]
     rows = np.unique(np.linspace(0, len(move.pulls) - 1, STATES).round().astype(int))
     with suppress(StaticsError):  # it was planned without a look at each of them
         for row in rows.tolist():
             states.append(planner.held(states[-1], move.pulls[row], move.segment, move.sliding))
-    pause = settings.softening_time if planner.settings.jamming else 0.0
+    pause = validator.settings.softening_time if planner.settings.jamming else 0.0
     return PlannedStep(tuple(states), np.inf, '', move.largest_tension, move.duration + pause)
 
 
-def _in_some_order(planner: Planner, state: Any, pulls: Sequence[float], shape: Shape,
-                   scene: CollisionScene, settings: ReachSettings) -> Reach:
-    """Return the plan to angles in the first order that is clear of obstacles."""
-    validator = MotionValidator(planner, scene, settings)
-    start = validator.start(state, np.array(pulls, dtype=float))
-    blocked_by: dict[str, None] = {}
-    try:
-        if not shape.vacuums:
-            node = _ordered(validator, start, shape, blocked_by, lambda node: node)
-            return Reach(ShapePlan(shape, node.moves, node.state,
-                                   *ways_of(node.steps)), '', node.steps)
-        plan, found = plan_held(planner, shape, lambda shift: _ordered(
-            validator, start, shape, blocked_by, lambda node: held(validator, node, shape.vacuums),
-            shift))
-    except BlockedError as error:
-        return Reach(None, str(error), blocked_by=tuple(blocked_by))
-    ways, clearances = ways_of((*found.node.steps, found.relaxing))
-    return Reach(replace(plan, ways=ways, clearances=clearances), '',
-                 with_relaxing(found.node.steps, found.relaxing))
-
-
-def _ordered(validator: MotionValidator, start: Node, shape: Shape, blocked_by: dict[str, None],
-             ended: Callable[[Node], Ended], shift: Array | None = None) -> Ended:
+def _in_some_order(validator: MotionValidator, start: Node, shape: Shape,
+                   blocked_by: dict[str, None], shift: Array | None) -> Node:
     """
-    Return what comes of the first order of segments that is clear of obstacles.
+    Return where the first order of segments that is clear of obstacles leads.
 
-    blocked_by: receives the obstacles that blocked orders.  ended: of where an order leads; may
-    raise BlockedError too.  shift: as of Planner.moves.  Raises BlockedError.
+    blocked_by: receives the obstacles that blocked orders.  shift: as of Planner.goals_of.  Raises
+    BlockedError.
     """
     planner, why = validator.planner, ''
     goals = planner.goals_of(shape, shift)
@@ -161,7 +167,7 @@ def _ordered(validator: MotionValidator, start: Node, shape: Shape, blocked_by: 
             for segment, goal, at in order:  # noqa: B007  (where it was blocked)
                 if planner.away(node.state, segment, goal) > planner.settings.angle_tolerance:
                     node, at = validator.go(node, segment, goal), ''
-            return ended(node)
+            return validator.relaxed(node, shape.vacuums)
         except BlockedError as error:
             why = why or f'{at}{error}'
             blocked_by |= dict.fromkeys([error.obstacle] if error.obstacle else [])

@@ -8,11 +8,28 @@ SciPy's curve is not used: importing it would take 20 MB and a second at every s
 
 from collections.abc import Callable
 from math import ceil, sqrt
+from typing import TypeVar
 
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing import minimum_jerk
+
+Time = TypeVar('Time', float, Array)
+
+
+def minimum_jerk(t: Time) -> Time:
+    """
+    Return the completed part of the path at a part of the time, both 0 to 1.
+
+    The minimum-jerk profile, from rest to rest (Flash and Hogan, 1985).
+    """
+    return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+
+
+def minimum_jerk_duration(length: float, speed: float, acceleration: float) -> float:
+    """Return the time (s) for a distance (m) within a speed (m/s) and an acceleration (m/s^2)."""
+    # Their peaks: 15/8 and 10/sqrt(3) of the mean.
+    return max(15 / 8 * length / speed, sqrt(10 / sqrt(3) * length / acceleration))
 
 
 def timed(points: Array, speed: float, acceleration: float,
@@ -30,11 +47,11 @@ def timed(points: Array, speed: float, acceleration: float,
     if total == 0.0:
         return np.array([0.0]), points[:1].copy()
     smooth = monotone_cubic(path, points)
-    duration = minimum_jerk.duration(total, speed, acceleration)
+    duration = minimum_jerk_duration(total, speed, acceleration)
     for _ in range(50):
         times = np.linspace(0.0, duration, max(3, ceil(duration / interval) + 1))
         t = times / duration
-        pulls: Array = smooth(total * minimum_jerk.progress(t))
+        pulls: Array = smooth(total * minimum_jerk(t))
         speeds = np.diff(pulls, axis=0) / times[1]
         accelerations = np.diff(speeds, axis=0, prepend=0.0, append=0.0) / times[1]
         excess = max(np.abs(speeds).max() / speed,

@@ -21,10 +21,10 @@ from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.obstacles import CollisionScene
-from soft_continuum.sequencing.moves import PlanSettings
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.reach import reach, TipGoal
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Shape, TipGoal
 from soft_continuum.sequencing.settings import reach_from_parameters
+from soft_continuum.sequencing.shape_plans import plan_shapes
 from soft_continuum.study.design import Design, Study
 
 SHAPES, QUERIES = 'shapes', 'queries'
@@ -131,8 +131,9 @@ def query(design: Design, number: int, seed: int) -> dict[str, Any]:
     goal = TipGoal(state.poses[-1, :3], position_tolerance=values['reach.position_tolerance'])
     row |= dict(zip('xyz', goal.position.tolist(), strict=True)) | {'outcome': NOT_FOUND}
     planner = Planner(arm, PlanSettings.of(values))
-    first = next(reach(planner, planner.statics.chain.straight(),
-                       (0.0,) * len(arm.tendon_names), goal, around, settings))
+    first, = plan_shapes(planner, planner.statics.chain.straight(),
+                         (0.0,) * len(arm.tendon_names), [Shape('goal', (), tips=(goal,))],
+                         around, settings, first=True)
     return row if first.why else row | {
         'outcome': FOUND, 'softenings': first.softenings if jamming else 0,
         'duration': first.duration, 'tension': first.tension, 'clearance': first.clearance[0],

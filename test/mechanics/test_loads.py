@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Gravity for any mounting, payload at the tip, forces on discs."""
+"""Gravity for any mounting, payload, forces on discs, and the compliance of both chains."""
 
 from dataclasses import replace
 from math import cos, pi, sin
@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics import Disc, RIGHT, SLACK, Statics
-from soft_continuum.mechanics.arm import mounted, Wrench
+from soft_continuum.mechanics.arm import mounted, PAPER, SECOND_ORDER, Wrench
+from soft_continuum.mechanics.plane.chain import PlaneChain
 from support.general_arms import arms, between, FEW, masks, paper_like, pulls
 
 BOTH_SLACK = (SLACK, SLACK)
@@ -110,3 +111,34 @@ def test_the_moment_at_the_base_of_a_rigid_horizontal_arm_is_its_weight_times_it
     moment = statics.chain.joint_stiffness[0] * state.joint_angles[0]
     expected = 9.80665 * (0.05 * 0.035 + 0.04 * 0.085 + 0.03 * 0.100)
     assert moment == pytest.approx(expected, rel=1e-3)
+
+
+# Both chains have the compliance l/EI of the rod; they share it out differently.
+
+
+KINDS = pytest.mark.parametrize('kind', [PAPER, SECOND_ORDER])
+
+
+@pytest.mark.parametrize('bodies', [1, 2, 3, 12])
+def test_springs_are_equal_or_of_second_order_twice_as_stiff_at_the_ends(bodies):
+    rod = 0.0265 / 0.07
+    paper, second = (PlaneChain(paper_like(1, bodies=bodies, discretisation=kind))
+                     for kind in (PAPER, SECOND_ORDER))
+    assert paper.joint_stiffness == pytest.approx([(bodies + 1) * rod] * (bodies + 1))
+    assert second.joint_stiffness == pytest.approx(
+        [2 * bodies * rod, *[bodies * rod] * (bodies - 1), 2 * bodies * rod])
+    assert paper.joint_lengths.sum() == pytest.approx(0.07, rel=1e-12)
+    assert second.joint_lengths.sum() == pytest.approx(0.07, rel=1e-12)
+
+
+@KINDS
+@pytest.mark.parametrize('bodies', [1, 2, 5, 20])
+def test_a_moment_bends_a_segment_as_its_rod_however_many_bodies(kind, bodies):
+    # Two heavy forces a disc apart are nearly a moment: dead ones, on a straight arm, a small one.
+    arm = paper_like(2, bodies=bodies, discretisation=kind,
+                     wrenches=(Wrench(1, (-1e-4, 0.0, 0.0)), Wrench(2, (1e-4, 0.0, 0.0))))
+    statics = Statics(arm)
+    state = statics.solve(statics.chain.straight(), (SLACK, SLACK), (True, False))
+    moment = 1e-4 * (0.03 + 0.07)  # between the centres of the discs
+    angle = state.bending_angles[0]
+    assert angle == pytest.approx(moment * 0.07 / 0.0265, rel=1e-6)

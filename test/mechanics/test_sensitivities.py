@@ -118,6 +118,17 @@ def test_derivatives_where_tendons_rub_in_space(stretch, sliding):
     assert np.abs(line - without).max() > 0.05 * np.abs(without).max()  # it counts
 
 
+@pytest.mark.parametrize('jam', [Jam(), Jam(5.0)], ids=['rigid', 'elastic'])
+@pytest.mark.parametrize('soft', [(True,) * 3, (False,) * 3])
+def test_tendons_that_move_without_friction_have_the_derivatives_of_those_at_rest(jam, soft):
+    statics = Statics(three_segments(jam=jam))
+    pulls = (0.006, -0.004, -0.003) if soft[0] else (-0.001,) * 3
+    state = statics.solve(statics.chain.straight(), pulls, soft)
+    moving, resting = (Linearisation(statics, state, way).all() for way in ((1, -1, -1), ()))
+    assert moving.points == pytest.approx(resting.points, abs=1e-12)
+    assert moving.tensions == pytest.approx(resting.tensions, abs=1e-9)
+
+
 @pytest.mark.parametrize('seed', SEEDS)
 @pytest.mark.parametrize('which', ['all', 'first'])
 def test_by_tensions(seed, which):

@@ -5,6 +5,7 @@
 from dataclasses import replace
 from math import pi, sqrt
 from pathlib import Path
+import re
 
 import numpy as np
 import pytest
@@ -235,3 +236,20 @@ def test_bending_is_that_of_the_rotation_between_two_discs():
     state = statics.chain.uniform(bend)
     assert state.bending == pytest.approx(bend, abs=1e-12)
     assert np.linalg.norm(state.bending[0]) == pytest.approx(sqrt(0.13))
+
+
+# The examples of the page about mechanics run, one after the other.
+
+
+PAGE = Path(__file__).parents[2] / 'docs' / 'explanation' / 'mechanics.md'
+
+
+def test_the_examples_of_the_page_run():
+    blocks = re.findall(r'```python\n(.*?)```', PAGE.read_text(encoding='utf-8'), re.DOTALL)
+    assert len(blocks) == 2
+    names = {}
+    for block in blocks:
+        exec(compile(block, str(PAGE), 'exec'), names)
+    assert names['tip'].reached
+    assert abs(names['shape'].tip - (0.12, 0.05, 0.2)).max() < 1e-6
+    assert names['path'].found.all()

@@ -1,12 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Kirchhoff rods in space: those of the plane, and the chain converges to them."""
+"""Rods in space: those of the plane and of tdcr-modeling, and the chain converges to them."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from benchmarks import tdcr
 from references import Elastica, solve_rods
 from soft_continuum.mechanics import Jam, Statics
 from soft_continuum.mechanics.arm import PAPER, SECOND_ORDER, Wrench
@@ -61,3 +62,22 @@ def test_rods_of_stiff_segments_are_refused():
     statics = SpaceStatics(three_segments(jam=Jam(5.0)))
     with pytest.raises(ValueError, match='rods are soft and linear'):
         solve_rods(statics.chain.straight(), np.zeros(3))
+
+
+# The example arm of tdcr-modeling, whose rod was solved by shooting between its discs.
+
+
+@pytest.mark.parametrize('load', [0, 1])
+def test_a_chain_converges_to_a_cosserat_rod_between_discs(load):
+    reference = np.array(tdcr.MODELS[tdcr.ALL_FORCE][load])
+    away = [np.linalg.norm(tdcr.state(bodies, tdcr.LOADS[load], True).tip - reference)
+            for bodies in (2, 4, 8)]
+    assert away[0] > 3.0 * away[1] > 9.0 * away[2]
+    assert away[2] < 2e-4
+
+
+def test_a_spacer_converges_to_a_disc():
+    away = [np.linalg.norm(
+        tdcr.state(bodies, tdcr.LOADS[1]).tip - tdcr.MODELS[tdcr.ALL_FORCE][1])
+            for bodies in (2, 5, 10)]
+    assert away[0] > 2.0 * away[1] > 3.0 * away[2]

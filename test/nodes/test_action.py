@@ -16,8 +16,10 @@ from soft_continuum.nodes.sequence_server import error_code
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.ros.conversions import poses_from_ros
-from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Shape
 from soft_continuum.sequencing.progress import Code, Phase
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
@@ -31,9 +33,7 @@ QUICK_PLAN = PlanSettings(speed=0.1, acceleration=5.0)
 
 def planned_tips(*shapes: tuple[float, ...]) -> list[Array]:
     """Return x and z of the tip in each shape, m, as the model plans them from straight."""
-    planner = Planner(ARM, QUICK_PLAN)
-    chain = planner.statics.chain
-    plans = planner.plan(chain.straight(), (0.0, 0.0), [Shape('', s) for s in shapes])
+    plans = plans_to(Planner(ARM, QUICK_PLAN), [Shape('', s) for s in shapes])
     return [plan.state.points[-1, :2] for plan in plans]
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The guard of a plan tells once that it failed, and whether it has looked at a plan."""
 
+from math import inf
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
@@ -11,11 +12,12 @@ import pytest
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.plan_guard import PlanGuard
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planner import Shape, ShapePlan
+from soft_continuum.sequencing.plans import PlannedStep, Shape, ShapePlan
 
 ARM = load_arm(Path(__file__).parents[2] / 'config' / 'manipulator.yaml')
 STATE = Chain(ARM).straight()
-PLAN = ShapePlan(Shape('straight', (0.0,) * 3), (), STATE, ((STATE,),))
+PLAN = ShapePlan(Shape('straight', (0.0,) * 3), (), STATE,
+                 (PlannedStep((STATE,), inf, '', 0.0, 0.0),))
 
 
 def guard(clearances):

@@ -15,10 +15,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.nodes import kinematics, shape_sequencer
+from soft_continuum.nodes import kinematics, planning, shape_sequencer
 from soft_continuum.nodes.model import load_model
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planner import PlanError, Planner
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
@@ -155,7 +156,7 @@ def endless(monkeypatch: pytest.MonkeyPatch) -> None:
             time.sleep(0.005)
         raise PlanError('the plan was abandoned')
 
-    monkeypatch.setattr(Planner, 'plan', plan)
+    monkeypatch.setattr(planning, 'plan_shapes', plan)
 
 
 @pytest.mark.usefixtures('endless')
@@ -179,16 +180,16 @@ def test_of_many_goals_that_are_being_planned_each_is_answered(shared_arm: Rig) 
 
 def test_a_goal_that_runs_can_be_canceled_while_its_next_shape_is_being_planned(
         shared_arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan, calls, angles = Planner.plan, itertools.count(), (0.0, 0.0, 0.2)
+    plan, calls, angles = planning.plan_shapes, itertools.count(), (0.0, 0.0, 0.2)
 
-    def plan_once(planner: Planner, state: Any, pulls: Any, shapes: Any) -> Any:
+    def plan_once(planner: Planner, state: Any, pulls: Any, shapes: Any, *options: Any) -> Any:
         # Those of the test before may still be planned.  The first of this one is the check.
         if tuple(shapes[0].bending_angles) == angles and next(calls) > 0:
             while not planner._abandoned():
                 time.sleep(0.005)
-        return plan(planner, state, pulls, shapes)
+        return plan(planner, state, pulls, shapes, *options)
 
-    monkeypatch.setattr(Planner, 'plan', plan_once)
+    monkeypatch.setattr(planning, 'plan_shapes', plan_once)
     before, goal = shared_arm.pulls, shared_arm.goal(angles).wait_for_phase('preparing')
     goal.cancel()
     assert goal.result()[1].error_code == RunShapeSequence.Result.CANCELED

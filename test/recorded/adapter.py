@@ -26,9 +26,10 @@ from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.statics import PRETENSIONS, Statics
 from soft_continuum.obstacles import Box, CollisionScene, Obstacle, Sphere
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
-from soft_continuum.sequencing.reach import ReachSettings, TipGoal
-from soft_continuum.sequencing.shape_plans import plan_shapes
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Shape, TipGoal
+from soft_continuum.sequencing.reach import ReachSettings
+from soft_continuum.sequencing.shape_plans import plan_shapes, plans_to
 
 Numbers = dict[str, Any]
 SHAPES = {'box': lambda o: Box(tuple(o['size'])), 'sphere': lambda o: Sphere(o['radius'])}
@@ -150,8 +151,7 @@ class Model:
               ) -> list[Numbers]:
         """Return the plans to shapes, one after the other, from the straight arm."""
         planner = self._planner(limits)
-        found = planner.plan(self.straight(), [0.0] * len(self.arm.tendon_names), [
-            self._shape(shape) for shape in shapes])
+        found = plans_to(planner, [self._shape(shape) for shape in shapes])
         return [self._plan(plan) for plan in found]
 
     def tip_plan(self, goal: Mapping[str, Any], limits: Mapping[str, Any],

@@ -23,7 +23,8 @@ from soft_continuum.sequencing.aiming import (
     predicted,
     segments_worth_correcting,
 )
-from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, WHOLE_ARM
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import PlanError, WHOLE_ARM
 from support.flat_arm import about_y
 from support.virtual_rig import ARM, DESCRIPTION
 

@@ -14,11 +14,12 @@ from soft_continuum.obstacles import CollisionScene, Obstacle, Sphere
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.arm_port import Failure
 from soft_continuum.sequencing.plan_watch import PlanWatch
-from soft_continuum.sequencing.planner import PlanError, Planner, Shape
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError, Shape, TipGoal
 from soft_continuum.sequencing.progress import Code, Phase
-from soft_continuum.sequencing.reach import ReachSettings, TipGoal
+from soft_continuum.sequencing.reach import ReachSettings
 from soft_continuum.sequencing.settings import ABORT
-from soft_continuum.sequencing.shape_plans import plan_shapes
+from soft_continuum.sequencing.shape_plans import plan_shapes, plans_to
 from soft_continuum.user_files import description_file
 from support.measured_rig import LOOP, MeasuredRig, OffsetStatics
 from support.virtual_rig import (
@@ -49,8 +50,7 @@ SETTINGS = ReachSettings(margin=0.005, lock_in=0.0, time_limit=np.inf)
 
 
 def plan(arm, shape):
-    planner = Planner(arm, PLAN_SETTINGS)
-    return planner.plan(planner.statics.chain.straight(), (0.0, 0.0), [shape])[0]
+    return plans_to(Planner(arm, PLAN_SETTINGS), [shape])[0]
 
 
 def found(shape, *obstacles):
@@ -180,7 +180,7 @@ def test_the_whole_way_of_a_shape_with_vacuums_is_clear():
     around = before(plan(ARM, WEAK), 0.008)
     clear = found(WEAK, around)
     assert clear.plan.state.bending_angles == pytest.approx(WEAK.bending_angles, abs=0.2 * DEGREE)
-    ways = [state for way in clear.plan.ways for state in way]
+    ways = [state for path in clear.plan.paths for state in path.states]
     assert ways[-1] is clear.plan.state  # the way on which it gives way is of it
     distances = [near.distance for near in CollisionScene(ARM, [around]).clearances(ways)]
     assert min(distances) == distances[-1] == pytest.approx(0.008, abs=1e-3)

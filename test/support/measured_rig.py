@@ -15,8 +15,10 @@ from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.planner import Planner, Shape
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import Shape
 from soft_continuum.sequencing.settings import LoopSettings
+from soft_continuum.sequencing.shape_plans import plans_to
 from support.flat_arm import of_segments
 from support.paper_arm import plane_points
 from support.virtual_rig import ARM, STEP, VirtualRig
@@ -71,7 +73,8 @@ class MeasuredRig(VirtualRig):
 
     def planned(self, shape):
         planner, state = self.estimated()
-        return planner.plan(state, self.tendons.reading.pulls, [shape])[0]
+        plan, = plans_to(planner, [shape], state, self.tendons.reading.pulls)
+        return replace(plan, steps=())  # nothing watches its way
 
     def run_of(self, shapes, plan=None):
         if self.open_loop:

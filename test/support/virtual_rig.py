@@ -30,6 +30,7 @@ from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum.sequencing.settings import RunnerSettings
+from soft_continuum.sequencing.shape_plans import plans_to
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM, LIBRARY = load_arm(DESCRIPTION), PAPER_SHAPES
@@ -118,7 +119,7 @@ class VirtualRig:
                 future.set_exception(error)
 
     def planned(self, shape):
-        return self.planner.plan(self.state, self.tendons.reading.pulls, [shape])[0]
+        return plans_to(self.planner, [shape], self.state, self.tendons.reading.pulls)[0]
 
     # ArmPort.
 

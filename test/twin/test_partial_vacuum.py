@@ -13,9 +13,10 @@ from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.obstacles import CollisionScene
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planner import Planner, PlanSettings, Shape
-from soft_continuum.sequencing.reach import ReachSettings, TipGoal
-from soft_continuum.sequencing.shape_plans import plan_shapes
+from soft_continuum.sequencing.planner import Planner, PlanSettings
+from soft_continuum.sequencing.plans import Shape, TipGoal
+from soft_continuum.sequencing.reach import ReachSettings
+from soft_continuum.sequencing.shape_plans import plan_shapes, plans_to
 from soft_continuum.twin.plant import Plant
 from soft_continuum.user_files import description_file
 from support.plants import ARM, IDEAL, only, points_of, run, STIFF
@@ -59,8 +60,7 @@ def test_a_planar_arm_with_less_vacuum_rests_where_the_plan_says(
     arm = jammed(replace(ARM, gravity=mounted(1.2), payload=0.05), yield_moment)
     planner = Planner(arm, PlanSettings(full_vacuum=FULL))
     angles = tuple(np.radians((25.0, 15.0, -20.0)).tolist())
-    plan, = planner.plan(planner.statics.chain.straight(), (0.0, 0.0),
-                         [Shape('held', angles, vacuums=vacuums)])
+    plan, = plans_to(planner, [Shape('held', angles, vacuums=vacuums)])
     before, after = resting(arm, plan, vacuums, min(yield_moment, 1000.0))
     assert np.abs(after - before)[:, :2].max() > 3e-3  # the arm gives way
     assert after[:, :2] == pytest.approx(plan.state.points[:, ::2], abs=tolerance)

@@ -156,9 +156,10 @@ class SpaceLinearisation(Linearisation):
         slopes[:, :2] += ((tangent - secant) / along)[:, None, None] * (
             pull[:, :, None] * pull[:, None, :])
         slopes[tangent == 0.0] = 0.0
-        each = self._of_segments(slopes.reshape(len(pull), -1) / self._chain.joints_per_segment)
-        each = each.reshape(len(pull), 3, 2, -1).transpose(0, 1, 3, 2)
-        return self._solve(self._by_springs(each.reshape(len(pull), 3, -1)))
+        count = self._chain.segments
+        each = self._of_segments(slopes.reshape(len(pull), 6) / self._chain.joints_per_segment)
+        each = each.reshape(len(pull), 3, 2, count).transpose(0, 1, 3, 2)
+        return self._solve(self._by_springs(each.reshape(len(pull), 3, 2 * count)))
 
     def payload(self) -> Sensitivity:
         """Return the derivatives by a mass at the tip, per kg."""
@@ -223,7 +224,7 @@ class SpaceLinearisation(Linearisation):
         on_links = np.zeros((len(self._rotations) + 1, *torques.shape[1:]))  # last: the base
         np.add.at(on_links, self._link, torques)
         turned: Array = self._rotations.transpose(0, 2, 1) @ on_links[:-1]
-        return turned.reshape(-1, torques.shape[2])
+        return turned.reshape(3 * len(turned), torques.shape[2])
 
     def _without_tendons(self, columns: Array) -> Array:
         """Solve with the band alone."""

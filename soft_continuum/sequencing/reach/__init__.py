@@ -6,16 +6,9 @@ Plans by tip: the sequence of softened segments and angles that brings the tip t
 ``reach`` plans to one goal of the tip, ``follow`` a path through several, both among obstacles.
 """
 
-from soft_continuum.sequencing.plans import PlannedStep, Reach, TipGoal
 from soft_continuum.sequencing.reach.following import follow
-from soft_continuum.sequencing.reach.limits import (
-    Clear,
-    CollisionScene,
-    Distance,
-    NoObstacles,
-    ReachSettings,
-)
+from soft_continuum.sequencing.reach.limits import ReachSettings
+from soft_continuum.sequencing.reach.passage import MotionValidator
 from soft_continuum.sequencing.reach.search import reach
 
-__all__ = ['Clear', 'CollisionScene', 'Distance', 'NoObstacles', 'PlannedStep', 'Reach',
-           'ReachSettings', 'TipGoal', 'follow', 'reach']
+__all__ = ['MotionValidator', 'ReachSettings', 'follow', 'reach']

@@ -92,10 +92,6 @@ class Arcs:
         """Return tip positions (m, 3) m and orientations (m, 3, 3) of bendings (m, ...) rad."""
         return constant_curvature.tips(self.arm, bending)
 
-    def pulls(self, bending: Array) -> Array:
-        """Return the pulls (tendons,) m of one bending."""
-        return constant_curvature.pulls(self.arm, bending)
-
     def columns(self, movers: Sequence[int]) -> NDArray[np.intp]:
         """Return the components of a bending that some segments, or WHOLE_ARM, set."""
         chosen = np.zeros_like(self.free)

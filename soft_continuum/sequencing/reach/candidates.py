@@ -17,7 +17,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.sequencing.moves import PlanSettings
+from soft_continuum.sequencing.planner import PlanSettings
 from soft_continuum.sequencing.plans import WHOLE_ARM
 from soft_continuum.sequencing.reach.arcs import Arcs, size, TipResidual
 

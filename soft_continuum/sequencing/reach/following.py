@@ -11,28 +11,25 @@ two goals is compared with the straight line between them.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 import scipy
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.moves import MovePlanner
 from soft_continuum.sequencing.plans import (
     Move,
     PlanError,
     PlannedStep,
     Reach,
-    ShapePlan,
+    Shape,
     TipGoal,
     WHOLE_ARM,
 )
 from soft_continuum.sequencing.reach.arcs import Arcs, TipResidual
-from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.limits import CollisionScene, ReachSettings
+from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
-from soft_continuum.sequencing.reach.search import as_shape, Search
+from soft_continuum.sequencing.reach.search import check_goal, NAME, Search
 
 WIDTH = 3  # plans that are carried on from goal to goal
 PAIRS = 4  # ways to set two segments that are tried where one does not come near enough
@@ -42,9 +39,7 @@ MAX_GOALS = 200
 TIPS = 10  # that a fit of a whole path looks at count as one state judged
 
 
-def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequence[TipGoal],
-           scene: CollisionScene, settings: ReachSettings | None = None
-           ) -> Iterator[Reach]:
+def follow(validator: MotionValidator, start: Node, goals: Sequence[TipGoal]) -> Iterator[Reach]:
     """
     Yield plans through goals of the tip, each better than the one before it; the last is the best.
 
@@ -54,16 +49,11 @@ def follow(planner: MovePlanner, state: Any, pulls: Sequence[float], goals: Sequ
     tolerances, then by softenings, then by duration.  Successive moves of one segment are joined,
     with a short rest at each goal.
     """
-    settings = settings or ReachSettings()
     if not 2 <= len(goals) <= MAX_GOALS:
         raise PlanError(f'a path has {len(goals)} goals; allowed: 2 to {MAX_GOALS}')
     for goal in goals:
-        goal.check(planner.statics.chain.arm)
-        if (inside := scene.at(goal.position)).distance <= 0.0:
-            raise PlanError(f'a goal of the path is in {inside.obstacle}')
-    start = MotionValidator(planner, scene, settings).start(
-        state, np.array(pulls, dtype=float))
-    yield from _Following(planner, start, goals, scene, settings).run()
+        check_goal(validator, goal, 'a goal of the path')
+    yield from _Following(validator, start, goals).run()
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +74,12 @@ class _Track:
 class _Following:
     """One search."""
 
-    def __init__(self, planner: MovePlanner, start: Node, goals: Sequence[TipGoal],
-                 scene: CollisionScene, settings: ReachSettings) -> None:
-        self.planner, self.start, self.goals = planner, start, goals
-        self.scene, self.settings = scene, settings
+    def __init__(self, validator: MotionValidator, start: Node, goals: Sequence[TipGoal]) -> None:
+        planner, settings = validator.planner, validator.settings
+        self.planner, self.start, self.goals, self.settings = planner, start, goals, settings
         self.arcs = Arcs(planner.statics.chain.arm)
         self.budget = Budget(settings.states, settings.time_limit)
-        self.limited = planner.until(self.budget.judge)
+        self.validator = validator.until(self.budget.judge)
         self.movers = tuple(range(len(self.arcs.limits))) if planner.settings.jamming else (
             WHOLE_ARM,)
 
@@ -99,7 +88,8 @@ class _Following:
         settings = self.settings
         first = replace(settings, states=int(BEGIN_PART * settings.states),
                         time_limit=BEGIN_PART * settings.time_limit)
-        search = Search(self.limited, self.start, self.goals[0], self.scene, first)
+        search = Search(MotionValidator(self.validator.planner, self.validator.scene, first),
+                        self.start, self.goals[0])
         for found in search.run():
             if not found.why and found.softenings:
                 break
@@ -117,7 +107,7 @@ class _Following:
         if best is None:
             why = ('the path is blocked or out of reach: found no path from its first goal to its '
                    'last') + self.budget.ended_by_time
-            yield Reach(None, why, (), *search.miss.errors(self.start.state), cut_short=late)
+            yield Reach(None, why, *search.miss.errors(self.start.state), cut_short=late)
         elif late:
             yield replace(self._result(best), cut_short=True)
 
@@ -127,7 +117,7 @@ class _Following:
             return
         shapes = [shape for mover in self.movers for shape in self._fitted(mover)]
         for _, shape in sorted(shapes, key=lambda one: one[0]):
-            search = self._search(self.start, self.goals[0])
+            search = Search(self.validator, self.start, self.goals[0])
             for order in permutations(self.movers):
                 way = [np.array(self.start.state.bending)]
                 for mover in order:
@@ -153,7 +143,7 @@ class _Following:
 
         def missed(values: Array) -> Array:
             for _ in range(1 + len(goals) // TIPS):
-                self.limited.check_wanted()
+                self.validator.planner.check_wanted()
             places, turns = arcs.tips(shapes(values))
             return np.concatenate([goal.of(place[None], turn[None])[0] for goal, place, turn in
                                    zip(goals, places, turns, strict=True)])
@@ -181,7 +171,8 @@ class _Following:
 
     def _next(self, track: _Track, number: int) -> list[_Track]:
         """Return what leads from a track to the next goal."""
-        search, present = self._search(track.node, self.goals[number]), track.node.state.bending
+        search = Search(self.validator, track.node, self.goals[number])
+        present = track.node.state.bending
         found = []
 
         def note(candidate: Candidate) -> None:
@@ -199,9 +190,6 @@ class _Following:
             for candidate in sorted(pairs, key=lambda one: one.seconds)[:PAIRS]:
                 note(candidate)
         return [one for one in found if one.cost[1] <= self.settings.max_softenings]
-
-    def _search(self, node: Node, goal: TipGoal) -> Search:
-        return Search(self.limited, node, goal, self.scene, self.settings)
 
     def _seen(self, track: _Track, node: Node, number: int) -> _Track:
         """Return a track that goes on to a node, at a goal of that number."""
@@ -224,8 +212,8 @@ class _Following:
                 '' if self.goals[0].kind == 'position' else
                 f' and {np.degrees(track.turn):.1f} degrees')
                 + ' at best, which is more than its tolerances')
-        plan = ShapePlan(as_shape(track.node.state), moves, track.node.state)
-        return Reach(plan, why, steps, track.away, track.turn)
+        node = replace(track.node, moves=moves, steps=steps)
+        return Reach(node.plan(Shape(NAME, ()).at(node.state)), why, track.away, track.turn)
 
 
 def _farthest(points: Array, one: Array, other: Array) -> float:
@@ -245,14 +233,11 @@ def joined(moves: Sequence[Move], steps: Sequence[PlannedStep]
             some.append(move)
             seen.append(step)
             continue
-        before, last = some[-1], seen[-1]
+        before = some[-1]
         pause = step.duration - move.duration
         some[-1] = replace(
             move, times=np.concatenate([before.times, before.duration + move.times[1:]]),
             pulls=np.concatenate([before.pulls, move.pulls[1:]]),
             largest_tension=max(before.largest_tension, move.largest_tension))
-        nearest = min(last, step, key=lambda one: one.clearance)
-        seen[-1] = PlannedStep(last.states + step.states, nearest.clearance, nearest.obstacle,
-                               max(last.tension, step.tension),
-                               last.duration + step.duration - pause)
+        seen[-1] = seen[-1].then(step, pause)
     return tuple(some), tuple(seen)

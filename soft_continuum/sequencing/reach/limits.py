@@ -1,61 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Costs and limits of plans by tip, and the collision scene."""
+"""Costs and limits of plans by tip, and the budget of a search."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Protocol
+from math import isfinite
+from time import monotonic
 
-from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.sequencing.plans import PlanError
-
-
-class Distance(Protocol):
-    """Distance of the arm from the nearest obstacle."""
-
-    @property
-    def distance(self) -> float:
-        """To the nearest obstacle, m; negative inside one, inf without any."""
-
-    @property
-    def obstacle(self) -> str:
-        """Its name; empty without any."""
-
-
-class CollisionScene(Protocol):
-    """
-    Obstacles of the arm: soft_continuum.obstacles.CollisionScene, or another implementation.
-
-    Distances are from the body in that state; they may be too small, never too large.
-    """
-
-    def clearance(self, state: Equilibrium) -> Distance:
-        """Return the smallest distance between the arm and an obstacle."""
-
-    def at(self, position: Array) -> Distance:
-        """Return the distance of a point (3,), m, from the nearest obstacle."""
-
-
-@dataclass(frozen=True)
-class Clear:
-    """A distance to an obstacle, m, and its name."""
-
-    distance: float = inf
-    obstacle: str = ''
-
-
-class NoObstacles:
-    """A scene without an obstacle."""
-
-    def clearance(self, state: Equilibrium) -> Clear:
-        """Return that nothing is near."""
-        return Clear()
-
-    def at(self, position: Array) -> Clear:
-        """Return that nothing is near."""
-        return Clear()
 
 
 @dataclass(frozen=True)
@@ -96,3 +48,47 @@ class ReachSettings:
                 or not any(weights)):
             raise PlanError(f'weights are {self.weights}; needed: what a softening, a second and '
                             'a newton cost, none below 0 and one above')
+
+
+class Budget:
+    """
+    The number of states that a search may evaluate, and a time limit.
+
+    Counted in work, a budget is independent of the machine's speed.  A state counts when it is
+    solved or evaluated by constant curvature.  states and seconds are totals; ``judged`` counts
+    states.  late: whether the time limit ended the search.
+    """
+
+    def __init__(self, states: float, seconds: float) -> None:
+        """Begin now."""
+        self.states, self.judged, self.late = states, 0, False
+        self._end = monotonic() + seconds
+
+    def judge(self) -> bool:
+        """Count a state; return whether it exceeds the budget."""
+        self.judged += 1
+        return self.over
+
+    def add(self, states: float, seconds: float) -> None:
+        """Allow so much more."""
+        self.states += states
+        self._end += seconds
+
+    @property
+    def over(self) -> bool:
+        """Whether the search must end."""
+        if monotonic() > self._end:
+            self.late = True
+        return self.late or self.judged > self.states
+
+    @property
+    def ended_by_time(self) -> str:
+        """Text if no plan was found within the time limit; otherwise empty."""
+        return (f'; reach.time_limit ended the search after {self.judged} of {self.states:.0f} '
+                'states: more time may give a plan') if self.late else ''
+
+    @property
+    def left(self) -> tuple[float, float]:
+        """The states and the seconds that are left."""
+        return (max(0.0, self.states - self.judged),
+                max(0.0, self._end - monotonic()))

@@ -9,7 +9,7 @@ that; if that is too close, intermediate states are solved.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,17 @@ import numpy as np
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.sequencing.moves import MovePlanner
-from soft_continuum.sequencing.plans import Move, PlanError, PlannedStep, WHOLE_ARM
-from soft_continuum.sequencing.reach.limits import Clear, CollisionScene, Distance, ReachSettings
+from soft_continuum.obstacles import Clearance, CollisionScene
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import (
+    Move,
+    PlanError,
+    PlannedStep,
+    Shape,
+    ShapePlan,
+    WHOLE_ARM,
+)
+from soft_continuum.sequencing.reach.limits import ReachSettings
 
 DETOUR = 1.2
 """Largest ratio of path length to distance between neighbouring states."""
@@ -50,15 +58,21 @@ class Node:
     The state after some moves: all segments stiff again, if the arm has jamming.
 
     pulls: (tendons,) m of the motors.  near: distance of obstacles.  locked: the segments
-    (0-based) that were stiffened on the way here.
+    (0-based) that were stiffened on the way here.  relaxing: how the arm relaxed at last, when
+    vacuums were lowered; None if they were not.
     """
 
     state: Any
     pulls: Array
-    near: Distance
+    near: Clearance
     moves: tuple[Move, ...] = ()
     steps: tuple[PlannedStep, ...] = ()
-    locked: frozenset[int] = field(default_factory=frozenset)
+    locked: frozenset[int] = frozenset()
+    relaxing: PlannedStep | None = None
+
+    def plan(self, shape: Shape, warning: str = '') -> ShapePlan:
+        """Return the plan that leads here, of a shape."""
+        return ShapePlan(shape, self.moves, self.state, self.steps, self.relaxing, warning)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +107,7 @@ def between(one: Equilibrium | BodyFrames, near_one: float, other: Equilibrium |
 class MotionValidator:
     """Validates moves of one arm among obstacles."""
 
-    def __init__(self, planner: MovePlanner, scene: CollisionScene, settings: ReachSettings
+    def __init__(self, planner: Planner, scene: CollisionScene, settings: ReachSettings
                  ) -> None:
         """Prepare; settings: of which margin, lock_in and softening_time count."""
         self.planner, self.scene, self.settings = planner, scene, settings
@@ -107,13 +121,17 @@ class MotionValidator:
         self._levers = np.hypot(beyond - halves, chain.disc_radii.max())
         self._jamming = planner.settings.jamming
 
-    def start(self, state: Any, pulls: Array) -> Node:
+    def until(self, spent: Callable[[], bool]) -> 'MotionValidator':
+        """Return the same within a budget, as of Planner.until."""
+        return MotionValidator(self.planner.until(spent), self.scene, self.settings)
+
+    def start(self, state: Any, pulls: Sequence[float] | Array) -> Node:
         """Return the start node; raises PlanError if it is in an obstacle."""
         near = self.scene.clearance(state)
         if near.distance <= 0.0:
             raise PlanError(f'the arm touches {near.obstacle} already: they overlap by '
                             f'{-near.distance * 1e3:.1f} mm; move one of them away first')
-        return Node(state, pulls, near)
+        return Node(state, np.array(pulls, dtype=float), near)
 
     def go(self, node: Node, mover: int, goal: Array) -> Node:
         """
@@ -130,13 +148,23 @@ class MotionValidator:
         except StaticsError as error:
             raise BlockedError(str(error), limit='held') from None
 
-    def relaxed(self, node: Node, vacuums: Sequence[float]) -> PlannedStep:
+    def relaxed(self, node: Node, vacuums: Sequence[float]) -> Node:
         """
-        Return the relaxation of the arm while vacuums are lowered, one segment after the other.
+        Return the node after the vacuums are lowered, one segment after the other.
 
-        vacuums: of every segment in the end, Pa below ambient.  The first state has every segment
-        stiff.  Raises BlockedError.
+        vacuums: of every segment in the end, Pa below ambient; empty for all stiff.  The first
+        state of ``relaxing`` has every segment stiff.  Raises BlockedError.
         """
+        if not vacuums:
+            return node
+        try:
+            relaxing = self._relaxing(node, vacuums)
+        except BlockedError as error:
+            raise BlockedError(f'as the arm relaxes under its vacuums, {error}', error.obstacle,
+                               error.limit) from None
+        return replace(node, state=relaxing.states[-1], relaxing=relaxing)
+
+    def _relaxing(self, node: Node, vacuums: Sequence[float]) -> PlannedStep:
         planner = self.planner
         way = _ClearanceChecker(self, self.needed(node.locked, None),
                    lambda state, parts: planner.jammed(state, node.pulls, parts))
@@ -221,10 +249,10 @@ class _ClearanceChecker:
                  solve: Callable[[Any, Array], Any]) -> None:
         self.validator, self.needed, self.solve = validator, needed, solve
         self.states: list[Any] = []
-        self.least: Distance = Clear()
+        self.least: Clearance = Clearance()
         self.tension = 0.0
 
-    def check(self, state: Any) -> Distance:
+    def check(self, state: Any) -> Clearance:
         """Record a state; return the distance of obstacles; raises BlockedError beyond limits."""
         validator, settings = self.validator, self.validator.planner.settings
         if state.jumped:
@@ -246,20 +274,20 @@ class _ClearanceChecker:
         self.tension = max(self.tension, tension)
         return near
 
-    def between(self, one: Any, near_one: Distance, other: Any, near_other: Distance) -> float:
+    def between(self, one: Any, near_one: Clearance, other: Any, near_other: Clearance) -> float:
         """Record the clearance between two states; return the displacement of points, m."""
         distance, way = between(
             one, near_one.distance, other, near_other.distance, self.validator.radius)
         nearest = min(near_one, near_other, key=lambda near: near.distance)
-        least = Clear(distance, nearest.obstacle)
+        least = Clearance(distance, nearest.obstacle)
         if least.distance < self.needed:
             raise _too_near(least, self.needed)
         if least.distance < self.least.distance:
             self.least = least
         return way
 
-    def to(self, state: Any, near: Distance, before: Array, after: Array, part: float = 1.0
-           ) -> tuple[Any, Distance]:
+    def to(self, state: Any, near: Clearance, before: Array, after: Array, part: float = 1.0
+           ) -> tuple[Any, Clearance]:
         """Go to the next argument of ``solve``, with intermediate states as needed."""
         there = self.solve(state, after)
         count = len(self.states)
@@ -280,7 +308,7 @@ class _ClearanceChecker:
         return self.to(state, near, middle, after, part / 2.0)
 
 
-def _too_near(near: Distance, needed: float) -> BlockedError:
+def _too_near(near: Clearance, needed: float) -> BlockedError:
     far = near.distance * 1e3
     where = f'{far:.1f} mm away' if far >= 0.0 else f'the arm would be {-far:.1f} mm in it'
     return BlockedError(f'{near.obstacle} is in the way: {where}; needed clearance: '

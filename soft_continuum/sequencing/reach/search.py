@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.moves import MovePlanner
-from soft_continuum.sequencing.plans import PlanError, Reach, Shape, ShapePlan, TipGoal
+from soft_continuum.obstacles import Clearance
+from soft_continuum.sequencing.plans import PlanError, Reach, Shape, TipGoal
 from soft_continuum.sequencing.reach.arcs import Arcs, size, TipResidual
-from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
-from soft_continuum.sequencing.reach.limits import CollisionScene, Distance, ReachSettings
+from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import (
     BlockedError,
     BodyFrames,
@@ -47,35 +47,36 @@ NEAREST = 30  # shapes that are tried to come near
 NAME = 'tip goal'
 
 
-def reach(planner: MovePlanner, state: Any, pulls: Sequence[float], goal: TipGoal,
-          scene: CollisionScene, settings: ReachSettings | None = None) -> Iterator[Reach]:
+def reach(validator: MotionValidator, start: Node, goal: TipGoal) -> Iterator[Reach]:
     """
     Yield plans to a goal of the tip, each better than the one before it; the last is the best.
 
-    state: of the arm at rest, with all segments stiff if it has jamming.  pulls: (tendons,) m of
-    its motors.  If no plan is found, one Reach has the reason and the nearest plan.  Raises
-    PlanError for an invalid start or goal, or when the plan is abandoned.
+    start: the arm at rest, with all segments stiff if it has jamming.  If no plan is found, one
+    Reach has the reason and the nearest plan.  Raises PlanError for an invalid goal, or when the
+    plan is abandoned.
     """
-    settings = settings or ReachSettings()
-    goal.check(planner.statics.chain.arm)
-    inside = scene.at(goal.position)
+    check_goal(validator, goal)
+    yield from Search(validator, start, goal).run()
+
+
+def check_goal(validator: MotionValidator, goal: TipGoal, name: str = 'the tip goal') -> None:
+    """Raise PlanError for a goal off the plane of the arm, or in an obstacle."""
+    goal.check(validator.planner.statics.chain.arm)
+    inside = validator.scene.at(goal.position)
     if inside.distance <= 0.0:
-        raise PlanError(f'the tip goal is in {inside.obstacle}, '
-                        f'{-inside.distance * 1e3:.1f} mm deep; move one of them')
-    start = MotionValidator(planner, scene, settings).start(
-        state, np.array(pulls, dtype=float))
-    yield from Search(planner, start, goal, scene, settings).run()
+        raise PlanError(f'{name} is in {inside.obstacle}, {-inside.distance * 1e3:.1f} mm deep; '
+                        'move one of them')
 
 
 class Search:
     """A search for plans from a node to one goal."""
 
-    def __init__(self, planner: MovePlanner, start: Node, goal: TipGoal,
-                 scene: CollisionScene, settings: ReachSettings) -> None:
+    def __init__(self, validator: MotionValidator, start: Node, goal: TipGoal) -> None:
         """Prepare."""
+        planner, settings = validator.planner, validator.settings
         self.planner, self.start, self.goal, self.settings = planner, start, goal, settings
         self.budget = Budget((1.0 - KEPT) * settings.states, (1.0 - KEPT) * settings.time_limit)
-        self.validator = MotionValidator(planner.until(self.budget.judge), scene, settings)
+        self.validator = validator.until(self.budget.judge)
         self.miss = TipResidual(goal)
         self.arcs = Arcs(planner.statics.chain.arm)
         self.bending = np.array(start.state.bending)
@@ -83,10 +84,10 @@ class Search:
                                      np.random.default_rng(self.settings.seed))
         self.best: Reach | None = None
         self.best_candidate: Candidate | None = None
-        self.nearest = self.last = start
+        self.nearest = self.last = start  # the end of the last plan
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
         self._arc_error = ARC_ERROR
-        self._shapes: dict[bytes, tuple[BodyFrames, Distance]] = {}
+        self._shapes: dict[bytes, tuple[BodyFrames, Clearance]] = {}
         self._too_far: dict[bytes, bool] = {}
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
@@ -276,12 +277,12 @@ class Search:
         key = bending.tobytes()
         if key not in self._too_far:
             low, high = self.planner.settings.pull_limits
-            pulls = self.arcs.pulls(bending)
+            pulls = constant_curvature.pulls(self.arcs.arm, bending)
             self._too_far[key] = bool(
                 pulls.min() < low - PULL_ERROR or pulls.max() > high + PULL_ERROR)
         return self._too_far[key]
 
-    def _shape(self, bending: Array) -> tuple[BodyFrames, Distance]:
+    def _shape(self, bending: Array) -> tuple[BodyFrames, Clearance]:
         key = bending.tobytes()
         if key not in self._shapes:
             self.validator.planner.check_wanted()
@@ -290,7 +291,7 @@ class Search:
                                  self.validator.scene.clearance(state))
         return self._shapes[key]
 
-    def _free(self, near: Distance) -> None:
+    def _free(self, near: Clearance) -> None:
         if near.distance < min(self.settings.margin, self.start.near.distance) - self._arc_error:
             raise BlockedError('an obstacle is in the way', near.obstacle)
 
@@ -311,8 +312,8 @@ class Search:
 
     def _result(self, node: Node, why: str = '') -> Reach:
         state = node.state
-        plan = ShapePlan(as_shape(state), node.moves, state) if node.moves or not why else None
-        return Reach(plan, why, node.steps, *self.miss.errors(state))
+        plan = node.plan(Shape(NAME, ()).at(state)) if node.moves or not why else None
+        return Reach(plan, why, *self.miss.errors(state))
 
     def _note(self, node: Node) -> None:
         """Keep the node whose tip is nearest to the goal."""
@@ -321,6 +322,7 @@ class Search:
 
     def _nearest(self, out_of_reach: bool) -> Reach:
         """Return the nearest plan, and why none reaches the goal."""
+        self.last = self.nearest
         away, turn = self.miss.errors(self.nearest.state)
         left = f'{away * 1e3:.1f} mm' + (
             '' if self.goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
@@ -347,9 +349,3 @@ class Search:
                 said.append('the tendons do not hold the arm on the way')
         return ', '.join(dict.fromkeys(said)) or (
             'reach.states was too small')
-
-
-def as_shape(state: Any) -> Shape:
-    """Return the shape of a state."""
-    return Shape(NAME, tuple(state.bending_angles.tolist()), 0.0,
-                 tuple(state.bending_directions.tolist()))

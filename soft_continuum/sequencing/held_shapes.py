@@ -1,13 +1,17 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Plans to a goal of the tip that is held with less than the full vacuum.
+Plans of shapes that are held with less than the full vacuum.
+
+They are set with every segment stiff; then the vacuum of one segment after the other is lowered,
+and the arm relaxes under tendons and gravity by the law of its jams.  It is set with an offset so
+that the wanted angles, or the wanted tip, hold after the relaxation, as far as possible.
 
 The tip is planned with an offset for the relaxation: the error of the first plan after its vacuums
 are lowered shifts the goal of the next one, which sets the same segments if possible.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from math import inf
@@ -16,41 +20,65 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.held_plan import compensate_relaxation, Held, held
-from soft_continuum.sequencing.moves import MovePlanner
-from soft_continuum.sequencing.plans import (
-    PlanError,
-    Reach,
-    Shape,
-    ShapePlan,
-    TipGoal,
-    ways_of,
-    with_relaxing,
-)
+from soft_continuum.sequencing.planner import Planner
+from soft_continuum.sequencing.plans import PlanError, Reach, Shape, TipGoal
 from soft_continuum.sequencing.reach.arcs import TipResidual
-from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.limits import CollisionScene, ReachSettings
+from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
-from soft_continuum.sequencing.reach.search import AIM, as_shape, reach, Search
+from soft_continuum.sequencing.reach.search import AIM, check_goal, Search
 
+PASSES = 6
+"""Largest number of plans of a shape, each corrected by the error of the previous one."""
 SHARE = 0.7
 """Share of the remaining budget for one search."""
 
 
-def reach_held(planner: MovePlanner, state: Any, pulls: Sequence[float], shape: Shape,
-               scene: CollisionScene, settings: ReachSettings, first: bool = False) -> Reach:
+def compensate_relaxation(planner: Planner, set_to: Callable[[Array | None], Node],
+                          missed: Callable[[Any], Array], tolerance: float
+                          ) -> tuple[Node, float]:
+    """
+    Return where the arm relaxes to a wanted state, and the remaining error.
+
+    set_to: where it relaxes to from the goal moved by a shift, or None.  missed: errors of a
+    state, (n, ...), as ``set_to`` takes them.  tolerance: of each of the n.
+    If a limit prevents more, the best setting found is returned.  Raises exceptions of the first
+    ``set_to``, and those for obstacles.
+    """
+    best: Node | None = None
+    least, shift = np.inf, None
+    for _ in range(PASSES):
+        try:
+            found = set_to(shift)
+        except (BlockedError, PlanError) as error:
+            planner.check_wanted()
+            if best is None or isinstance(error, BlockedError) and error.obstacle:
+                raise
+            break
+        misses = missed(found.state)
+        off = float(np.linalg.norm(misses.reshape(len(misses), -1), axis=1).max())
+        if off < least:
+            best, least = found, off
+        if off <= tolerance:
+            break
+        shift = misses if shift is None else shift + misses
+    assert best is not None
+    return best, least
+
+
+def reach_held(validator: MotionValidator, start: Node, shape: Shape, first: bool = False
+               ) -> Reach:
     """
     Return the plan to a goal of the tip of a shape with vacuums.
 
-    The others are those of plan_shapes.  Raises PlanError as ``reach``, and for a path.
+    first: as of plan_shapes.  Raises PlanError as ``reach``, and for a path.
     """
     if len(shape.tips) > 1:
         raise PlanError(f'{len(shape.tips)} tips and vacuums: a path is followed with every '
                         'segment stiff but one; give one tip, or leave the vacuums out')
-    search = _Search(planner, state, pulls, shape, scene, settings)
+    planner, search = validator.planner, _Search(validator, start, shape)
     goal, least = shape.tips[0], inf
-    best: Held | None = None
+    best: Node | None = None
     miss = TipResidual(goal)
     try:
         for begin in search.plans(first):
@@ -72,28 +100,23 @@ def reach_held(planner: MovePlanner, state: Any, pulls: Sequence[float], shape: 
     if best is None:
         why = search.why or f'reach.states was too small{search.budget.ended_by_time}'
         return Reach(None, why, blocked_by=search.blocked_by, cut_short=search.cut_short)
-    away, turn = miss.errors(best.end)
+    away, turn = miss.errors(best.state)
     left = f'{away * 1e3:.1f} mm' + (
         '' if goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
     why = f'with its vacuums the tip is {left} from the goal at best' if least > 1.0 else ''
-    steps = (*best.node.steps, best.relaxing)
-    return Reach(ShapePlan(replace(as_shape(best.end), name=shape.name, hold_time=shape.hold_time,
-                                   tips=shape.tips, vacuums=shape.vacuums),
-                           best.node.moves, best.end, *ways_of(steps), relaxing=best.relaxing),
-                 why, with_relaxing(best.node.steps, best.relaxing), away, turn,
+    return Reach(best.plan(shape.at(best.state)), why, away, turn,
                  search.blocked_by if why else (), search.cut_short)
 
 
 class _Search:
     """Plans to a goal, and from each of them to goals that are moved."""
 
-    def __init__(self, planner: MovePlanner, state: Any, pulls: Sequence[float], shape: Shape,
-                 scene: CollisionScene, settings: ReachSettings) -> None:
+    def __init__(self, validator: MotionValidator, start: Node, shape: Shape) -> None:
         self.why, self.blocked_by, self.cut_short = '', tuple[str, ...](), False
-        self._goal, self._vacuums, self._settings = shape.tips[0], shape.vacuums, settings
+        self._goal, self._vacuums, settings = shape.tips[0], shape.vacuums, validator.settings
         self.budget = Budget(settings.states, settings.time_limit)
-        self._validator = MotionValidator(planner.until(self.budget.judge), scene, settings)
-        self._start = self._last = self._validator.start(state, np.array(pulls, dtype=float))
+        self._validator = validator.until(self.budget.judge)
+        self._start = self._last = start
 
     def note(self, error: BlockedError) -> None:
         """Store why there is no plan."""
@@ -106,7 +129,7 @@ class _Search:
         each = self._reached(self._goal)
         yield from each if first else reversed(list(each))
 
-    def to(self, begin: Node, shift: Array | None) -> Held:
+    def to(self, begin: Node, shift: Array | None) -> Node:
         """Set the tip to the goal moved by (1 or 2, 3) of its tolerances; raises BlockedError."""
         found: Node | None = begin
         if shift is not None:
@@ -115,36 +138,34 @@ class _Search:
         if found is None:
             raise BlockedError(self.why)
         self._last = found
-        return held(self._validator, found, self._vacuums)
+        return self._validator.relaxed(found, self._vacuums)
 
     def _again(self, goal: TipGoal) -> Node | None:
         """Set the segments that were set last to another goal; None where that does not do."""
         last = self._last
         if not last.moves:
             return None
-        validator = self._validator
         try:
-            return Search(validator.planner, self._start, goal, validator.scene,
-                          self._settings).planned(_candidate(self._start, last))
+            return Search(self._validator, self._start, goal).planned(
+                _candidate(self._start, last))
         except BlockedError:
             return None
 
     def _reached(self, goal: TipGoal) -> Iterator[Node]:
         """Yield where plans to a goal lead, or to what is nearest."""
-        validator, start = self._validator, self._start
+        validator = self._validator
+        check_goal(validator, goal)
         states, seconds = self.budget.left
-        settings = replace(
-            self._settings, states=int(SHARE * states), time_limit=SHARE * seconds)
-        for found in reach(validator.planner, start.state, start.pulls.tolist(), goal,
-                           validator.scene, settings):
+        search = Search(
+            MotionValidator(validator.planner, validator.scene, replace(
+                validator.settings, states=int(SHARE * states), time_limit=SHARE * seconds)),
+            self._start, goal)
+        for found in search.run():
             self.cut_short |= found.cut_short
             if found.plan is None:
                 self.why, self.blocked_by = found.why, found.blocked_by
-                continue
-            moves, end = found.plan.moves, found.plan.state
-            yield Node(end, moves[-1].pulls[-1] if moves else start.pulls,
-                       validator.scene.clearance(end), moves, found.steps,
-                       frozenset(move.segment for move in moves))
+            else:
+                yield search.last
 
 
 def _moved(goal: TipGoal, shift: Array) -> TipGoal:
