@@ -19,7 +19,6 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.sensing.tag_camera import TagCamera
 from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
 from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
@@ -69,7 +68,7 @@ def _measure(chain: PlaneChain, layout: TagLayout, given: ModelErrors,
              random: np.random.Generator) -> tuple[NDArray[np.float64], ...]:
     """Return errors (k, 3), which are inside, and s."""
     drawn = TagTwinCamera(layout, given)
-    camera = TagCamera(layout, drawn.lens)
+    camera = layout.camera(drawn.lens)
     errors, inside, times = [], [], []
     for _ in range(PICTURES):
         discs = chain.uniform(random.uniform(-ANGLE, ANGLE, chain.segments)).points[::2]

@@ -23,9 +23,9 @@ from soft_continuum.mechanics.orientations import bending_between, full_poses, m
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.detections import TagDetections
+from soft_continuum.sensing.layout import layout_of, RingLayout
 from soft_continuum.sensing.rigid import mean_pose, planar_pose
-from soft_continuum.sensing.ring_layout import layout_of, RingLayout
+from soft_continuum.sensing.tag_camera import TagDetections
 from soft_continuum.sequencing.planner import PlanSettings
 from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, TIME_STEP

@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
-    from soft_continuum.sensing.ring_layout import layout_of
+    from soft_continuum.sensing.layout import layout_of
     layout = layout_of(load_description(
         *options.params_file, node=CAMERA, namespace=options.namespace))
     path, = reserve_outputs(options.output, [f'{NAME}.pdf'], options.force)

@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     require('cv2')
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
-    from soft_continuum.sensing.ring_layout import layout_of, RingLayout
+    from soft_continuum.sensing.layout import layout_of, RingLayout
     from soft_continuum.twin.optics import Webcam
     from soft_continuum.twin.pictures import Pictures
     from soft_continuum.twin.ring_camera import RingTwinCamera

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.sensing.layout import QUIET_ZONE
+from soft_continuum.sensing.layout import QUIET_ZONE, RingLayout
 from soft_continuum.sensing.pictures import Array, white_modules
-from soft_continuum.sensing.ring_layout import RingLayout
 from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.optics import (
     blotched,

@@ -42,15 +42,15 @@ class TagTwinCamera(Webcam):
         """Place the camera where all tags of the fixed board are in the picture."""
         self._layout, given = layout, model_errors
         self._random = np.random.default_rng(given.seed)
-        low, high = layout.fixed.min(axis=0), layout.fixed.max(axis=0)
+        board, depth = layout.fixed[:, [0, 2]], layout.fixed[0, 1]
+        low, high = board.min(axis=0), board.max(axis=0)
         half = (high - low) / 2.0 + layout.fixed_size
         self._distance = float(MARGIN * max(half[0] / FIELD, half[1] / (FIELD * HEIGHT / WIDTH)))
         self._foot = (low + high) / 2.0 + self._random.uniform(-0.5, 0.5, 2) * given.camera_shift
         super().__init__(given, self._random)
         rays = self.rays()
-        self._depth = layout.depth + self._random.normal(0.0, given.depth_offset)
-        self._fixed = layout.fixed + self._random.normal(
-            0.0, given.fixed_offset, layout.fixed.shape)
+        self._depth = depth + self._random.normal(0.0, given.depth_offset)
+        self._fixed = board + self._random.normal(0.0, given.fixed_offset, board.shape)
         self._board, self._front = (self._on_plane(rays, depth) for depth in (0.0, self._depth))
         self._jacobian = jacobian(self._front)
         self._still = self._background()

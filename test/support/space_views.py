@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.ring_layout import RingLayout
+from soft_continuum.sensing.layout import RingLayout
 from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 from soft_continuum.user_files import description_file
 from support import views
