@@ -27,10 +27,10 @@ from soft_continuum.sensing.layout import layout_of, RingLayout
 from soft_continuum.sensing.rigid import mean_pose, planar_pose
 from soft_continuum.sensing.tag_camera import TagDetections
 from soft_continuum.sequencing.planner import PlanSettings
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, TIME_STEP
 from soft_continuum.twin.sensors import Sensors
-from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
@@ -133,7 +133,7 @@ class Lab:
         self._steps = 0
         self._tensions = np.zeros(tendons)  # sum of those not yet averaged
         self._sensor = sensor
-        self._drawn: TagTwinCamera | None = None
+        self._drawn: TwinCamera | None = None
         self.sensors = Sensors(self.plant)
         self._straight: list[tuple[Array, float]] = []  # discs, and when, to be tared on
         self._read()
@@ -314,7 +314,7 @@ class Lab:
             self.pictures += 1
             return {n: Pose(*seen) for n, seen in self._rings.discs(discs).items()}
         if self._drawn is None:
-            self._drawn = TagTwinCamera(layout, self.differences)
+            self._drawn = TwinCamera(layout, self.differences)
             stuck = layout.stuck_as({'tags.offsets': (0.0,)})
             self._camera = layout.camera(self._drawn.lens, stuck)
             # Drawn only now: not every contender looks.

@@ -9,10 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sensing.layout import corners_at_rest, RingLayout
+from soft_continuum.sensing.layout import corners_at_rest, FRONT, RingLayout
 from soft_continuum.sensing.rigid import displacement
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 
 TARE_PICTURES = 6
 DIRECTIONS = (FRONT, FRONT - pi / 3.0)  # from where the first and the second camera look
@@ -26,7 +26,7 @@ class RingSight:
     def __init__(self, layout: RingLayout, given: ModelErrors, straight: Array,
                  cameras: int = 1) -> None:
         """Place 1 or 2; straight: (discs, 7), poses of the discs in the beginning."""
-        self._drawn = [RingTwinCamera(layout, given, direction)
+        self._drawn = [TwinCamera(layout, given, direction)
                        for direction in DIRECTIONS[:cameras]]
         self._cameras = [layout.camera(drawn.lens) for drawn in self._drawn]
         for k, (camera, drawn) in enumerate(zip(self._cameras, self._drawn, strict=True)):

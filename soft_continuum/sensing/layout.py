@@ -105,6 +105,11 @@ class Layout(ABC):
         return tuple(height / 2.0 for height in self.disc_heights)
 
     @property
+    def face(self) -> float:
+        """Width of a tag of a disc with its white margin on both sides, m."""
+        return self.disc_size * (1.0 + 2.0 * QUIET_ZONE)
+
+    @property
     def fixed_numbers(self) -> tuple[int, ...]:
         """Numbers of the fixed tags."""
         return tuple(range(FIRST_FIXED, FIRST_FIXED + len(self.fixed)))
@@ -296,11 +301,6 @@ class RingLayout(Layout):
                 f'a disc has a radius of {widest * 1e3:g} mm; tags.disc_size: at least '
                 f'{np.ceil(1e4 * found.disc_size * widest / found.radius) / 10:g} mm')
         return found
-
-    @property
-    def face(self) -> float:
-        """Width of a face of a ring: a tag with its white margin on both sides, m."""
-        return self.disc_size * (1.0 + 2.0 * QUIET_ZONE)
 
     @property
     def radius(self) -> float:

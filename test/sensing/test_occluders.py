@@ -25,9 +25,8 @@ def test_what_is_hidden_is_not_measured_what_is_cut_right_or_not_at_all_the_rest
     measuring = layout.camera(drawn.lens)
     places = [Rotation.from_quat(pose[3:]).apply(layout.ring(n)[n].corners) + pose[:3]
               for n, pose in enumerate(full_poses(truth))]
-    tags = [drawn.project(corners[:, [0, 2]], layout.fixed[0, 1]) for corners in places]
-    fixed = np.vstack([drawn.project(tag.corners[:, [0, 2]], 0.0)
-                       for tag in layout.fixed_tags.values()])
+    tags = [drawn.project(corners) for corners in places]
+    fixed = np.vstack([drawn.project(tag.corners) for tag in layout.fixed_tags.values()])
     hidden_ones, cut_ones, before = set(), [], -np.inf
     for time in np.arange(0.0, 600.0, 0.5):
         bars = drawn.occluders.corners(time)

@@ -56,7 +56,7 @@ def test_the_model_is_where_the_camera_sees_it(preset):
     pixels = magenta(drawn(picture, tags, tags.measure(picture), model))
     scale = SIZE / picture.shape[1]
     # The twin's own projection, which shares nothing with the one that is drawn with.
-    corners = camera.project(model[:, [0, 2]], camera._layout.fixed[0, 1]) * scale
+    corners = camera.project(model[:, :3]) * scale
     for corner in corners:
         assert np.linalg.norm(pixels - corner, axis=1).min() < 2.5
     # And nowhere but along the arm.

@@ -12,13 +12,13 @@ from soft_continuum.sensing.layout import (
     corners_as_numbers,
     corners_at_rest,
     corners_from_numbers,
+    FRONT,
 )
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, TagGroup
 from soft_continuum.sensing.tilt import SensorError
-from soft_continuum.twin.ring_camera import FRONT
 from support import space_views as views
-from support.views import without_pose
+from support.views import covered, without_pose
 
 STRAIGHT = views.discs(*np.zeros((3, 2)))
 BENT = views.discs((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))
@@ -164,14 +164,6 @@ def test_what_is_nearer_hides_what_is_behind_it(ideal):
 
 # Bad pictures: each names what to do, and measures nothing that is wrong.
 
-def covered(drawn, picture, points, half=45):
-    """Return a picture with grey squares over points (k, 3)."""
-    hidden = picture.copy()
-    for u, v in drawn.project(points).astype(int):
-        hidden[max(0, v - half):v + half, max(0, u - half):u + half] = 90
-    return hidden
-
-
 def test_fixed_tags_that_are_hidden(ideal):
     places = views.layout().fixed[:, :3]
     few = covered(ideal[0], ideal[2], places[[0, 1, 4, 5, 6, 7]])
@@ -194,8 +186,8 @@ def test_rings_that_were_printed_at_another_scale(ideal):
 
 def test_a_ring_with_one_wrong_tag(ideal):
     drawn = views.camera()
-    first, second = drawn._rings[1][4], drawn._rings[1][5]
-    drawn._rings[1][4:6] = (type(first)(first.corners, 0.0, second.modules),
+    first, second = drawn._discs[1][4], drawn._discs[1][5]
+    drawn._discs[1][4:6] = (type(first)(first.corners, 0.0, second.modules),
                             type(first)(second.corners, 0.0, first.modules))
     sight = ideal[1].measure(drawn.picture(STRAIGHT))
     assert list(sight.discs) == [0, 2, 3]
@@ -211,20 +203,6 @@ def test_a_number_that_is_seen_twice(ideal):
     assert list(sight.discs) == [0, 1, 2, 3]  # the other tag of disc 1 is seen from its side
     assert 'number 10' in sight.problems[0]
     assert np.abs(views.error(sight.discs[1].pose, STRAIGHT[1])[:3]).max() < 2e-3
-
-
-def test_rings_on_the_wrong_discs():
-    drawn = views.camera()
-    drawn._rings[1], drawn._rings[3] = drawn._rings[3], drawn._rings[1]
-    sight = views.layout().camera(drawn.lens).measure(drawn.picture(STRAIGHT))
-    assert not {1, 3} & set(sight.discs)
-    assert 'right discs' in sight.problems[0]
-
-
-def test_a_disc_that_is_hidden_is_left_out_and_nothing_else(ideal):
-    hidden = covered(ideal[0], ideal[2], STRAIGHT[2:3, :3] + [0.0, -0.03, 0.015], 60)
-    sight = ideal[1].measure(hidden)
-    assert list(sight.discs) == [0, 1, 3] and not sight.problems
 
 
 def test_of_a_disc_of_which_one_tag_is_seen_from_its_front_nothing_is_measured():
