@@ -31,5 +31,5 @@ def _run(options: argparse.Namespace) -> None:
     path, = reserve_outputs(options.output, [f'{NAME}.pdf'], options.force)
     from soft_continuum.sensing.printing import write_tags
     write_tags(path, layout)
-    on_discs = sum(len(layout.numbers(n)) for n in range(len(layout.heights)))
+    on_discs = sum(len(layout.ring(n)) for n in range(len(layout.heights)))
     print(f'{on_discs} tags for discs and {len(layout.fixed)} fixed ones: {path}')

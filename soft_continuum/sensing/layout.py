@@ -3,7 +3,7 @@
 """Tag layout: tags on or around every disc, and fixed ones that define the base frame."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, pi, sin, tan
 from typing import Any, ClassVar, Self, TYPE_CHECKING
@@ -24,8 +24,7 @@ from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sensing.tare import straight_heights, tag_offset
 from soft_continuum.sensing.tilt import SensorError
 
-if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
-    from soft_continuum.sensing.pages import Page
+if TYPE_CHECKING:  # OpenCV may not be there
     from soft_continuum.sensing.placed_tags import PlacedTags
     from soft_continuum.sensing.tag_camera import TagCamera, TagDetections
 
@@ -131,10 +130,6 @@ class Layout(ABC):
         """Return the tags of a disc in its frame, from the centre of its bottom, by number."""
 
     @abstractmethod
-    def numbers(self, disc: int) -> Collection[int]:
-        """Return the numbers of the tags of a disc."""
-
-    @abstractmethod
     def stuck_as(self, values: Mapping[str, Any]) -> Any:
         """Return the tag offsets of parameters tags.*; raises ParameterError."""
 
@@ -160,10 +155,6 @@ class Layout(ABC):
         """
         from soft_continuum.sensing.tag_camera import TagCamera
         return TagCamera(self, lens, self.placed(lens, stuck))
-
-    @abstractmethod
-    def pages(self) -> 'list[Page]':
-        """Return the pages to print, without the board; raises ParameterError."""
 
 
 def _of_arm(arm: Arm, values: Mapping[str, Any], name: str, each: Sequence[str]
@@ -225,10 +216,6 @@ class TagLayout(Layout):
         return {disc: Tag(np.array([0.0, 0.0, self.heights[disc]]), _upright(FRONT),
                           self.disc_size, spread)}
 
-    def numbers(self, disc: int) -> Collection[int]:
-        """Return the number of the tag of a disc."""
-        return (disc,)
-
     def stuck_as(self, values: Mapping[str, Any]) -> tuple[Array, ...]:
         """Return the poses of parameter tags.offsets; raises ParameterError."""
         given, discs = tuple(values['tags.offsets']), len(self.heights)
@@ -258,11 +245,6 @@ class TagLayout(Layout):
         """Return the tags at their nominal positions, and the offsets."""
         from soft_continuum.sensing.placed_tags import PlacedTags
         return PlacedTags.of(self, stuck)
-
-    def pages(self) -> 'list[Page]':
-        """Return the tags, and a drawing of their positions."""
-        from soft_continuum.sensing.printing import plane_pages
-        return plane_pages(self)
 
 
 @dataclass(frozen=True)
@@ -322,15 +304,11 @@ class RingLayout(Layout):
     def ring(self, disc: int) -> dict[int, Tag]:
         """Return the tags of a disc in its frame, from the centre of its bottom, by number."""
         found, spread = {}, _spread(self.stddev, self.disc_size)
-        for k, number in enumerate(self.numbers(disc)):
+        for k in range(self.faces):
             axes = _upright(2.0 * pi * k / self.faces)
             centre = self.radius * axes[2] + [0.0, 0.0, self.heights[disc]]
-            found[number] = Tag(centre, axes, self.disc_size, spread)
+            found[self.faces * disc + k] = Tag(centre, axes, self.disc_size, spread)
         return found
-
-    def numbers(self, disc: int) -> Collection[int]:
-        """Return the tags of the ring of a disc."""
-        return range(self.faces * disc, self.faces * (disc + 1))
 
     def stuck_as(self, values: Mapping[str, Any]) -> Corners:
         """Return the corners of parameter tags.reference_corners; raises ParameterError."""
@@ -344,7 +322,7 @@ class RingLayout(Layout):
         """Return the corners of the tags seen in more than half of the images."""
         corners = corners_at_rest([sight.corners for sight in seen])
         discs = [n for n in range(len(self.heights)) if not corners.keys().isdisjoint(
-            self.numbers(n))]
+            self.ring(n))]
         return discs, corners, f'reference_corners: {as_yaml(corners_as_numbers(corners), 7)}'
 
     def placed(self, lens: Lens, stuck: Corners) -> 'PlacedTags':
@@ -352,11 +330,6 @@ class RingLayout(Layout):
         from soft_continuum.sensing.placed_tags import PlacedTags
         return PlacedTags.seen_straight(self, lens, stuck) if stuck else PlacedTags.of(
             self, ring_spread=self.ring_spread)
-
-    def pages(self) -> 'list[Page]':
-        """Return strips of tags to fold, and a drawing of the layout."""
-        from soft_continuum.sensing.printing import ring_pages
-        return ring_pages(self)
 
 
 def layout_of(values: Mapping[str, Any]) -> Layout:

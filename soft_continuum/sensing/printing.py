@@ -9,7 +9,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.layout import Layout, RingLayout, TagLayout
+from soft_continuum.sensing.layout import Layout, RingLayout
 from soft_continuum.sensing.pages import A4, board_page, BORDER, FLAP, GAP, Page, tag_pages
 
 BELOW = 0.030  # m for the ruler, below strips
@@ -18,13 +18,13 @@ ABOVE = 0.012  # m for the title
 
 def write_tags(path: Path, layout: Layout) -> None:
     """Write a PDF of A4 with all tags of a layout; raises OSError, ParameterError."""
-    pages = layout.pages()
+    pages = _of_rings(layout) if isinstance(layout, RingLayout) else _of_discs(layout)
     with PdfPages(path) as pdf:
         for page in (*pages, board_page()):  # as large as the page: nothing scales it
             pdf.savefig(page)
 
 
-def plane_pages(layout: TagLayout) -> list[Page]:
+def _of_discs(layout: Layout) -> list[Page]:
     """Return the pages of a planar arm."""
     of_discs = [f'disc {n}{" (base)" if n == 0 else ""}, {height * 1e3:g} mm up'
                 for n, height in enumerate(layout.heights)]
@@ -36,7 +36,7 @@ def plane_pages(layout: TagLayout) -> list[Page]:
             *tag_pages('Fixed tags', layout.fixed_numbers, layout.fixed_size, of_fixed)]
 
 
-def _drawing(layout: TagLayout) -> Page:
+def _drawing(layout: Layout) -> Page:
     """Return the page that shows where the tags go."""
     page = Page('Where the tags go, seen from the camera (from -y): x to the right, z along the '
                  'straight arm.\nThis page is not to scale.')
@@ -76,7 +76,7 @@ _INSTRUCTIONS = """\
 """
 
 
-def ring_pages(layout: RingLayout) -> list[Page]:
+def _of_rings(layout: RingLayout) -> list[Page]:
     """Return the pages of a spatial arm; raises ParameterError for tags that do not fit on one."""
     of_fixed = [f'{n}: x {1e3 * x:+.0f}, y {1e3 * y:+.0f}, z {1e3 * z:+.0f} mm,\n'
                 f'looks to {degrees(turn):.0f} deg' for n, (x, y, z, turn) in zip(

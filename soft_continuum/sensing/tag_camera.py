@@ -15,16 +15,16 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics.orientations import cross_matrices
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import Layout, MIN_FIXED, off_a_line, Tag
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, is_black, Picture
 from soft_continuum.sensing.placed_tags import PlacedTags
 from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, PoseFit, TagGroup, width
-from soft_continuum.sensing.rigid import compose, rotate, UNKNOWN
+from soft_continuum.sensing.rigid import compose, levers, rotate, UNKNOWN, UP
 
 MAX_RESIDUAL = 2.0  # px, RMS: tags beyond it are not where they were said to be
 MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
@@ -43,13 +43,11 @@ class DiscPose:
     Measured pose of the bottom of a disc in base_link, m and rad.
 
     pose, covariance: position and quaternion x, y, z, w, (7,), and (6, 6) of the position and of
-    a rotation vector along the axes of base_link.  residual: px, RMS of the corners of its tags.
-    by_tags: (7,), the pose without offsets.
+    a rotation vector along the axes of base_link.  by_tags: (7,), the pose without offsets.
     """
 
     pose: Array
     covariance: Array
-    residual: float
     by_tags: Array
 
 
@@ -81,9 +79,8 @@ class View:
         factor: by which the squares of the corners are larger than expected.
         """
         back = np.kron(np.eye(2), self.base.turn.T)
-        lever = np.eye(7)  # what moves base_link moves what is seen of the body alike
-        lever[:3, 3:6] = -cross_matrices(fit.shift - self.base.shift)
-        by_base = fit.response @ lever
+        # What moves base_link moves what is seen of the body alike.
+        by_base = fit.response @ block_diag(levers(fit.shift - self.base.shift), 1.0)
         found = factor * (fit.covariance + by_base @ self.base.covariance @ by_base.T)[:6, :6]
         covariance: Array = back @ found @ back.T
         return covariance
@@ -146,7 +143,7 @@ class TagCamera:
         return TagDetections(
             {n: DiscPose(compose(poses[n], self._tags.offsets[n]),
                          self._covariance(n, poses[n], view.covariance(fit, max(1.0, factor))),
-                         fit.residual, poses[n]) for n, fit in fits.items()},
+                         poses[n]) for n, fit in fits.items()},
             numbers, CORNER_DEVIATION * float(np.sqrt(factor)), (*problems, *on_wrong_discs),
             corners, view)
 
@@ -226,9 +223,8 @@ class TagCamera:
 
     def _covariance(self, n: int, pose: Array, by_tags: Array) -> Array:
         """Return the covariance of a disc, with the offset of its ring."""
-        lever = np.eye(6)  # a ring that is turned about its middle shifts the bottom of the disc
-        lever[:3, 3:] = cross_matrices(
-            self.layout.heights[n] * Rotation.from_quat(pose[3:]).as_matrix()[:, 2])
+        # A ring that is turned about its middle shifts the bottom of the disc.
+        lever = levers(-self.layout.heights[n] * rotate(pose[3:], UP))
         found = by_tags + lever * self._tags.ring_spread**2 @ lever.T
         measured = np.outer(self.layout.axes, self.layout.axes)
         covariance: Array = np.where(measured, found, UNKNOWN * np.eye(6))
@@ -245,7 +241,7 @@ def implausible_spacing(poses: Mapping[int, Array], layout: Layout) -> tuple[set
     problems = []
     lengths = layout.segment_lengths
     for n in sorted(poses.keys() & {above - 1 for above in poses}):
-        along = rotate(poses[n][3:], np.array([0.0, 0.0, 1.0]))
+        along = rotate(poses[n][3:], UP)
         top = poses[n][:3] + layout.disc_heights[n] * along
         chord = float(np.linalg.norm(poses[n + 1][:3] - top))  # to the bottom of that above
         if not MIN_CHORD * lengths[n] <= chord <= MAX_CHORD * lengths[n]:

@@ -27,7 +27,6 @@ from soft_continuum.twin.optics import (
     box,
     DARK,
     HEIGHT,
-    jacobian,
     Occluders,
     PLATE,
     printed,
@@ -103,7 +102,7 @@ class TwinCamera:
         flat = _undistorted(focal, *self._middle.tolist(), self._bent)
         rays = np.concatenate([flat, np.ones((HEIGHT, WIDTH, 1))], axis=-1) @ self._turn
         self._flat = (rays[..., :2] / rays[..., 2:]).astype(np.float32)
-        self._changes = jacobian(self._flat)
+        self._changes = np.gradient(self._flat, axis=(1, 0))
         if not isinstance(layout, RingLayout):
             still += [_Piece([one.x, self._axis[1], one.z] + one.radius * CIRCLE, DARK)
                       for one in given.obstacles]

@@ -3,7 +3,6 @@
 """Optics of a simulated webcam: sensor noise, paper, occluders."""
 
 from math import ceil, floor
-from typing import Any
 
 import cv2
 import numpy as np
@@ -84,11 +83,6 @@ def blotched(random: np.random.Generator) -> NDArray[np.float32]:
     board: NDArray[np.float32] = BOARD + 12.0 * cv2.resize(
         blotches, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
     return board
-
-
-def jacobian(places: NDArray[Any]) -> NDArray[Any]:
-    """Return how the values (height, width, k) of pixels change to the right and down."""
-    return np.stack([np.gradient(places, axis=1), np.gradient(places, axis=0)])
 
 
 def printed(flat: Array, modules: NDArray[np.bool_], old: Array) -> Array:

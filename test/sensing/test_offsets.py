@@ -172,7 +172,7 @@ def in_space(*planar):
 
 def sights(poses):
     """Return what a camera saw of disc 1, with these poses (k, 3); of disc 2 once."""
-    return [TagDetections({n: DiscPose(in_space(*pose), np.eye(6), 0.1, in_space(*pose))
+    return [TagDetections({n: DiscPose(in_space(*pose), np.eye(6), in_space(*pose))
                    for n in range(1, 2 + (k == 0))}, (), 0.1, (), {})
             for k, pose in enumerate(poses)]
 
