@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.arm import Array, PLANAR_AXES
 from soft_continuum.mechanics.orientations import cross_matrices, full_poses
@@ -68,8 +67,10 @@ def rotate(quaternion: Array, vector: Array) -> Array:
 def mean_pose(poses: Sequence[Array]) -> Array:
     """Return the mean of poses that are close together; its w is not negative."""
     rows = np.array(poses)
-    return np.concatenate([rows[:, :3].mean(axis=0),
-                           Rotation.from_quat(rows[:, 3:]).mean().as_quat(canonical=True)])
+    quaternions = rows[:, 3:]
+    _, vectors = np.linalg.eigh(quaternions.T @ quaternions)
+    turn = vectors[:, -1]
+    return np.concatenate([rows[:, :3].mean(axis=0), turn if turn[3] >= 0.0 else -turn])
 
 
 def levers(vectors: Array) -> Array:
