@@ -29,8 +29,7 @@ from soft_continuum.sensing.tag_camera import TagDetections
 from soft_continuum.sequencing.planner import PlanSettings
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.plant import Plant, TIME_STEP
-from soft_continuum.twin.sensors import Sensors
+from soft_continuum.twin.plant import Plant, Sensors, TIME_STEP
 from soft_continuum.user_files import description_file
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
