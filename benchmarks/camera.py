@@ -19,9 +19,8 @@ from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.sensing.tag_camera import TagCamera
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
-from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
 
 IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)  # of a covariance (6, 6)
@@ -68,8 +67,8 @@ def run(quick: bool) -> Section:
 def _measure(chain: PlaneChain, layout: TagLayout, given: ModelErrors,
              random: np.random.Generator) -> tuple[NDArray[np.float64], ...]:
     """Return errors (k, 3), which are inside, and s."""
-    drawn = TagTwinCamera(layout, given)
-    camera = TagCamera(layout, drawn.lens)
+    drawn = TwinCamera(layout, given)
+    camera = layout.camera(drawn.lens)
     errors, inside, times = [], [], []
     for _ in range(PICTURES):
         state = chain.uniform(random.uniform(-ANGLE, ANGLE, chain.segments))
@@ -92,7 +91,7 @@ def _rms(values: NDArray[np.float64]) -> float:
 
 def _false_detections(layout: TagLayout, random: np.random.Generator, count: int) -> int:
     """Return how many tags are seen where there is none."""
-    lens = TagTwinCamera(layout, read_model_errors(
+    lens = TwinCamera(layout, read_model_errors(
         description_file().with_name('twin.yaml'), 'ideal')).lens
     small = replace(lens, size=SMALL)
     detector, found = TagDetector(small, layout.fixed_numbers), 0

@@ -25,13 +25,12 @@ from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.detections import TagDetections
+from soft_continuum.sensing.layout import layout_of, RingLayout
 from soft_continuum.sensing.rigid import mean_pose, planar_pose, UNKNOWN
-from soft_continuum.sensing.ring_layout import layout_of, RingLayout
 from soft_continuum.sequencing.planner import PlanSettings
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.plant import Plant, TIME_STEP
-from soft_continuum.twin.sensors import Sensors
-from soft_continuum.twin.tag_camera import TagTwinCamera
+from soft_continuum.twin.plant import Plant, Sensors, TIME_STEP
 from soft_continuum.user_files import description_file
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'
@@ -119,7 +118,7 @@ class Lab:
         self._steps = 0
         self._tensions = np.zeros(tendons)  # sum of those not yet averaged
         self._sensor = sensor
-        self._drawn: TagTwinCamera | None = None
+        self._drawn: TwinCamera | None = None
         self.sensors = Sensors(self.plant)
         self._straight: list[tuple[Array, float]] = []  # discs, and when, to be tared on
         self._read()
@@ -294,7 +293,7 @@ class Lab:
             return {n: DiscMeasurement(n, *seen)
                     for n, seen in self._rings.discs(discs).items()}
         if self._drawn is None:
-            self._drawn = TagTwinCamera(layout, self.differences)
+            self._drawn = TwinCamera(layout, self.differences)
             stuck = layout.stuck_as({'tags.offsets': (0.0,)})
             self._camera = layout.camera(self._drawn.lens, stuck)
             # Drawn only now: not every contender looks.

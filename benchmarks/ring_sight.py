@@ -9,11 +9,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.arm import Array
+from soft_continuum.sensing.layout import corners_at_rest, FRONT, RingLayout
 from soft_continuum.sensing.rigid import displacement
-from soft_continuum.sensing.ring_camera import RingCamera
-from soft_continuum.sensing.ring_layout import corners_at_rest, RingLayout
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 
 TARE_PICTURES = 6
 DIRECTIONS = (FRONT, FRONT - pi / 3.0)  # from where the first and the second camera look
@@ -27,13 +26,13 @@ class RingSight:
     def __init__(self, layout: RingLayout, given: ModelErrors, straight: Array,
                  cameras: int = 1) -> None:
         """Place 1 or 2; straight: (discs, 7), poses of the discs in the beginning."""
-        self._drawn = [RingTwinCamera(layout, given, direction)
+        self._drawn = [TwinCamera(layout, given, direction)
                        for direction in DIRECTIONS[:cameras]]
-        self._cameras = [RingCamera(layout, drawn.lens) for drawn in self._drawn]
+        self._cameras = [layout.camera(drawn.lens) for drawn in self._drawn]
         for k, (camera, drawn) in enumerate(zip(self._cameras, self._drawn, strict=True)):
             corners = [camera.measure(drawn.picture(straight)).corners
                        for _ in range(TARE_PICTURES)]
-            self._cameras[k] = RingCamera(layout, drawn.lens, corners_at_rest(corners))
+            self._cameras[k] = layout.camera(drawn.lens, corners_at_rest(corners))
 
     def discs(self, truth: Array) -> dict[int, Seen]:
         """Return the discs that are seen; truth: (discs, 7)."""

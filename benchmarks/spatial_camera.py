@@ -16,12 +16,11 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.detections import DiscPose
+from soft_continuum.sensing.layout import FRONT, RingLayout
 from soft_continuum.sensing.pictures import Array
-from soft_continuum.sensing.ring_camera import RingCamera
-from soft_continuum.sensing.ring_layout import RingLayout
+from soft_continuum.sensing.tag_camera import DiscPose
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
-from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'
@@ -64,8 +63,8 @@ def run(quick: bool) -> Section:
 def _measure(layout: RingLayout, chain: SpaceChain, given: ModelErrors,
              random: np.random.Generator, found: dict[int, list[Array]]) -> None:
     """Add errors of position (m) and turn (rad), and their squares over the covariance."""
-    drawn = [RingTwinCamera(layout, given, direction) for direction in DIRECTIONS]
-    cameras = [RingCamera(layout, camera.lens) for camera in drawn]
+    drawn = [TwinCamera(layout, given, direction) for direction in DIRECTIONS]
+    cameras = [layout.camera(camera.lens) for camera in drawn]
     for _ in range(PICTURES):
         discs = chain.uniform(random.uniform(-ANGLE, ANGLE, (chain.segments, 2))).poses[::2]
         sights = [camera.measure(one.picture(discs))

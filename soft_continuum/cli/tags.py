@@ -25,11 +25,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
-    from soft_continuum.sensing.ring_layout import layout_of
+    from soft_continuum.sensing.layout import layout_of
     layout = layout_of(load_description(
         *options.params_file, node=CAMERA, namespace=options.namespace))
     path, = reserve_outputs(options.output, [f'{NAME}.pdf'], options.force)
     from soft_continuum.sensing.printing import write_tags
     write_tags(path, layout)
-    on_discs = sum(len(layout.numbers(n)) for n in range(len(layout.heights)))
+    on_discs = sum(len(layout.ring(n)) for n in range(len(layout.heights)))
     print(f'{on_discs} tags for discs and {len(layout.fixed)} fixed ones: {path}')

@@ -5,9 +5,8 @@
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from contextlib import ExitStack
-from math import radians
+from math import degrees, radians
 import re
-from typing import Any
 
 from soft_continuum.arguments import number_in, Parser
 from soft_continuum.cli.twin import add_preset_options, chosen_model_errors, serve
@@ -39,26 +38,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     require('cv2')
     from soft_continuum.parameters.files import load_description
     from soft_continuum.ros.names import CAMERA
-    from soft_continuum.sensing.ring_layout import layout_of, RingLayout
-    from soft_continuum.twin.optics import Webcam
+    from soft_continuum.sensing.layout import FRONT, layout_of, RingLayout
+    from soft_continuum.twin.camera import TwinCamera
     from soft_continuum.twin.pictures import Pictures
-    from soft_continuum.twin.ring_camera import RingTwinCamera
-    from soft_continuum.twin.tag_camera import TagTwinCamera
     from soft_continuum.user_files import description_file
 
     def begin(running: ExitStack) -> None:
-        layout: Any = layout_of(load_description(
+        layout = layout_of(load_description(
             *options.params_file or [description_file()], node=CAMERA,
             namespace=options.namespace))
-        model_errors = chosen_model_errors(options)
-        camera: Webcam
-        if isinstance(layout, RingLayout):
-            direction = DIRECTION if options.direction is None else options.direction
-            camera = RingTwinCamera(layout, model_errors, radians(direction))
-        elif options.direction is None:
-            camera = TagTwinCamera(layout, model_errors)
-        else:
+        rings, direction = isinstance(layout, RingLayout), options.direction
+        if direction is not None and not rings:
             raise ParameterError('--direction is for spatial arms; a planar arm is seen from -y')
+        if direction is None:
+            direction = DIRECTION if rings else degrees(FRONT)
+        camera = TwinCamera(layout, chosen_model_errors(options), radians(direction))
         running.enter_context(Pictures(camera, options.rate, options.namespace, options.name))
         print(f'Simulated pictures on {options.name}/image_raw. Ctrl-C ends it.', flush=True)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.orientations import matrices
-from soft_continuum.sensing.rigid import displacement
+from soft_continuum.sensing.rigid import displacement, levers
 
 SHIFT_ERROR, TURN_ERROR = 3e-4, 3e-3  # m, rad: of a disc's pose, of what no unknown can explain
 MODEL_ERROR = np.diag(np.repeat([SHIFT_ERROR, TURN_ERROR], 3))**2
@@ -49,18 +49,7 @@ def bent_evenly(state: Any) -> Array:
 
 def camera_moved(state: Any) -> Array:
     """Return the apparent motion of the discs for motions of the camera, (discs, 6, 6)."""
-    places = state.poses[::2, :3]
-    found = np.tile(np.eye(6), (len(places), 1, 1))
-    found[:, :3, 3:] = np.cross(np.eye(3)[None], places[:, None]).transpose(0, 2, 1)
-    return found
-
-
-def lever(pose: Array, height: float) -> Array:
-    """Return the matrix that moves a pose difference ``height`` m along z, (6, 6)."""
-    x, y, z = height * matrices(pose[None, 3:])[0, :, 2]
-    found = np.eye(6)
-    found[:3, 3:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]
-    return found
+    return levers(state.poses[::2, :3])
 
 
 def angle_stddevs(state: Any, covariances: Array) -> Array:

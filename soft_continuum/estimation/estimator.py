@@ -26,7 +26,6 @@ from soft_continuum.estimation.measuring import (
     Measurement,
     Point,
     predicted,
-    Rates,
     rates,
     relative_distance,
 )
@@ -148,7 +147,8 @@ class Estimator:
 
     def _switch(self, stiff: tuple[bool, ...], time: float) -> None:
         """Transfer the uncertainty of the shape to the jams that now hold it."""
-        layout, rows = self.layout, self._rates().bending
+        layout = self.layout
+        rows = rates(self.statics, layout, self.state).bending
         change = np.eye(layout.size)
         for s, (was, now) in enumerate(zip(self.state.stiff, stiff, strict=True)):
             if now and not was:
@@ -165,9 +165,6 @@ class Estimator:
     def _clear_held(self, segment: int) -> None:
         held = self.layout.held_by(segment)
         self.covariance[held] = self.covariance[:, held] = 0.0
-
-    def _rates(self) -> Rates:
-        return rates(self.statics, self.layout, self.state)
 
     def _stiff(self) -> NDArray[np.bool_]:
         """Return for each of ``layout.held`` whether its segment is stiff and bends about it."""
@@ -404,7 +401,8 @@ class Estimator:
 
     def pose_covariances(self) -> Array:
         """Return the covariances of the poses of all discs, base first, (discs, 6, 6)."""
-        rows, axes = self._rates().poses, self._described.pose_axes
+        rows = rates(self.statics, self.layout, self.state).poses
+        axes = self._described.pose_axes
         found: Array = (rows @ self.covariance @ rows.transpose(0, 2, 1)
                         + MODEL_ERROR * np.outer(axes, axes))
         if self._past and self.switching(self._past[-1].time):

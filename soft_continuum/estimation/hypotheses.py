@@ -266,5 +266,5 @@ def _rows_at(point: Point, statics: Any, other: Any, layout: Layout, commands: C
     """Return the rows (k, size) of a point for another shape."""
     rows = point.rows.copy()
     rows[:, :layout.model] = point.measured(predicted(
-        statics, layout, other, commands.sliding).pose_rows)[:, :layout.model]
+        statics, layout, other, commands.sliding).rates.poses)[:, :layout.model]
     return rows

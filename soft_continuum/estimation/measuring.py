@@ -30,13 +30,12 @@ class Rates:
     Derivatives of an equilibrium by n unknowns.
 
     poses: (discs, 6, n), of the discs' bottoms.  bending: (2 * segments, n) rad.  tensions:
-    (tendons, n) N.  paths: (tendons, n) m.
+    (tendons, n) N.
     """
 
     poses: Array
     bending: Array
     tensions: Array
-    paths: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +55,9 @@ class Predicted:
     poses: Array
     tensions: Array
 
-    @property
-    def pose_rows(self) -> Array:
-        """Derivatives of the poses, (discs, 6, size)."""
-        return self._rates.poses
-
-    @property
-    def tension_rows(self) -> Array:
-        """Derivatives of the tensions, (tendons, size)."""
-        return self._rates.tensions
-
     @cached_property
-    def _rates(self) -> Rates:
+    def rates(self) -> Rates:
+        """Derivatives by the unknowns."""
         return rates(self.statics, self.layout, self.state, self.sliding)
 
 
@@ -143,7 +133,7 @@ class DiscMeasurement:
     def observation(self, predicted: Predicted) -> Observation:
         """Return how it depends on the unknowns."""
         layout, parts = predicted.layout, self.parts
-        bias, rows = layout.bias(self.disc), predicted.pose_rows[self.disc].copy()
+        bias, rows = layout.bias(self.disc), predicted.rates.poses[self.disc].copy()
         rows[:, bias] = np.eye(6)
         # Even for an exact sensor, the model keeps its own error.
         covariance = self._covariance_of(self.covariance + MODEL_ERROR)
@@ -181,7 +171,7 @@ class TensionMeasurement:
     def observation(self, predicted: Predicted) -> Observation:
         """Return how it depends on the unknowns."""
         bias = predicted.layout.tension_bias(self.tendon)
-        row = predicted.tension_rows[self.tendon].copy()
+        row = predicted.rates.tensions[self.tendon].copy()
         if self._slack(predicted):
             row[:] = 0.0
         row[bias] = 1.0
@@ -289,7 +279,7 @@ def rates(statics: Any, layout: Layout, state: Any,
     paths[:, layout.offset] += np.eye(layout.tendons)
     slack = ~np.array(state.taut)
     tensions[slack] = paths[slack] / statics.compliance[slack, None]
-    return Rates(poses, bending, tensions, paths)
+    return Rates(poses, bending, tensions)
 
 
 def predicted(statics: Any, layout: Layout, state: Any,

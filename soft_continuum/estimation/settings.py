@@ -9,44 +9,57 @@ from typing import Any
 from soft_continuum.parameters.parameter import Parameter
 
 
+def _setting(default: float, meaning: str, low: float, high: float, unit: str = '') -> Any:
+    """Return a field with what its parameter of the same name means, and its range."""
+    return field(default=default, metadata={
+        'meaning': meaning, 'low': low, 'high': high, 'unit': unit})
+
+
 @dataclass(frozen=True)
 class Prior:
-    """
-    Standard deviations before any measurement.
+    """Standard deviations before any measurement, by parameters ``estimation.prior.*``."""
 
-    stiffness: of the logarithm of each segment's stiffness over the described one.  ratio: of the
-    logarithm of K.  rigid_ratio: the median of K where the description has a rigid jam.  offset:
-    m, of each tendon.  payload: kg.  straight: rad, of the bending angle of a stiff segment that
-    is assumed straight.  lock_in: rad, of the bending caused by stiffening.
-    """
-
-    stiffness: float = 0.25
-    ratio: float = 1.0
-    rigid_ratio: float = 30.0
-    offset: float = 1.5e-3
-    payload: float = 0.03
-    straight: float = 0.01
-    lock_in: float = 0.006
+    stiffness: float = _setting(
+        0.25, 'standard deviation of ln(bending stiffness of a segment / described one)', 0.0, 2.0)
+    ratio: float = _setting(
+        1.0, 'standard deviation of ln(K), the stiffness ratio of a stiff segment', 0.0, 3.0)
+    rigid_ratio: float = _setting(
+        30.0, 'ratio K assumed for a jam described as rigid until it is measured', 2.0, 1e4)
+    offset: float = _setting(
+        1.5e-3, 'standard deviation of the length of a tendon', 0.0, 0.01, 'm')
+    payload: float = _setting(0.03, 'standard deviation of the payload', 0.0, 10.0, 'kg')
+    straight: float = _setting(
+        0.01, 'standard deviation of the bending angle of a segment that is assumed straight',
+        1e-4, 1.0, 'rad')
+    lock_in: float = _setting(
+        0.006, 'standard deviation of the angle by which stiffening bends a segment', 1e-4, 0.2,
+        'rad')
 
 
 @dataclass(frozen=True)
 class Drift:
     """
-    Drift of the estimated values with time and motion: random walks.
+    Drift of the estimated values with time and motion, by parameters ``estimation.drift.*``.
 
-    stiffness, ratio: standard deviation of the logarithms after a minute.  payload: kg after a
-    minute.  offset: m of each tendon after a minute.  held: rad after a minute, of the shape that
-    a jam holds.  offset_motion: m of a tendon's offset per 10 mm of motor motion (friction,
-    backlash, stretch).  held_motion: rad, of the shape that a jam holds, per 10 mm.  0 disables.
+    Random walks; their standard deviations as of Prior.
     """
 
-    stiffness: float = 0.03
-    ratio: float = 0.1
-    payload: float = 2e-3
-    offset: float = 1e-3
-    held: float = 5e-3
-    offset_motion: float = 5e-4
-    held_motion: float = 4e-3
+    stiffness: float = _setting(
+        0.03, 'drift per minute, as estimation.prior.stiffness; 0: constant', 0.0, 1.0)
+    ratio: float = _setting(
+        0.1, 'drift per minute, as estimation.prior.ratio; 0: constant', 0.0, 1.0)
+    payload: float = _setting(
+        2e-3, 'drift per minute, as estimation.prior.payload; 0: constant', 0.0, 1.0, 'kg')
+    offset: float = _setting(
+        1e-3, 'drift per minute, as estimation.prior.offset; 0: only by motion', 0.0, 0.01, 'm')
+    held: float = _setting(
+        5e-3, 'drift of the angle that a stiff segment holds, per minute', 0.0, 0.1, 'rad')
+    offset_motion: float = _setting(
+        5e-4, 'drift per 10 mm of motor motion, as estimation.prior.offset: friction, stretch',
+        0.0, 0.01, 'm')
+    held_motion: float = _setting(
+        4e-3, 'drift of the angle that a stiff segment holds, per 10 mm of motor motion', 0.0, 0.1,
+        'rad')
 
 
 @dataclass(frozen=True)
@@ -59,31 +72,6 @@ class EstimationSettings:
 
 
 DEFAULT_ESTIMATION = EstimationSettings()
-_PRIOR = {
-    'stiffness': ('standard deviation of ln(bending stiffness of a segment / described one)',
-                  0.0, 2.0, ''),
-    'ratio': ('standard deviation of ln(K), the stiffness ratio of a stiff segment', 0.0, 3.0,
-              ''),
-    'rigid_ratio': ('ratio K assumed for a jam described as rigid until it is measured', 2.0,
-                    1e4, ''),
-    'offset': ('standard deviation of the length of a tendon', 0.0, 0.01, 'm'),
-    'payload': ('standard deviation of the payload', 0.0, 10.0, 'kg'),
-    'straight': ('standard deviation of the bending angle of a segment that is assumed '
-                 'straight', 1e-4, 1.0, 'rad'),
-    'lock_in': ('standard deviation of the angle by which stiffening bends a segment',
-                1e-4, 0.2, 'rad'),
-}
-_DRIFT = {
-    'stiffness': ('drift per minute, as estimation.prior.stiffness; 0: constant', 1.0, ''),
-    'ratio': ('drift per minute, as estimation.prior.ratio; 0: constant', 1.0, ''),
-    'payload': ('drift per minute, as estimation.prior.payload; 0: constant', 1.0, 'kg'),
-    'offset': ('drift per minute, as estimation.prior.offset; 0: only by motion', 0.01, 'm'),
-    'held': ('drift of the angle that a stiff segment holds, per minute', 0.1, 'rad'),
-    'offset_motion': ('drift per 10 mm of motor motion, as estimation.prior.offset: friction, '
-                      'stretch', 0.01, 'm'),
-    'held_motion': ('drift of the angle that a stiff segment holds, per 10 mm of motor motion',
-                    0.1, 'rad'),
-}
 ESTIMATION_PARAMETERS = (
     Parameter('estimation.enabled', True, 'correct the shape with disc_N/measured_pose and '
               'measured tensions, and estimate stiffness, K, tendon offsets and payload'),
@@ -93,10 +81,8 @@ ESTIMATION_PARAMETERS = (
     Parameter('estimation.tension_relative_stddev', 0.1, 'relative standard deviation, added '
               'to tension_stddev: scale error of the load cell, and undescribed friction of the '
               'guides; ignored if the device reports one', 0.0, 1.0),
-    *(Parameter(f'estimation.prior.{name}', getattr(Prior(), name), text, low, high, unit=unit)
-      for name, (text, low, high, unit) in _PRIOR.items()),
-    *(Parameter(f'estimation.drift.{name}', getattr(Drift(), name), text, 0.0, high, unit=unit)
-      for name, (text, high, unit) in _DRIFT.items()),
+    *(Parameter(f'estimation.{group}.{one.name}', one.default, **one.metadata)
+      for group, kind in (('prior', Prior), ('drift', Drift)) for one in fields(kind)),
 )
 
 

@@ -77,11 +77,6 @@ class ArmShape:
         """Bending of the arm when its shape was lost, as text; empty if it was not."""
 
     @property
-    def measurable(self) -> bool:
-        """Whether measurements can correct the shape."""
-        return self.settings.enabled
-
-    @property
     def state(self) -> Any:
         """
         The shape: the estimate, or without any measurement the last prediction.
@@ -248,7 +243,7 @@ class ArmShape:
         On StaticsError the shape is unchanged.
         """
         commands = self._commands
-        if commands is None or not self.measurable:
+        if commands is None or not self.settings.enabled:
             return None
         discs = [one for one in measurements if isinstance(one, DiscMeasurement)]
         base_stands = all(map(self._stands, discs))

@@ -31,15 +31,15 @@ from soft_continuum.ros.names import CAMERA, MEASURED_POSE
 from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
+from soft_continuum.sensing.layout import layout_of
 from soft_continuum.sensing.lens import Lens, LensError
 from soft_continuum.sensing.pictures import is_black
-from soft_continuum.sensing.ring_layout import layout_of
 from soft_continuum.sensing.sources import is_device, pictures, SourceError
 from soft_continuum.sensing.tare import Window
 from soft_continuum.sensing.tilt import SensorError
 
 if TYPE_CHECKING:  # OpenCV may not be there
-    from soft_continuum.sensing.detections import DiscCamera, TagDetections
+    from soft_continuum.sensing.tag_camera import TagCamera, TagDetections
 
 MAX_AGE = 1.0  # s between a picture's stamp and now
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
@@ -77,7 +77,7 @@ class Camera(Node):
         self._layout = layout_of(self.parameters)
         self._draw = overlay
         self._stuck = self._layout.stuck_as(self.parameters)
-        self._camera: DiscCamera | None = None
+        self._camera: TagCamera | None = None
         if path := self.parameters['camera.calibration']:
             try:
                 self._camera = self._camera_of(Lens.read(Path(path).expanduser()))
@@ -163,7 +163,7 @@ class Camera(Node):
         except LensError as error:
             self._camera, self._info_problem = None, str(error)
 
-    def _camera_of(self, lens: Lens) -> 'DiscCamera':
+    def _camera_of(self, lens: Lens) -> 'TagCamera':
         """Return what measures; with what was seen of the straight arm, if that fits."""
         try:
             return self._layout.camera(lens, self._stuck)
@@ -249,7 +249,7 @@ class Camera(Node):
         else:
             self._reports.put((OK, 'all discs are detected', values))
 
-    def _show(self, stamp: Time, picture: Any, camera: 'DiscCamera | None',
+    def _show(self, stamp: Time, picture: Any, camera: 'TagCamera | None',
               sight: 'TagDetections | None') -> None:
         """Draw for those who look; most of all when nothing could be measured."""
         now = monotonic()

@@ -242,7 +242,7 @@ class Kinematics(Node):
         self._check_alarms()
         if self._shape.state is not None and self._follows:
             measured = dict(zip(message.name, message.effort, strict=False))
-            if self._shape.measurable:
+            if self._shape.settings.enabled:
                 self._measured_tensions.put(self._time, measured)
                 self._wake()
             # The estimate follows what is measured: only the prediction can differ for long.

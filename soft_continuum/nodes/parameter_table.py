@@ -29,6 +29,7 @@ from soft_continuum.ros.names import (
     TELEOP,
     TENDON_ACTUATION,
 )
+from soft_continuum.sensing.tilt import ImuSettings
 from soft_continuum.sequencing.settings import LOOP_PARAMETERS, REACH_PARAMETERS
 
 AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')
@@ -205,16 +206,17 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('imu.mounting_turns', (0.0,), 'spatial arm: rotation of each IMU relative to '
                   'its disc, base first: rotation vectors x, y, z, as ~/tare prints them; 0.0 '
                   'alone: none', -pi, pi, unit='rad'),
-        Parameter('imu.stddev', 0.01, 'standard deviation of the constant error of an IMU: its '
-                  'mounting and the bias of its accelerometer', 1e-6, 0.5, unit='rad'),
-        Parameter('imu.acceleration_stddev', 0.05, 'standard deviation of one acceleration '
-                  'sample, if the IMU does not report it', 1e-6, 10.0, unit='m/s^2'),
-        Parameter('imu.rate_stddev', 0.003, 'standard deviation of one angular rate sample, if '
-                  'the IMU does not report it', 1e-7, 1.0, unit='rad/s'),
-        Parameter('imu.bias_stddev', 0.05, 'standard deviation of the gyroscope bias at power-on',
-                  1e-7, 10.0, unit='rad/s'),
-        Parameter('imu.motion_acceleration', 1.0, 'standard deviation of the acceleration of a '
-                  'moving disc', 1e-3, 100.0, unit='m/s^2'),
+        Parameter('imu.stddev', ImuSettings.stddev, 'standard deviation of the constant error of '
+                  'an IMU: its mounting and the bias of its accelerometer', 1e-6, 0.5, unit='rad'),
+        Parameter('imu.acceleration_stddev', ImuSettings.acceleration_stddev, 'standard '
+                  'deviation of one acceleration sample, if the IMU does not report it', 1e-6,
+                  10.0, unit='m/s^2'),
+        Parameter('imu.rate_stddev', ImuSettings.rate_stddev, 'standard deviation of one angular '
+                  'rate sample, if the IMU does not report it', 1e-7, 1.0, unit='rad/s'),
+        Parameter('imu.bias_stddev', ImuSettings.bias_stddev, 'standard deviation of the '
+                  'gyroscope bias at power-on', 1e-7, 10.0, unit='rad/s'),
+        Parameter('imu.motion_acceleration', ImuSettings.motion_acceleration, 'standard '
+                  'deviation of the acceleration of a moving disc', 1e-3, 100.0, unit='m/s^2'),
     ),
     RECORDER: (
         Parameter('recorder.directory', 'recordings', 'directory of the recordings; created if '

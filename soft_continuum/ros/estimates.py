@@ -9,13 +9,14 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.estimation.discs import angle_stddevs, lever
+from soft_continuum.estimation.discs import angle_stddevs
 from soft_continuum.estimation.settings import Prior
 from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import LawError
 from soft_continuum.ros.ros_time import stamp_of
+from soft_continuum.sensing.rigid import levers
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 
@@ -66,7 +67,7 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
     if estimator.measured is not None:
         message.measured = stamp_of(estimator.measured)
     message.angle_stddevs = angle_stddevs(state, covariances).tolist()
-    to_tip = lever(state.poses[-2], state.chain.arm.discs[-1].height)
+    to_tip = levers(state.poses[-1, :3] - state.poses[-2, :3])
     message.tip_covariance = (to_tip @ covariances[-1] @ to_tip.T).ravel().tolist()
     message.parameters = parameters
 

@@ -1,38 +1,76 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Tag layout: one tag on every disc, and fixed ones that define the base frame."""
+"""Tag layout: tags on or around every disc, and fixed ones that define the base frame."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import Any, Self, TYPE_CHECKING
+from math import cos, hypot, pi, sin, tan
+from typing import Any, ClassVar, Self, TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
+import scipy
 
 from soft_continuum.mechanics.arm import Arm
+from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.orientations import full_poses
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.sensing.lens import Lens
-from soft_continuum.sensing.pictures import Array, MODULES
+from soft_continuum.sensing.pictures import Array, FAMILY_SIZE, MODULES
 from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.sensing.tare import straight_heights, tag_offset
 from soft_continuum.sensing.tilt import SensorError
 
-if TYPE_CHECKING:  # OpenCV and matplotlib may not be there
-    from soft_continuum.sensing.detections import DiscCamera, TagDetections
-    from soft_continuum.sensing.pages import Page
+if TYPE_CHECKING:  # OpenCV may not be there
+    from soft_continuum.sensing.placed_tags import PlacedTags
+    from soft_continuum.sensing.tag_camera import TagCamera, TagDetections
 
 FIRST_FIXED = 100
-"""Number of the first fixed tag; the tag of disc N has the number N, the base disc being 0."""
-MIN_FIXED = 4
-MIN_HEIGHT = 0.1
-"""Least distance of each of four fixed tags from the line of two others, over the board size."""
+"""Number of the first fixed tag; those of the discs are lower, and begin with 0 at the base."""
+MIN_FIXED = 3
+MIN_WIDTH = 0.1
+"""Least distance of fixed tags from one line, over the length of their group."""
 QUIET_ZONE = 1 / MODULES
 """White margin on every side over the size of a tag: one of its modules."""
 CORNERS = np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]) / 2.0
 """Corners of a tag of size 1, to the right and up, in the order of detection."""
+FRONT = -pi / 2
+"""Direction, rad about z from x, from which a planar arm is seen."""
+MAX_MOTION = 1.0  # px by which tags at rest may move
+NUMBERS = 9  # of a tag that was seen: its own, and u and v of its corners
+
+Corners = Mapping[int, Array]
+"""Corners of each visible tag, by number, (4, 2) px without distortion."""
+
+
+@dataclass(frozen=True)
+class Tag:
+    """
+    A tag in space.
+
+    centre: (3,) m.  axes: (3, 3), its right, up and outward directions, one per row.  size: edge
+    of the black square, m.  spread: (6, 6), a root of the covariance of its offset, shift (m) and
+    then rotation vector (rad) along its axes.
+    """
+
+    centre: Array
+    axes: Array
+    size: float
+    spread: Array
+
+    @property
+    def corners(self) -> Array:
+        """Corners in the order of detection, (4, 3) m."""
+        corners: Array = self.centre + self.size * CORNERS @ self.axes[:2]
+        return corners
+
+    def moved(self, shift: Array, turn: Array, spread: Array) -> 'Tag':
+        """Return the tag shifted (m) and turned (rotation vector, rad) along its axes."""
+        turned = scipy.spatial.transform.Rotation.from_rotvec(turn).as_matrix().T @ self.axes
+        return Tag(self.centre + shift @ self.axes, turned, self.size, spread)
 
 
 @dataclass(frozen=True)
@@ -40,11 +78,12 @@ class Layout(ABC):
     """
     Tags of the family 36h11: on the discs, and fixed ones that are numbered from FIRST_FIXED.
 
-    disc_size, fixed_size: edge of the black square, m.  fixed: positions of the fixed tags, one
-    per row.  stddev, fixed_stddev: m, standard deviation of the positions of tags on the discs,
-    and of the fixed ones.  disc_heights: (discs,) m.  straight_heights: (discs,) m, of the bottom
-    of each disc of the straight arm above base_link.  segment_lengths: (segments,) m, between the
-    discs.
+    disc_size, fixed_size: edge of the black square, m.  fixed: (fixed, 4), centre x, y, z (m) of
+    each fixed tag in base_link and the direction that it faces (rad about z from x); z of
+    base_link is up.  stddev, fixed_stddev: m, standard deviation of the positions of tags on the
+    discs, and of the fixed ones.  disc_heights: (discs,) m.  straight_heights: (discs,) m, of the
+    bottom of each disc of the straight arm above base_link.  segment_lengths: (segments,) m,
+    between the discs.  axes: (6,), as pose_axes of the arm.
     """
 
     disc_size: float
@@ -55,6 +94,9 @@ class Layout(ABC):
     disc_heights: tuple[float, ...]
     straight_heights: tuple[float, ...]
     segment_lengths: tuple[float, ...]
+    axes: NDArray[np.bool_]
+    fixed_parameter: ClassVar[str]
+    """Name of the parameter with the poses of the fixed tags."""
 
     @property
     def heights(self) -> tuple[float, ...]:
@@ -62,9 +104,21 @@ class Layout(ABC):
         return tuple(height / 2.0 for height in self.disc_heights)
 
     @property
+    def face(self) -> float:
+        """Width of a tag of a disc with its white margin on both sides, m."""
+        return self.disc_size * (1.0 + 2.0 * QUIET_ZONE)
+
+    @property
     def fixed_numbers(self) -> tuple[int, ...]:
         """Numbers of the fixed tags."""
         return tuple(range(FIRST_FIXED, FIRST_FIXED + len(self.fixed)))
+
+    @property
+    def fixed_tags(self) -> dict[int, Tag]:
+        """The fixed tags in base_link, by number."""
+        spread = _spread(self.fixed_stddev, self.fixed_size)
+        return {n: Tag(row[:3], _upright(row[3]), self.fixed_size, spread)
+                for n, row in zip(self.fixed_numbers, self.fixed, strict=True)}
 
     @property
     @abstractmethod
@@ -72,8 +126,8 @@ class Layout(ABC):
         """Outline of a disc at bottom and top for drawings, in its frame, (k, 3) m."""
 
     @abstractmethod
-    def numbers(self, disc: int) -> Collection[int]:
-        """Return the numbers of the tags of a disc."""
+    def ring(self, disc: int) -> dict[int, Tag]:
+        """Return the tags of a disc in its frame, from the centre of its bottom, by number."""
 
     @abstractmethod
     def stuck_as(self, values: Mapping[str, Any]) -> Any:
@@ -89,64 +143,78 @@ class Layout(ABC):
         """
 
     @abstractmethod
-    def camera(self, lens: Lens, stuck: Any) -> 'DiscCamera':
+    def placed(self, lens: Lens, stuck: Any) -> 'PlacedTags':
+        """Return the tags with offsets; raises SensorError for impossible ones."""
+
+    def camera(self, lens: Lens, stuck: Any = ()) -> 'TagCamera':
         """
         Return the detector of discs for images of a camera; needs OpenCV.
 
-        Raises SensorError for impossible tag offsets.
+        stuck: tag offsets; none for tags at their nominal positions.  Raises SensorError for
+        impossible ones.
         """
-
-    @abstractmethod
-    def pages(self) -> 'list[Page]':
-        """Return the pages to print, without the board; raises ParameterError."""
+        from soft_continuum.sensing.tag_camera import TagCamera
+        return TagCamera(self, lens, self.placed(lens, stuck))
 
 
-def of_arm(arm: Arm, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields that all layouts share, from an arm and parameters tags.*."""
-    return {name: values[f'tags.{name}'] for name in (
-        'disc_size', 'fixed_size', 'stddev', 'fixed_stddev')} | {
-        'disc_heights': tuple(d.height for d in arm.discs),
-        'straight_heights': straight_heights(arm),
-        'segment_lengths': tuple(s.length for s in arm.segments)}
+def _of_arm(arm: Arm, values: Mapping[str, Any], name: str, each: Sequence[str]
+            ) -> dict[str, Any]:
+    """
+    Return the fields that all layouts share; fixed: as in parameter ``name``.
+
+    each: names of the numbers that it has for each tag.  Raises ParameterError.
+    """
+    numbers = values[name]
+    if len(numbers) % len(each) or len(numbers) < len(each) * MIN_FIXED:
+        raise ParameterError(f'parameter {name} has {len(numbers)} numbers; needed: '
+                             f'{", ".join(each)} of at least {MIN_FIXED} tags')
+    fixed = np.reshape(np.array(numbers, dtype=float), (-1, len(each)))
+    if not off_a_line(fixed[:, :3]):
+        raise ParameterError(f'parameter {name}: the tags are almost in a line; put them '
+                             'around the arm, such as at the corners of boards behind it')
+    if FIRST_FIXED + len(fixed) > FAMILY_SIZE:
+        raise ParameterError(f'parameter {name} has {len(fixed)} tags; allowed: '
+                             f'{FAMILY_SIZE - FIRST_FIXED} at most')
+    return {'fixed': fixed, 'axes': arm.pose_axes,
+            'disc_heights': tuple(d.height for d in arm.discs),
+            'straight_heights': straight_heights(arm),
+            'segment_lengths': tuple(s.length for s in arm.segments)} | {
+        one: values[f'tags.{one}'] for one in (
+            'disc_size', 'fixed_size', 'stddev', 'fixed_stddev')}
 
 
 @dataclass(frozen=True)
 class TagLayout(Layout):
     """
-    Tags in the plane of the arm, seen from -y: x to the right, z up; one on every disc.
+    Tags of a planar arm, seen from -y: x to the right, z up; one on every disc, of its number.
 
-    fixed: (fixed, 2) m, centres (x, z) in base_link.  depth: m by which the tags of the discs are
-    nearer to the camera than the fixed ones, with the standard deviation depth_stddev.  Tag
-    offsets are poses (7,), by disc, of the disc in the nominal disc frame of its tag.
+    The fixed tags are in a plane behind the arm.  depth_stddev: m, of the distance of the tags of
+    the discs from it.  Tag offsets are poses (7,), by disc, of the disc in the nominal disc frame
+    of its tag.
     """
 
-    depth: float
     depth_stddev: float
+    fixed_parameter = 'tags.fixed_positions'
 
     @classmethod
     def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
         """Return the layout of parameters tags.* for this arm; raises ParameterError."""
-        positions: Sequence[float] = values['tags.fixed_positions']
-        if len(positions) % 2 or len(positions) < 2 * MIN_FIXED:
-            raise ParameterError(
-                f'parameter tags.fixed_positions has {len(positions)} numbers; needed: x and z of '
-                f'at least {MIN_FIXED} tags')
-        fixed = np.reshape(np.array(positions, dtype=float), (-1, 2))
-        if not not_collinear(fixed):
-            raise ParameterError(
-                'parameter tags.fixed_positions: all tags, or all but one, are almost in a line; '
-                'put them around the arm, such as at the corners of a rectangle')
-        return cls(fixed=fixed, depth=values['tags.depth'],
-                   depth_stddev=values['tags.depth_stddev'], **of_arm(arm, values))
+        shared = _of_arm(arm, values, cls.fixed_parameter, ('x', 'z'))
+        x, z = shared['fixed'].T
+        shared['fixed'] = np.column_stack(np.broadcast_arrays(x, values['tags.depth'], z, FRONT))
+        return cls(depth_stddev=values['tags.depth_stddev'], **shared)
 
     @property
     def rim(self) -> Array:
         """Outline of a disc at bottom and top for drawings, in its frame, (2, 3) m."""
         return np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]]) * self.disc_size
 
-    def numbers(self, disc: int) -> Collection[int]:
-        """Return the number of the tag of a disc."""
-        return (disc,)
+    def ring(self, disc: int) -> dict[int, Tag]:
+        """Return the tag of a disc in its frame, from the centre of its bottom, by number."""
+        spread = _spread(self.stddev, self.disc_size)
+        spread[2, 2] = hypot(self.stddev, self.depth_stddev)
+        return {disc: Tag(np.array([0.0, 0.0, self.heights[disc]]), _upright(FRONT),
+                          self.disc_size, spread)}
 
     def stuck_as(self, values: Mapping[str, Any]) -> tuple[Array, ...]:
         """Return the poses of parameter tags.offsets; raises ParameterError."""
@@ -173,46 +241,158 @@ class TagLayout(Layout):
         numbers = tuple(float(v) for offset in offsets for v in planar_pose(offset))
         return discs, tuple(offsets), f'offsets: {as_yaml(numbers, 6)}'
 
-    def camera(self, lens: Lens, stuck: tuple[Array, ...]) -> 'DiscCamera':
-        """Return a TagCamera."""
-        from soft_continuum.sensing.tag_camera import TagCamera
-        return TagCamera(self, lens, stuck)
-
-    def pages(self) -> 'list[Page]':
-        """Return the tags, and a drawing of their positions."""
-        from soft_continuum.sensing.printing import plane_pages
-        return plane_pages(self)
-
-    def fixed_corners(self, number: int) -> Array:
-        """Return the corners of a fixed tag, (4, 2) m, x and z in base_link."""
-        corners: Array = self.fixed[number - FIRST_FIXED] + self.fixed_size * CORNERS
-        return corners
-
-    def disc_corners(self, disc: int, pose: Array) -> Array:
-        """Return the corners of the tag of a disc whose bottom is at ``pose`` (x, z, angle)."""
-        x, z, angle = pose
-        right, up = directions(angle)
-        local = self.disc_size * CORNERS
-        corners: Array = (np.array([x, z]) + local[:, :1] * right
-                          + (local[:, 1:] + self.heights[disc]) * up)
-        return corners
+    def placed(self, lens: Lens, stuck: tuple[Array, ...]) -> 'PlacedTags':
+        """Return the tags at their nominal positions, and the offsets."""
+        from soft_continuum.sensing.placed_tags import PlacedTags
+        return PlacedTags.of(self, stuck)
 
 
-def directions(angle: float) -> tuple[Array, Array]:
-    """Return the axes (x, z), right and up, of a body turned by ``angle`` rad."""
-    return np.array([np.cos(angle), -np.sin(angle)]), np.array([np.sin(angle), np.cos(angle)])
+@dataclass(frozen=True)
+class RingLayout(Layout):
+    """
+    Rings of tags around a spatial arm.
+
+    Every disc is surrounded by a prism of ``faces`` tags, edge to edge, upright: z of the disc is
+    up.  Face k of disc N faces outwards at k / faces of a turn about z from x, and has the number
+    faces * N + k.  stddev, ring_stddev: m, standard deviation of tags on their ring, and of rings
+    on their disc.  disc_radii: (discs,) m.  Tag offsets are kept as the corners seen on the
+    straight arm.
+    """
+
+    faces: int
+    ring_stddev: float
+    disc_radii: tuple[float, ...]
+    fixed_parameter = 'tags.fixed_poses'
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], arm: Arm) -> Self:
+        """Return the layout of parameters tags.* for this arm; raises ParameterError."""
+        shared = _of_arm(arm, values, cls.fixed_parameter, ('x', 'y', 'z', 'direction'))
+        faces, discs = values['tags.faces'], len(arm.discs)
+        if faces * discs > FIRST_FIXED:
+            raise ParameterError(
+                f'parameter tags.faces is {faces}; {discs} discs have {FIRST_FIXED} numbers: '
+                f'allowed: {FIRST_FIXED // discs} at most')
+        found = cls(faces=faces, ring_stddev=values['tags.ring_stddev'],
+                    disc_radii=tuple(Chain(arm).disc_radii.tolist()), **shared)
+        widest = max(found.disc_radii)
+        if found.radius < widest:
+            raise ParameterError(
+                f'parameters tags.faces and tags.disc_size: rings of {faces} tags of '
+                f'{found.disc_size * 1e3:g} mm are {found.radius * 1e3:.1f} mm from the axis, but '
+                f'a disc has a radius of {widest * 1e3:g} mm; tags.disc_size: at least '
+                f'{np.ceil(1e4 * found.disc_size * widest / found.radius) / 10:g} mm')
+        return found
+
+    @property
+    def radius(self) -> float:
+        """From the axis to the faces of a ring, m."""
+        return self.face / 2.0 / tan(pi / self.faces)
+
+    @property
+    def rim(self) -> Array:
+        """Outline of a disc at bottom and top for drawings, in its frame, (faces, 3) m."""
+        turns = 2.0 * pi / self.faces * (np.arange(self.faces) + 0.5)
+        outer = self.radius / cos(pi / self.faces)
+        return np.column_stack([outer * np.cos(turns), outer * np.sin(turns), 0.0 * turns])
+
+    @property
+    def ring_spread(self) -> Array:
+        """Standard deviations of the offset of a ring on its disc, (6,), m and rad."""
+        return self.ring_stddev * np.repeat([1.0, 1.0 / self.radius], 3)
+
+    def ring(self, disc: int) -> dict[int, Tag]:
+        """Return the tags of a disc in its frame, from the centre of its bottom, by number."""
+        found, spread = {}, _spread(self.stddev, self.disc_size)
+        for k in range(self.faces):
+            axes = _upright(2.0 * pi * k / self.faces)
+            centre = self.radius * axes[2] + [0.0, 0.0, self.heights[disc]]
+            found[self.faces * disc + k] = Tag(centre, axes, self.disc_size, spread)
+        return found
+
+    def stuck_as(self, values: Mapping[str, Any]) -> Corners:
+        """Return the corners of parameter tags.reference_corners; raises ParameterError."""
+        if any(values['tags.offsets']):
+            raise ParameterError('parameter tags.offsets is for planar arms; for a spatial arm '
+                                 'keep tags.reference_corners, which a tare returns: tare again')
+        return corners_from_numbers(values['tags.reference_corners'])
+
+    def tared(self, stuck: Corners, seen: 'Sequence[TagDetections]'
+              ) -> tuple[list[int], Corners, str]:
+        """Return the corners of the tags seen in more than half of the images."""
+        corners = corners_at_rest([sight.corners for sight in seen])
+        discs = [n for n in range(len(self.heights)) if not corners.keys().isdisjoint(
+            self.ring(n))]
+        return discs, corners, f'reference_corners: {as_yaml(corners_as_numbers(corners), 7)}'
+
+    def placed(self, lens: Lens, stuck: Corners) -> 'PlacedTags':
+        """Return the tags where they were seen on the straight arm, if they were."""
+        from soft_continuum.sensing.placed_tags import PlacedTags
+        return PlacedTags.seen_straight(self, lens, stuck) if stuck else PlacedTags.of(
+            self, ring_spread=self.ring_spread)
 
 
-def not_collinear(centres: Array) -> bool:
-    """Return whether four of these points (k, 2) m have no three of them almost in a line."""
-    size = float(np.ptp(centres, axis=0).max())
-    return any(min(_height(*three) for three in combinations(four, 3)) > MIN_HEIGHT * size
-               for four in combinations(centres, 4))
+def layout_of(values: Mapping[str, Any]) -> Layout:
+    """
+    Return the tags that parameters arm.* and tags.* describe; raises ParameterError.
+
+    Discs that stay in a plane need one tag, facing the camera; others need one on every side.
+    """
+    arm = arm_from_parameters(values)
+    return (RingLayout if arm.pose_axes.all() else TagLayout).of(values, arm)
 
 
-def _height(a: Array, b: Array, c: Array) -> float:
-    """Return the smallest height of a triangle, m."""
-    sides = np.stack([b - a, c - b, a - c])
-    longest = float(np.linalg.norm(sides, axis=1).max())
-    area = abs(float(sides[0, 0] * sides[1, 1] - sides[0, 1] * sides[1, 0]))
-    return area / longest if longest > 0.0 else 0.0
+def off_a_line(points: Array) -> bool:
+    """Return whether points (k, 3) m are not almost in a line."""
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(len(points) >= MIN_FIXED and spread[1] > MIN_WIDTH * spread[0] > 0.0)
+
+
+def _spread(stddev: float, size: float) -> Array:
+    """Return Tag.spread for a tag size and the standard deviation of its offset, m."""
+    return np.diag(stddev * np.repeat([1.0, 1.0 / size], 3))
+
+
+def _upright(direction: float) -> Array:
+    """Return the axes of an upright tag that faces ``direction``, rad about z from x."""
+    c, s = cos(direction), sin(direction)
+    return np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]])
+
+
+# Corners of the tags around the straight arm, as stored in a parameter.
+
+def corners_at_rest(seen: Sequence[Corners]) -> dict[int, Array]:
+    """
+    Return the mean corners of the tags seen in more than half of the images.
+
+    Raises SensorError when they move.
+    """
+    found: dict[int, list[Array]] = {}
+    for corners in seen:
+        for n, places in corners.items():
+            found.setdefault(n, []).append(places)
+    often = {n: np.array(each) for n, each in found.items() if 2 * len(each) > len(seen)}
+    for n, places in often.items():
+        half = len(places) // 2
+        motion = np.linalg.norm(places[half:].mean(axis=(0, 1)) - places[:half].mean(axis=(0, 1)))
+        if motion > MAX_MOTION:
+            raise SensorError(f'tag {n} moves, by {motion:.1f} px within half a second; wait '
+                              'until the arm rests')
+    return {n: places.mean(axis=0) for n, places in often.items()}
+
+
+def corners_as_numbers(corners: Corners) -> tuple[float, ...]:
+    """Return corners as the value of parameter tags.reference_corners."""
+    return tuple(float(value) for n, places in sorted(corners.items())
+                 for value in (n, *places.ravel()))
+
+
+def corners_from_numbers(numbers: Sequence[float]) -> dict[int, Array]:
+    """Return the corners in parameter tags.reference_corners; raises ParameterError."""
+    if tuple(numbers) == (0.0,):
+        return {}
+    if len(numbers) % NUMBERS:
+        raise ParameterError(f'parameter tags.reference_corners has {len(numbers)} numbers; '
+                             'needed: the number and four corners (u, v) of each tag, as ~/tare '
+                             'prints them, or 0.0 for none')
+    return {int(row[0]): row[1:].reshape(4, 2) for row in np.reshape(numbers, (-1, NUMBERS))}

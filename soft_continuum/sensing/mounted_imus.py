@@ -3,7 +3,7 @@
 """IMUs on the discs of an arm: measured orientations, and their mounting."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import cos, hypot, sin
 from typing import Any, Self
 
@@ -24,8 +24,6 @@ from soft_continuum.sensing.tilt import (
     UpFilter,
 )
 
-SETTINGS = ('acceleration_stddev', 'rate_stddev', 'bias_stddev', 'motion_acceleration',
-            'stddev')
 MOUNTED = {1: ('mounting_angles', 'one for all or for each of {} discs'),
            3: ('mounting_turns', 'a rotation vector for each of {} discs, or 0.0 for none')}
 """Parameter imu.* of the mounting, by the number of axes about which a disc turns."""
@@ -62,7 +60,8 @@ class MountedImus:
                                  f'{needed.format(discs)}')
         mounts[:, axes] = np.reshape(given, (discs, -1)) if len(given) > 1 else given[0]
         gravity = float(np.linalg.norm(arm.gravity))
-        return cls(ImuSettings(gravity, *(values[f'imu.{name}'] for name in SETTINGS)),
+        return cls(ImuSettings(gravity, *(
+            values[f'imu.{one.name}'] for one in fields(ImuSettings)[1:])),
                    arm.pose_axes, mounts,
                    -np.array(arm.gravity) / gravity if gravity else np.array([0.0, 0.0, 1.0]))
 

@@ -6,19 +6,18 @@ import cv2
 import numpy as np
 
 from soft_continuum.colours import Colour, MEASURED, MODEL
-from soft_continuum.sensing.detections import DiscCamera, TagDetections
 from soft_continuum.sensing.pictures import Array, Picture
-from soft_continuum.sensing.rigid import rotate
+from soft_continuum.sensing.rigid import rotate, UP
+from soft_continuum.sensing.tag_camera import TagCamera, TagDetections
 
 SIZE = 640  # px, longer edge of what is drawn
 QUALITY = 75  # of the JPEG
-UP = np.array([0.0, 0.0, 1.0])
 FAR = 1e3  # m, where no arm is
 ON_CURVE = 12  # points of a segment's middle line
 SHIFT = 4  # bits after the point of a pixel, as OpenCV draws
 
 
-def overlay(picture: Picture, camera: DiscCamera | None = None, seen: TagDetections | None = None,
+def overlay(picture: Picture, camera: TagCamera | None = None, seen: TagDetections | None = None,
             model: Array | None = None) -> bytes:
     """
     Return a JPEG of a grey image (height, width), 640 px large, with overlays.

@@ -6,7 +6,8 @@ The pose of a body with tags in the frame of a camera, from all their corners at
 Generalised least squares: an offset of a tag on its body moves its four corners together, so their
 covariance is that of single corners plus that of the stated deviation of the tag
 (Hartley and Zisserman, Multiple View Geometry, 2nd edition, chapter 5).  Each tag gives two
-initial poses, and each may lead to a different minimum.
+initial poses, and each may lead to a different minimum.  A body that moves in a plane is fitted
+within it: tilt and depth of a single tag are poorly measured.
 """
 
 from collections.abc import Sequence
@@ -14,11 +15,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
+import scipy
+from scipy.spatial.transform import Rotation
 
+from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.mechanics.orientations import cross_matrices
+from soft_continuum.sensing.layout import Tag
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array
-from soft_continuum.sensing.ring_layout import Tag
 
 CORNER_DEVIATION = 0.1  # px, of each corner of a tag
 FULL_WIDTH = 32.0  # px of such a tag; those of a narrower one are worse by the square
@@ -32,18 +37,18 @@ class PoseFit:
     """
     A minimum: pose of the body in the frame of the camera (x right, y down, z forward).
 
-    turn: (3, 3).  shift: (3,) m.  focal: focal length over the calibrated one.  covariance: (6, 6)
+    turn: (3, 3).  shift: (3,) m.  focal: focal length over the calibrated one.  covariance: (7, 7)
     of shift (m) and of a rotation vector (rad) in the axes of the camera, about the origin of the
-    body, by corners and tags; (7, 7) with the focal length (relative) where that was fitted.
-    per_focal: (6,), change of the pose per relative error of the focal length.  misfit: sum of
-    squares over their covariance.  freedom: corners less unknowns.  residual: px RMS.
+    body, and of the focal length (relative), by corners and tags; 0 for what was not fitted.
+    response: (7, 7), change of the fit per change of what is seen, as by these seven.  misfit: sum
+    of squares over their covariance.  freedom: corners less unknowns.  residual: px RMS.
     """
 
     turn: Array
     shift: Array
     focal: float
     covariance: Array
-    per_focal: Array
+    response: Array
     misfit: float
     freedom: int
     residual: float
@@ -53,11 +58,13 @@ class TagGroup:
     """Tags of one body, and their positions in an image."""
 
     def __init__(self, tags: Sequence[Tag], pixels: Sequence[Array], lens: Lens,
-                 focal: float = 1.0, focal_stddev: float = 0.0) -> None:
+                 focal: float = 1.0, focal_stddev: float = 0.0, base: PoseFit | None = None,
+                 axes: NDArray[np.bool_] = SPATIAL_AXES) -> None:
         """
         Take corners (4, 2) px without distortion.
 
         focal: focal length over the calibrated one.  focal_stddev: of that; 0: not fitted.
+        axes: (6,), along and about which axes of ``base`` the body may be displaced from it.
         """
         self._tags, self._lens = tags, lens
         self._pixels = np.array(pixels)
@@ -69,7 +76,10 @@ class TagGroup:
         noise = CORNER_DEVIATION * np.maximum(1.0, FULL_WIDTH / widths)**2
         self._noise = noise[:, None, None]**2 * np.eye(8)
         self._focal, self._given = np.diag(lens.matrix)[:2], focal
-        self._free = 7 if focal_stddev else 6
+        self._base, self._moves = base, axes
+        turn = np.eye(3) if base is None else base.turn
+        self._free = scipy.linalg.block_diag(turn, turn, 1.0)[:, [*axes, focal_stddev > 0.0]]
+        """(7, n), shift, rotation vector and focal length per unknown."""
         self._stiff = 1.0 / focal_stddev**2 if focal_stddev else 0.0
         self._last: _Guess | None = None
 
@@ -106,19 +116,28 @@ class TagGroup:
         return found
 
     def _starts(self) -> 'list[_Guess]':
-        """Return the two poses of the body that each tag alone gives."""
-        found = []
+        """Return the poses of the body that each tag alone gives: two, one in a plane."""
+        found, poses = [], 2 if self._moves.all() else 1
         for tag, pixels in zip(self._tags, self._pixels, strict=True):
             half = tag.size / 2.0
             square = np.array([(-half, half, 0), (half, half, 0), (half, -half, 0),
                                (-half, -half, 0)])  # in the order that OpenCV wants
             _, vectors, shifts, _ = cv2.solvePnPGeneric(
                 square, pixels, self._lens.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
-            for vector, shift in zip(vectors, shifts, strict=True):
+            for vector, shift in zip(vectors[:poses], shifts[:poses], strict=True):
                 if np.isfinite(vector).all() and np.isfinite(shift).all():
                     turn = cv2.Rodrigues(vector)[0] @ tag.axes
-                    found.append(_Guess(turn, shift.ravel() - turn @ tag.centre, self._given))
+                    found.append(self._allowed(turn, shift.ravel() - turn @ tag.centre))
         return found
+
+    def _allowed(self, turn: Array, shift: Array) -> '_Guess':
+        """Return a pose that the body can have, near another one."""
+        if (base := self._base) is not None and not self._moves.all():
+            place = self._moves[:3] * (base.turn.T @ (shift - base.shift))
+            turned = Rotation.from_matrix(base.turn.T @ turn).as_quat() * [*self._moves[3:], True]
+            turn = base.turn @ Rotation.from_quat(turned).as_matrix()
+            shift = base.turn @ place + base.shift
+        return _Guess(turn, shift, self._given)
 
     def _refined(self, guess: '_Guess') -> 'tuple[float, _Guess]':
         """Return the misfit and the minimum reached from a start; infinite for none."""
@@ -126,7 +145,7 @@ class TagGroup:
         for _ in range(ITERATIONS):
             if not np.isfinite(misfit):
                 break
-            step = _solved(*self._normal(guess))
+            step = self._step(guess)
             for _ in range(HALVINGS):
                 moved = guess.moved(step)
                 after = self._misfit(moved)
@@ -142,18 +161,24 @@ class TagGroup:
 
     def _fit(self, misfit: float, guess: '_Guess') -> PoseFit:
         errors, jacobian, weights = self._system(guess)
-        covariance = np.asarray(np.linalg.inv(self._normal(guess)[0]), dtype=float)
-        per_focal = -_solved(*_normal(jacobian[..., :6], weights, jacobian[..., 6]))
-        return PoseFit(guess.turn, guess.shift, guess.focal, covariance, per_focal, misfit,
-                       errors.size - 6, float(np.sqrt(2.0 * np.mean(errors**2))))
+        free, matrix = self._free, self._normal(guess)[0]
+        covariance = free @ np.linalg.inv(free.T @ matrix @ free) @ free.T
+        return PoseFit(guess.turn, guess.shift, guess.focal, covariance, covariance @ matrix,
+                       misfit, errors.size - int(self._moves.sum()),
+                       float(np.sqrt(2.0 * np.mean(errors**2))))
+
+    def _step(self, guess: '_Guess') -> Array:
+        """Return the Gauss-Newton step (7,) of what is free."""
+        free, (matrix, pull) = self._free, self._normal(guess)
+        step: Array = free @ _solved(free.T @ matrix @ free, free.T @ pull)
+        return step
 
     def _normal(self, guess: '_Guess') -> tuple[Array, Array]:
-        """Return matrix and right-hand side of the normal equations, of what is free."""
+        """Return matrix (7, 7) and right-hand side of the normal equations."""
         errors, jacobian, weights = self._system(guess)
-        matrix, pull = _normal(jacobian[..., :self._free], weights, errors)
-        if self._stiff:
-            matrix[6, 6] += self._stiff
-            pull[6] += self._stiff * np.log(self._given / guess.focal)
+        matrix, pull = _normal(jacobian, weights, errors)
+        matrix[6, 6] += self._stiff
+        pull[6] += self._stiff * np.log(self._given / guess.focal)
         return matrix, pull
 
     def _misfit(self, guess: '_Guess') -> float:
@@ -213,9 +238,9 @@ class _Guess:
     focal: float
 
     def moved(self, step: Array) -> '_Guess':
-        """Return the guess after a step (6,) or (7,): shift, rotation vector, focal length."""
+        """Return the guess after a step (7,): shift, rotation vector, focal length."""
         return _Guess(cv2.Rodrigues(step[3:6])[0] @ self.turn, self.shift + step[:3],
-                      self.focal * float(np.exp(step[6:].sum())))
+                      self.focal * float(np.exp(step[6])))
 
 
 def width(corners: Array) -> float:

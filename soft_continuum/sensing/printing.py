@@ -9,9 +9,8 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.layout import Layout, TagLayout
+from soft_continuum.sensing.layout import Layout, RingLayout
 from soft_continuum.sensing.pages import A4, board_page, BORDER, FLAP, GAP, Page, tag_pages
-from soft_continuum.sensing.ring_layout import RingLayout
 
 BELOW = 0.030  # m for the ruler, below strips
 ABOVE = 0.012  # m for the title
@@ -19,17 +18,17 @@ ABOVE = 0.012  # m for the title
 
 def write_tags(path: Path, layout: Layout) -> None:
     """Write a PDF of A4 with all tags of a layout; raises OSError, ParameterError."""
-    pages = layout.pages()
+    pages = _of_rings(layout) if isinstance(layout, RingLayout) else _of_discs(layout)
     with PdfPages(path) as pdf:
         for page in (*pages, board_page()):  # as large as the page: nothing scales it
             pdf.savefig(page)
 
 
-def plane_pages(layout: TagLayout) -> list[Page]:
+def _of_discs(layout: Layout) -> list[Page]:
     """Return the pages of a planar arm."""
     of_discs = [f'disc {n}{" (base)" if n == 0 else ""}, {height * 1e3:g} mm up'
                 for n, height in enumerate(layout.heights)]
-    of_fixed = [f'{n}: x {x * 1e3:+.0f} mm, z {z * 1e3:+.0f} mm' for n, (x, z) in zip(
+    of_fixed = [f'{n}: x {x * 1e3:+.0f} mm, z {z * 1e3:+.0f} mm' for n, (x, _, z, _) in zip(
         layout.fixed_numbers, layout.fixed, strict=True)]
     return [_drawing(layout),
             *tag_pages('Tags of the discs: number 0 at the base', range(len(layout.heights)),
@@ -37,13 +36,13 @@ def plane_pages(layout: TagLayout) -> list[Page]:
             *tag_pages('Fixed tags', layout.fixed_numbers, layout.fixed_size, of_fixed)]
 
 
-def _drawing(layout: TagLayout) -> Page:
+def _drawing(layout: Layout) -> Page:
     """Return the page that shows where the tags go."""
     page = Page('Where the tags go, seen from the camera (from -y): x to the right, z along the '
                  'straight arm.\nThis page is not to scale.')
     axes = page.add_axes((0.14, 0.36, 0.78, 0.50))
     half = layout.fixed_size / 2.0
-    for number, (x, z) in zip(layout.fixed_numbers, layout.fixed, strict=True):
+    for number, (x, _, z, _) in zip(layout.fixed_numbers, layout.fixed, strict=True):
         axes.add_patch(Rectangle((x - half, z - half), 2 * half, 2 * half, color='0.3'))
         axes.text(x, z - half - 0.005, f'{number}\n({x * 1e3:.0f}, {z * 1e3:.0f})', va='top',
                   ha='center', fontsize=8)
@@ -57,10 +56,10 @@ def _drawing(layout: TagLayout) -> Page:
     axes.annotate('origin of base_link: bottom\ncentre of the base disc', (0.0, 0.0),
                   (0.06, -0.03), color='C3', fontsize=8, arrowprops={'arrowstyle': '-'})
     low, high = layout.fixed.min(axis=0) - 0.08, layout.fixed.max(axis=0) + 0.06
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel='x [m]', ylabel='z [m]')
+    axes.set(xlim=(low[0], high[0]), ylim=(low[2], high[2]), xlabel='x [m]', ylabel='z [m]')
     axes.set_aspect('equal')
     page.axes_.text(BORDER, 0.095, _INSTRUCTIONS.format(
-        depth=layout.depth * 1e3), fontsize=8.5, va='top',
+        depth=layout.fixed[0, 1] * 1e3), fontsize=8.5, va='top',
         linespacing=1.5)
     return page
 
@@ -77,7 +76,7 @@ _INSTRUCTIONS = """\
 """
 
 
-def ring_pages(layout: RingLayout) -> list[Page]:
+def _of_rings(layout: RingLayout) -> list[Page]:
     """Return the pages of a spatial arm; raises ParameterError for tags that do not fit on one."""
     of_fixed = [f'{n}: x {1e3 * x:+.0f}, y {1e3 * y:+.0f}, z {1e3 * z:+.0f} mm,\n'
                 f'looks to {degrees(turn):.0f} deg' for n, (x, y, z, turn) in zip(

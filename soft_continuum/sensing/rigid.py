@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.mechanics.arm import Array, PLANAR_AXES
-from soft_continuum.mechanics.orientations import full_poses
+from soft_continuum.mechanics.orientations import cross_matrices, full_poses
 
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+UP = np.array([0.0, 0.0, 1.0])
 UNKNOWN = 1e6
 """Variance, m^2 or rad^2, of a coordinate that is not measured."""
 
@@ -70,6 +71,13 @@ def mean_pose(poses: Sequence[Array]) -> Array:
     _, vectors = np.linalg.eigh(quaternions.T @ quaternions)
     turn = vectors[:, -1]
     return np.concatenate([rows[:, :3].mean(axis=0), turn if turn[3] >= 0.0 else -turn])
+
+
+def levers(vectors: Array) -> Array:
+    """Return the matrices (..., 6, 6) that move pose differences by vectors (..., 3), m."""
+    found = np.zeros((*vectors.shape[:-1], 6, 6)) + np.eye(6)
+    found[..., :3, 3:] = -cross_matrices(vectors)
+    return found
 
 
 def angle_between(one: Array, other: Array) -> float:

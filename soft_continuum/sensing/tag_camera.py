@@ -1,249 +1,264 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Poses of the discs of a planar arm from one image of its tags.
+Poses of the discs of an arm from one image of its tags.
 
-Corners are undistorted; those of the fixed tags give the homography from the plane of the arm to
-the image.  The pose of a disc is the least-squares fit to the corners of its tag.  Depth and tilt,
-which a single tag measures poorly, are not used.
+The fixed tags determine the pose of base_link in the frame of the camera, and the focal length if
+they are at different depths.  All visible tags of a disc determine its pose, within the plane of
+the arm if it has one.  An ambiguous disc, such as one with a single tag seen frontally that may
+tilt, is not measured.
 """
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics.orientations import full_poses
-from soft_continuum.sensing.detections import DiscCamera, DiscPose
-from soft_continuum.sensing.layout import directions, MIN_FIXED, not_collinear, TagLayout
+from soft_continuum.sensing.corners import TagDetector
+from soft_continuum.sensing.layout import Layout, MIN_FIXED, off_a_line, Tag
 from soft_continuum.sensing.lens import Lens
-from soft_continuum.sensing.pictures import Array, Picture
-from soft_continuum.sensing.rigid import compose, IDENTITY, in_plane
+from soft_continuum.sensing.pictures import Array, is_black, Picture
+from soft_continuum.sensing.placed_tags import PlacedTags
+from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, PoseFit, TagGroup, width
+from soft_continuum.sensing.rigid import compose, levers, rotate, UNKNOWN, UP
 
-SHARED_DEVIATION = 0.05  # px that all corners of a tag are off alike: residuals do not show it
-FOCAL_DEVIATION = 0.005  # relative, of a good calibration
 MAX_RESIDUAL = 2.0  # px, RMS: tags beyond it are not where they were said to be
 MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
-ITERATIONS = 5
-
-
-class TagCamera(DiscCamera):
-    """Measures the discs of a planar arm in images of one camera."""
-
-    layout: TagLayout
-
-    def __init__(self, layout: TagLayout, lens: Lens, offsets: Sequence[Array] = ()) -> None:
-        """
-        Store the tag layout and the camera calibration.
-
-        offsets: by disc, its pose (7,) in the nominal disc frame of its tag; none for tags at
-        their nominal positions.
-        """
-        discs = range(len(layout.heights))
-        super().__init__(layout, lens, {*layout.fixed_numbers, *discs})
-        self._offsets = offsets or [np.array(IDENTITY) for _ in discs]
-
-    def _view(self, picture: Picture, corners: Mapping[int, Array]) -> 'Plane | str':
-        """Return the plane from the fixed tags, or why there is none."""
-        seen = {n: c for n, c in corners.items() if n in self.layout.fixed_numbers}
-        if len(seen) < MIN_FIXED:
-            return self._too_few(picture, corners, len(seen), MIN_FIXED)
-        if not not_collinear(np.array([self.layout.fixed_corners(n).mean(axis=0) for n in seen])):
-            return 'all visible fixed tags but one are in a line; uncover the others'
-        plane = Plane(self.layout, self.lens, seen)
-        return plane.problem() or plane
-
-    def _fit(self, n: int, corners: Mapping[int, Array], view: 'Plane') -> '_Fit | str | None':
-        """Return the fit of a disc in the plane, why it fails, or None if it is not seen."""
-        if n not in corners:
-            return None
-        fit = view.fit(n, corners[n])
-        return fit if fit.residual <= MAX_RESIDUAL else (
-            f'the tag of disc {n} does not fit by {fit.residual:.1f} px; is it flat, and of the '
-            'size tags.disc_size?')
-
-    def _measured(self, view: 'Plane', fits: Mapping[int, tuple[Array, '_Fit']]
-                  ) -> tuple[dict[int, DiscPose], float]:
-        """Return the discs, and the deviation of all corners."""
-        squares = view.squares + sum(8.0 * fit.residual**2 for _, fit in fits.values())
-        stddev = float(np.sqrt(squares / (view.freedom + 5 * len(fits))))
-        variance = stddev**2 + SHARED_DEVIATION**2
-        return {n: DiscPose(compose(pose, self._offsets[n]), in_plane(
-            fit.pose, variance * fit.covariance + self._fixed_covariance(n, fit))[1],
-            fit.residual, pose) for n, (pose, fit) in fits.items()}, stddev
-
-    def _fixed_covariance(self, disc: int, fit: '_Fit') -> Array:
-        """Return the covariance of errors common to all images: tags, and the lens."""
-        stuck = self.layout.stddev
-        of_tag = np.diag([stuck, stuck, stuck / self.layout.disc_size])**2
-        lever = np.eye(3)  # a tag that is turned shifts the bottom of the disc
-        lever[:2, 2] = -self.layout.heights[disc] * directions(fit.pose[2])[0]
-        covariance: Array = lever @ of_tag @ lever.T
-        covariance += self.layout.fixed_stddev**2 * fit.placement
-        across = np.outer(fit.outwards, fit.outwards)
-        covariance[:2, :2] += across * (
-            (FOCAL_DEVIATION * self.layout.depth)**2 + self.layout.depth_stddev**2)
-        return covariance
+FAR_OFF = 0.5  # relative size error that no printer causes
+MAX_MISFIT = 16.0  # of corners over what is expected of them, both squared
+CLEARER = 12.0  # by which the misfit of every other pose of a disc is larger
+MIN_WIDTH = 16.0  # px, 2 per module: of a tag seen more from its side corners are not exact
+MIN_TILT = 0.35  # rad by which a tag that is seen alone has to look past the camera
+MAX_TURN = 0.1  # rad, standard: a disc that is known worse than that is not measured
+MIN_CHORD, MAX_CHORD = 0.5, 1.05  # of a segment's length, between the discs at its ends
 
 
 @dataclass(frozen=True)
-class _Fit:
+class DiscPose:
     """
-    A disc's pose, its covariance for corners that are off by 1 px, and its residual, px.
+    Measured pose of the bottom of a disc in base_link, m and rad.
 
-    placement: (3, 3), covariance for fixed tags that are off by 1 m.  outwards: (2,), apparent
-    outward shift of the disc over its shift towards the camera.
+    pose, covariance: position and quaternion x, y, z, w, (7,), and (6, 6) of the position and of
+    a rotation vector along the axes of base_link.  by_tags: (7,), the pose without offsets.
     """
 
     pose: Array
     covariance: Array
-    residual: float
-    placement: Array
-    outwards: Array
+    by_tags: Array
 
 
-class Plane:
-    """The homography from the plane of the fixed tags to the picture."""
+class View:
+    """The view of a camera of base_link."""
 
-    def __init__(self, layout: TagLayout, lens: Lens, seen: Mapping[int, Array]) -> None:
-        self._layout = layout
-        self._points = np.vstack([layout.fixed_corners(n) for n in seen])
-        self._pixels = np.vstack([*seen.values()])
-        matrix, _ = cv2.findHomography(self._points, self._pixels, 0)
-        self._matrix = matrix / matrix[2, 2]
-        self._foot, self._distance, self._foot_covariance = _viewpoint(
-            self._points, self._pixels, lens)
-        errors = self.project_at(self._points) - self._pixels
-        self.squares = float((errors**2).sum())
-        self.freedom = max(1, errors.size - 8)
-        jacobian = self._jacobian(self._points).reshape(-1, 8)
-        self._covariance = np.linalg.inv(jacobian.T @ jacobian)
-        shifts = np.zeros((len(jacobian), 2 * len(seen)))  # of the pixels with that of each tag
-        for i, step in enumerate(1e-6 * np.eye(2)):
-            moved = (self.project_at(self._points + step)
-                     - self.project_at(self._points - step)) / 2e-6
-            for k in range(len(seen)):
-                shifts[8 * k:8 * k + 8, 2 * k + i] = moved[4 * k:4 * k + 4].ravel()
-        of_tags = self._covariance @ jacobian.T @ shifts
-        self._placement = of_tags @ of_tags.T
-
-    def project_at(self, points: Array, depth: float = 0.0) -> Array:
-        """Project points (k, 2) m, nearer to the camera by ``depth``, (k, 2) px."""
-        return _mapped(self._matrix, self._behind(points, depth))
+    def __init__(self, base: PoseFit, lens: Lens) -> None:
+        """Take the pose of base_link in the frame of the camera."""
+        self.base, self._lens = base, lens
 
     def project(self, points: Array) -> Array:
-        """Project points (k, 3) m of the arm, in base_link, (k, 2) px."""
-        return self.project_at(points[:, [0, 2]], self._layout.depth)
+        """Project points (k, 3) m in base_link, (k, 2) px; nan behind the camera."""
+        places = points @ self.base.turn.T + self.base.shift
+        depths = np.where(places[:, 2:] > 0.0, places[:, 2:], np.nan)
+        pixels: Array = (places[:, :2] / depths * self.base.focal * np.diag(self._lens.matrix)[:2]
+                         + self._lens.matrix[:2, 2])
+        return pixels
 
-    def pose(self, fit: _Fit) -> Array:
-        """Return the pose (7,) of a disc."""
-        pose: Array = full_poses(fit.pose[None])[0]
-        return pose
+    def pose(self, fit: PoseFit) -> Array:
+        """Return the pose (7,) in base_link of a body seen by the camera."""
+        back = self.base.turn.T
+        return np.concatenate([back @ (fit.shift - self.base.shift),
+                               Rotation.from_matrix(back @ fit.turn).as_quat(canonical=True)])
 
-    def _behind(self, points: Array, depth: float) -> Array:
-        """Return the points of the plane hidden by these, (k, 2) m."""
-        return points + (points - self._foot) * depth / (self._distance - depth)
+    def covariance(self, fit: PoseFit, factor: float) -> Array:
+        """
+        Return the covariance (6, 6) of that pose, along the axes of base_link.
 
-    def _jacobian(self, points: Array, depth: float = 0.0) -> Array:
-        """Return the Jacobian of the projections by the homography, (k, 2, 8)."""
-        jacobian, hidden = np.empty((len(points), 2, 8)), self._behind(points, depth)
-        for i in range(8):
-            size = 1e-6 * max(1.0, abs(self._matrix.flat[i]))
-            there, back = self._matrix.copy(), self._matrix.copy()
-            there.flat[i] += size
-            back.flat[i] -= size
-            jacobian[:, :, i] = (_mapped(there, hidden) - _mapped(back, hidden)) / (2.0 * size)
-        return jacobian
-
-    def problem(self) -> str:
-        """Return a problem of the fixed tags; empty for none."""
-        count = len(self._pixels) // 4
-        inverse = np.linalg.inv(cv2.findHomography(
-            self._points.reshape(count, 4, 2).mean(axis=1), np.array([
-                _centre_of(c) for c in self._pixels.reshape(count, 4, 2)]), 0)[0])
-        edges = _mapped(inverse, self._pixels).reshape(count, 4, 2)
-        size = float(np.median(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2)))
-        scale = size / self._layout.fixed_size
-        if abs(scale - 1.0) > MAX_SCALE_ERROR:
-            return (f'the fixed tags are {size * 1e3:.1f} mm large, measured by their distances, '
-                    f'not {self._layout.fixed_size * 1e3:.1f} mm: print at 100 %, or correct '
-                    'tags.fixed_positions')
-        residual = np.sqrt(self.squares / self._pixels.size)
-        if residual > MAX_RESIDUAL:
-            return (f'the fixed tags do not fit by {residual:.1f} px; are they where '
-                    'tags.fixed_positions says, in one plane, and is this calibration of this '
-                    'camera?')
-        return ''
-
-    def fit(self, disc: int, pixels: Array) -> _Fit:
-        """Return the pose at which the tag of a disc is seen at ``pixels`` (4, 2)."""
-        layout, depth = self._layout, self._layout.depth
-        flat = _mapped(np.linalg.inv(self._matrix), pixels)
-        flat -= (flat - self._foot) * depth / self._distance
-        up = flat[:2].mean(axis=0) - flat[2:].mean(axis=0)
-        angle = float(np.arctan2(up[0], up[1]))
-        pose = np.array([0.0, 0.0, angle])
-        pose[:2] = flat.mean(axis=0) - layout.disc_corners(disc, pose).mean(axis=0)
-        jacobian = np.empty((8, 3))
-        for _ in range(ITERATIONS):
-            errors = (pixels - self.project_at(layout.disc_corners(disc, pose), depth)).ravel()
-            for i, size in enumerate((1e-6, 1e-6, 1e-5)):
-                step = np.zeros(3)
-                step[i] = size
-                jacobian[:, i] = (
-                    self.project_at(layout.disc_corners(disc, pose + step), depth)
-                    - self.project_at(layout.disc_corners(disc, pose - step), depth)
-                ).ravel() / (2.0 * size)
-            change = np.linalg.lstsq(jacobian, errors, rcond=None)[0]
-            pose = pose + change
-            if np.abs(change).max() < 1e-9:
-                break
-        own = np.linalg.inv(jacobian.T @ jacobian)
-        gain = own @ jacobian.T @ self._jacobian(
-            layout.disc_corners(disc, pose), depth).reshape(8, 8)
-        residual = pixels - self.project_at(layout.disc_corners(disc, pose), depth)
-        covariance = own + gain @ self._covariance @ gain.T
-        covariance[:2, :2] += (depth / self._distance)**2 * self._foot_covariance
-        return _Fit(pose, covariance,
-                    float(np.sqrt((residual**2).sum() / 8.0)),
-                    gain @ self._placement @ gain.T, (pose[:2] - self._foot) / self._distance)
+        factor: by which the squares of the corners are larger than expected.
+        """
+        back = np.kron(np.eye(2), self.base.turn.T)
+        # What moves base_link moves what is seen of the body alike.
+        by_base = fit.response @ block_diag(levers(fit.shift - self.base.shift), 1.0)
+        found = factor * (fit.covariance + by_base @ self.base.covariance @ by_base.T)[:6, :6]
+        covariance: Array = back @ found @ back.T
+        return covariance
 
 
-def _viewpoint(points: Array, pixels: Array, lens: Lens) -> tuple[Array, float, Array]:
+@dataclass(frozen=True)
+class TagDetections:
     """
-    Return the camera position: foot (x, z) on the plane of the fixed tags, and distance, m.
+    Detections in one image.
 
-    Also return the covariance (2, 2) of the foot for corners that are off by 1 px.
+    discs: by number, base first.  numbers: of all detected tags, including foreign ones.
+    stddev: px, of the corners by their residuals, less the effect of tag offsets; nan without
+    measurements.  problems: as text.  corners: by number of the tag, (4, 2) px, without the
+    distortion of the lens.  view: the projection; None unless the fixed tags determine it.
     """
-    solid = np.column_stack([points, np.zeros(len(points))])
-    _, turn, shift = cv2.solvePnP(solid, pixels, lens.matrix, None, flags=cv2.SOLVEPNP_IPPE)
-    turn, shift = cv2.solvePnPRefineLM(solid, pixels, lens.matrix, None, turn, shift)
-    pose = np.concatenate([turn.ravel(), shift.ravel()])
-    jacobian = cv2.projectPoints(solid, turn, shift, lens.matrix, None)[1][:, :6]
-    of_pose = np.column_stack([
-        (_camera(pose + step) - _camera(pose - step)) / 2e-6 for step in 1e-6 * np.eye(6)])[:2]
-    covariance = of_pose @ np.linalg.inv(jacobian.T @ jacobian) @ of_pose.T
-    camera = _camera(pose)
-    return camera[:2], abs(float(camera[2])), covariance
+
+    discs: Mapping[int, DiscPose]
+    numbers: tuple[int, ...]
+    stddev: float
+    problems: tuple[str, ...]
+    corners: Mapping[int, Array]
+    view: View | None = None
 
 
-def _camera(pose: Array) -> Array:
-    """Return the camera position for a rotation vector and a shift, (6,), of the plane."""
-    camera: Array = -cv2.Rodrigues(pose[:3])[0].T @ pose[3:]
-    return camera
+class TagCamera:
+    """Measures the discs of an arm in images of one camera, by their tags."""
+
+    def __init__(self, layout: Layout, lens: Lens, tags: PlacedTags) -> None:
+        """Store the tag layout, the camera calibration, and the tags as they are placed."""
+        self.layout, self.lens, self._tags = layout, lens, tags
+        self._known = frozenset(tags.fixed).union(*tags.rings)
+        self._tilts = bool(layout.axes.all())  # tags may be seen from their side, or not at all
+        self._detector = TagDetector(lens, () if self._tilts else self._known, 1 + self._tilts)
+
+    def measure(self, picture: Picture) -> TagDetections:
+        """Return the detections in a grey image (height, width)."""
+        if picture.shape[::-1] != self.lens.size:
+            return TagDetections({}, (), np.nan, (
+                f'the image has {picture.shape[1]} x {picture.shape[0]} px, the calibration '
+                f'{self.lens.size[0]} x {self.lens.size[1]}; calibrate the camera at this '
+                'resolution',), {})
+        numbers, corners, problems = self._find(picture)
+        view = self._view(picture, corners)
+        if isinstance(view, str):
+            return TagDetections({}, numbers, np.nan, (*problems, view), corners)
+        fits: dict[int, PoseFit] = {}
+        for n in range(len(self.layout.heights)):
+            fit = self._fit(n, corners, view)
+            if isinstance(fit, str):
+                problems.append(fit)
+            elif fit is not None:
+                fits[n] = fit
+        if wrong_scale := self._wrong_scale(view, fits):
+            return TagDetections({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
+        poses = {n: view.pose(fit) for n, fit in fits.items()}
+        wrong, on_wrong_discs = implausible_spacing(poses, self.layout)
+        fits = {n: fit for n, fit in fits.items() if n not in wrong}
+        used = [view.base, *fits.values()]
+        factor = sum(fit.misfit for fit in used) / sum(fit.freedom for fit in used)
+        return TagDetections(
+            {n: DiscPose(compose(poses[n], self._tags.offsets[n]),
+                         self._covariance(n, poses[n], view.covariance(fit, max(1.0, factor))),
+                         poses[n]) for n, fit in fits.items()},
+            numbers, CORNER_DEVIATION * float(np.sqrt(factor)), (*problems, *on_wrong_discs),
+            corners, view)
+
+    def _find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
+        """Return all numbers, the corners of this layout's tags, px, and problems."""
+        found = self._detector.detect(picture)
+        count = Counter(n for n, _ in found)
+        problems = [f'{times} tags with the number {n} are seen; remove the wrong one'
+                    for n, times in sorted(count.items()) if times > 1 and n in self._known]
+        corners = {n: c for n, c in found if n in self._known and count[n] == 1
+                   and (width(c) >= MIN_WIDTH or not self._tilts)}
+        return tuple(sorted(count)), corners, problems
+
+    def _view(self, picture: Picture, corners: Mapping[int, Array]) -> View | str:
+        """Return the view of base_link, or why it is unknown."""
+        fixed, layout = self._tags.fixed, self.layout
+        seen = [n for n in fixed if n in corners]
+        if len(seen) < MIN_FIXED:
+            return self._too_few(picture, corners, len(seen))
+        if not off_a_line(np.array([fixed[n].centre for n in seen])):
+            return 'the visible fixed tags are in a line; uncover the others'
+        group = TagGroup([fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
+                         self._tags.focal, self._tags.focal_stddev)
+        fits = group.fits()
+        if not fits:
+            return f'the fixed tags do not fit; are they at {layout.fixed_parameter}?'
+        factor = group.size_factor(fits[0])
+        if MAX_SCALE_ERROR < abs(factor - 1.0) < FAR_OFF:
+            return (f'the fixed tags are {factor * layout.fixed_size * 1e3:.1f} mm large, '
+                    f'measured by their distances, not {layout.fixed_size * 1e3:.1f} mm: '
+                    f'print at 100 %, or correct {layout.fixed_parameter}')
+        if _does_not_fit(fits[0]) or abs(factor - 1.0) >= FAR_OFF:
+            return (f'the fixed tags do not fit by {fits[0].residual:.1f} px; are they where '
+                    f'{layout.fixed_parameter} says, and is this calibration of this camera?')
+        return View(fits[0], self.lens)
+
+    def _too_few(self, picture: Picture, corners: Mapping[int, Array], seen: int) -> str:
+        """Return the problem of an image without enough fixed tags, and a remedy."""
+        why = 'are they covered, are they in the image, sharp and lit?'
+        if is_black(picture):
+            why = 'the image is black: is the lens covered, is there light?'
+        elif not corners and self._detector.numbers(cv2.flip(picture, 1)):
+            why = 'the image is mirrored: turn that off in the driver of the camera'
+        return (f'{seen} of {len(self.layout.fixed)} fixed tags are seen; needed: {MIN_FIXED}; '
+                f'{why}')
+
+    def _fit(self, n: int, corners: Mapping[int, Array], view: View) -> PoseFit | str | None:
+        """Return the pose of a disc, why it is unknown, or None when it is not seen."""
+        ring = self._tags.rings[n]
+        seen = [number for number in ring if number in corners]
+        fits = TagGroup(
+            [ring[k] for k in seen], [corners[k] for k in seen], self.lens, view.base.focal,
+            base=view.base, axes=self.layout.axes).fits() if seen else []
+        if not fits:
+            return None
+        best = fits[0]
+        if _does_not_fit(best):
+            return (f'the tags of disc {n} do not fit by {best.residual:.1f} px; is each in its '
+                    'place, flat, and of the size tags.disc_size?')
+        alone = len(seen) == 1 and _tilt(ring[seen[0]], best) < MIN_TILT
+        unclear = any(fit.misfit - best.misfit < CLEARER for fit in fits[1:])
+        if self._tilts and (alone or unclear or np.linalg.eigvalsh(
+                best.covariance[3:6, 3:6])[-1] > MAX_TURN**2):
+            return (f'only tag {", ".join(map(str, seen))} of disc {n} is seen, too frontally to '
+                    'measure its orientation; turn the ring, or move the camera')
+        return best
+
+    def _wrong_scale(self, view: View, fits: Mapping[int, PoseFit]) -> str:
+        """Return a problem of the size of the rings, judged by the base; empty for none."""
+        size = np.linalg.norm(fits[0].shift if 0 in fits else view.base.shift)
+        factor = float(np.linalg.norm(view.base.shift) / size)
+        if abs(factor - 1.0) <= MAX_SCALE_ERROR:
+            return ''
+        return (f'the tags of disc 0 are {factor * self.layout.disc_size * 1e3:.1f} mm large, '
+                f'measured by the fixed tags, not {self.layout.disc_size * 1e3:.1f} mm: print at '
+                '100 %, or correct tags.disc_size; is the ring of the base where it should be?')
+
+    def _covariance(self, n: int, pose: Array, by_tags: Array) -> Array:
+        """Return the covariance of a disc, with the offset of its ring."""
+        # A ring that is turned about its middle shifts the bottom of the disc.
+        lever = levers(-self.layout.heights[n] * rotate(pose[3:], UP))
+        found = by_tags + lever * self._tags.ring_spread**2 @ lever.T
+        measured = np.outer(self.layout.axes, self.layout.axes)
+        covariance: Array = np.where(measured, found, UNKNOWN * np.eye(6))
+        return covariance
 
 
-def _centre_of(corners: Array) -> Array:
-    """Return the intersection of a tag's diagonals (4, 2): its centre in any perspective."""
-    a, b, c, d = corners
-    sides = np.column_stack([c - a, b - d])
-    centre: Array = a + (c - a) * np.linalg.solve(sides, b - a)[0]
-    return centre
+def implausible_spacing(poses: Mapping[int, Array], layout: Layout) -> tuple[set[int], list[str]]:
+    """
+    Return the discs at distances that the segment between them does not allow, and why.
+
+    poses: (7,), of the detected discs.
+    """
+    wrong: set[int] = set()
+    problems = []
+    lengths = layout.segment_lengths
+    for n in sorted(poses.keys() & {above - 1 for above in poses}):
+        along = rotate(poses[n][3:], UP)
+        top = poses[n][:3] + layout.disc_heights[n] * along
+        chord = float(np.linalg.norm(poses[n + 1][:3] - top))  # to the bottom of that above
+        if not MIN_CHORD * lengths[n] <= chord <= MAX_CHORD * lengths[n]:
+            wrong |= {n, n + 1}
+            problems.append(
+                f'discs {n} and {n + 1} are seen {chord * 1e3:.0f} mm apart, though segment '
+                f'{n + 1} between them has {lengths[n] * 1e3:.0f} mm; are the tags on the right '
+                'discs?')
+    return wrong, problems
 
 
-def _mapped(matrix: Array, points: Array) -> Array:
-    """Return points (k, 2) mapped by a homography."""
-    w = points @ matrix[:, :2].T + matrix[:, 2]
-    mapped: Array = w[:, :2] / w[:, 2:]
-    return mapped
+def _tilt(tag: Tag, fit: PoseFit) -> float:
+    """Return the angle between a tag's normal and the line of sight, rad."""
+    place = fit.turn @ tag.centre + fit.shift
+    return float(np.arccos(-(fit.turn @ tag.axes[2]) @ place / np.linalg.norm(place)))
+
+
+def _does_not_fit(fit: PoseFit) -> bool:
+    """Return whether corners are off by more than pixels and stated deviations explain."""
+    return fit.residual > MAX_RESIDUAL and fit.misfit > MAX_MISFIT * fit.freedom

@@ -15,11 +15,8 @@ from math import cos, inf, pi, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from soft_continuum.mechanics.arm import Arm, PAPER
-
-Array = NDArray[np.float64]
+from soft_continuum.mechanics.arm import Arm, Array, PAPER
 
 RIGID = 1e6
 HINGE_ARMATURE = 1e-3  # kg m^2: with less, taut tendons chatter at this time step

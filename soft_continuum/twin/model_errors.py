@@ -3,7 +3,7 @@
 """Model errors of the twin against the description of the arm: config/twin.yaml."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, MISSING
+from dataclasses import dataclass, field, fields, MISSING
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,18 @@ class TwinError(ValueError):
     """A file of model errors, or an arm, cannot be used for a twin."""
 
 
+def _in(low: float, high: float, default: Any = MISSING) -> Any:
+    """Return a field for numbers in a range."""
+    return field(default=default, metadata={'range': (low, high)})
+
+
 @dataclass(frozen=True)
 class Obstacle:
     """A smooth rigid cylinder along y: its axis at x, z in base_link, and its radius, m."""
 
-    x: float
-    z: float
-    radius: float
+    x: float = _in(-10.0, 10.0)
+    z: float = _in(-10.0, 10.0)
+    radius: float = _in(0.001, 10.0)
 
 
 @dataclass(frozen=True)
@@ -58,40 +63,40 @@ class ModelErrors:
     besides; angle_error, rad, standard deviation of the angles of the tendons.
     """
 
-    stiffness_factors: tuple[float, ...]
-    mass_factor: float
-    stiff_ratio: float
-    soft_below: float
-    yield_moment: float
-    lock_in_shift: float
-    damping_time: float
-    guide_friction: float
-    tendon_compliance: float
-    slip_tension: float
-    backlash: float
-    zero_offset: float
+    stiffness_factors: tuple[float, ...] = _in(0.2, 5.0)
+    mass_factor: float = _in(0.0, 5.0)
+    stiff_ratio: float = _in(1.1, 1e5)
+    soft_below: float = _in(0.0, 0.9)
+    yield_moment: float = _in(1e-6, 1e6)
+    lock_in_shift: float = _in(0.0, 0.2)
+    damping_time: float = _in(0.005, 1.0)
+    guide_friction: float = _in(0.0, 1.0)
+    tendon_compliance: float = _in(0.0, 0.01)
+    slip_tension: float = _in(0.1, 1e6)
+    backlash: float = _in(0.0, 0.01)
+    zero_offset: float = _in(-0.01, 0.01)
     obstacles: tuple[Obstacle, ...]
-    tension_noise: float
-    load_cell_zero: float
-    load_cell_scale: float
-    accelerometer_noise: float
-    accelerometer_bias: float
-    gyro_noise: float
-    gyro_bias: float
-    picture_noise: float
-    picture_blur: float
-    shade: float
-    occluders: int
-    lens_distortion: float
-    calibration_error: float
-    camera_shift: float
-    camera_tilt: float
-    tag_offset: float
-    fixed_offset: float
-    depth_offset: float
-    seed: int
-    lateral_stiffness_factor: float = 1.0
-    angle_error: float = 0.0
+    tension_noise: float = _in(0.0, 100.0)
+    load_cell_zero: float = _in(0.0, 100.0)
+    load_cell_scale: float = _in(0.0, 0.5)
+    accelerometer_noise: float = _in(0.0, 10.0)
+    accelerometer_bias: float = _in(0.0, 10.0)
+    gyro_noise: float = _in(0.0, 10.0)
+    gyro_bias: float = _in(0.0, 10.0)
+    picture_noise: float = _in(0.0, 100.0)
+    picture_blur: float = _in(0.0, 20.0)
+    shade: float = _in(0.0, 1.0)
+    occluders: int = _in(0, 20)
+    lens_distortion: float = _in(-0.25, 0.25)
+    calibration_error: float = _in(0.0, 0.2)
+    camera_shift: float = _in(0.0, 1.0)
+    camera_tilt: float = _in(0.0, 0.5)
+    tag_offset: float = _in(0.0, 0.01)
+    fixed_offset: float = _in(0.0, 0.05)
+    depth_offset: float = _in(0.0, 0.05)
+    seed: int = _in(0, 2**31)
+    lateral_stiffness_factor: float = _in(0.2, 5.0, 1.0)
+    angle_error: float = _in(0.0, 0.5, 0.0)
 
 
 def load_cell_parameters(tendons: int) -> dict[str, Value]:
@@ -100,24 +105,8 @@ def load_cell_parameters(tendons: int) -> dict[str, Value]:
             'load_cells.scales': (1.0,) * tendons}
 
 
-RANGES = {
-    'stiffness_factors': (0.2, 5.0), 'lateral_stiffness_factor': (0.2, 5.0),
-    'angle_error': (0.0, 0.5), 'mass_factor': (0.0, 5.0), 'stiff_ratio': (1.1, 1e5),
-    'soft_below': (0.0, 0.9), 'yield_moment': (1e-6, 1e6), 'lock_in_shift': (0.0, 0.2),
-    'damping_time': (0.005, 1.0), 'guide_friction': (0.0, 1.0),
-    'tendon_compliance': (0.0, 0.01), 'slip_tension': (0.1, 1e6), 'backlash': (0.0, 0.01),
-    'zero_offset': (-0.01, 0.01),
-    'tension_noise': (0.0, 100.0), 'load_cell_zero': (0.0, 100.0), 'load_cell_scale': (0.0, 0.5),
-    'accelerometer_noise': (0.0, 10.0), 'accelerometer_bias': (0.0, 10.0),
-    'gyro_noise': (0.0, 10.0), 'gyro_bias': (0.0, 10.0),
-    'picture_noise': (0.0, 100.0), 'picture_blur': (0.0, 20.0),
-    'shade': (0.0, 1.0), 'occluders': (0, 20),
-    'lens_distortion': (-0.25, 0.25), 'calibration_error': (0.0, 0.2),
-    'camera_shift': (0.0, 1.0), 'camera_tilt': (0.0, 0.5), 'tag_offset': (0.0, 0.01),
-    'fixed_offset': (0.0, 0.05), 'depth_offset': (0.0, 0.05),
-    'seed': (0, 2**31)}
+RANGES = {one.name: one.metadata['range'] for one in fields(ModelErrors) if one.metadata}
 """Smallest and largest value of each number."""
-OBSTACLE_RANGES = {'x': (-10.0, 10.0), 'z': (-10.0, 10.0), 'radius': (0.001, 10.0)}  # m
 MAX_OBSTACLES = 100
 
 
@@ -156,13 +145,14 @@ def _checked(path: str | Path, name: str, values: Mapping[str, Any]) -> Any:
 def _obstacles(path: str | Path, value: Any) -> tuple[Obstacle, ...]:
     """Return the obstacles of a list of mappings."""
     if not isinstance(value, list) or len(value) > MAX_OBSTACLES or not all(
-            isinstance(one, dict) and sorted(map(str, one)) == sorted(OBSTACLE_RANGES)
+            isinstance(one, dict) and set(one) == {part.name for part in fields(Obstacle)}
             for one in value):
         raise TwinError(f'{path}: obstacles must be a list, in m, of {MAX_OBSTACLES} at most, '
                         'such as [{x: 0.08, z: 0.2, radius: 0.02}]; [] for none')
     for number, one in enumerate(value, start=1):
-        for key, allowed in OBSTACLE_RANGES.items():
-            _check(path, f'{key} of obstacle {number}', one[key], allowed)
+        for part in fields(Obstacle):
+            _check(path, f'{part.name} of obstacle {number}', one[part.name],
+                   part.metadata['range'])
     return tuple(Obstacle(**one) for one in value)
 
 

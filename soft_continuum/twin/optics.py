@@ -1,29 +1,18 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""
-Optics of a simulated webcam: lens, sensor noise, paper, occluders.
+"""Optics of a simulated webcam: sensor noise, paper, occluders."""
 
-It shares no projection with the measuring code: rays go out from the camera, undistorted by
-fixed-point iteration.
-"""
-
-from abc import ABC, abstractmethod
-from functools import lru_cache
 from math import ceil, floor
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.sensing.layout import QUIET_ZONE
-from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, MODULES, Picture
 from soft_continuum.twin.model_errors import ModelErrors
 
 WIDTH, HEIGHT = 1280, 960  # px
-MARGIN = 1.25  # of what has to be in the picture
-FIELD = 0.62  # tan of half the horizontal angle of view: a webcam of 64 degrees
 WHITE, BLACK, BOARD, SKIN, PLATE = 225.0, 25.0, 150.0, 70.0, 215.0  # grey values
 DARK = 60.0  # grey value of obstacles and occluders
 SAMPLES = 3  # by SAMPLES of each pixel
@@ -31,71 +20,6 @@ SUNK = 0.5  # of the brightness that the darkest corner keeps at light 1
 OCCLUDER_LENGTHS, OCCLUDER_WIDTHS = (200.0, 320.0), (50.0, 90.0)
 """px; a tag of a disc has about 34."""
 OCCLUDER_PERIODS = (30.0, 90.0)  # s to and fro
-
-
-class Webcam(ABC):
-    """
-    A slightly misaligned webcam; ``lens`` is its calibration.
-
-    Directions and points are in the axes of a camera that looks straight: right, down, forward.
-    """
-
-    sensor: 'Sensor'
-
-    def __init__(self, given: ModelErrors, random: np.random.Generator) -> None:
-        """Draw its misalignment and its calibration errors."""
-        focal = WIDTH / 2.0 / FIELD
-        self._focal, self._middle = focal, np.array([WIDTH / 2.0 - 0.5, HEIGHT / 2.0 - 0.5])
-        self._bent = given.lens_distortion
-        tilt = random.uniform(-1.0, 1.0, 3) * given.camera_tilt
-        self._turn = cv2.Rodrigues(tilt)[0]
-        wrong = 1.0 + random.normal(0.0, given.calibration_error)
-        self.lens = Lens.of(
-            (WIDTH, HEIGHT),
-            [focal * wrong, 0, self._middle[0], 0, focal * wrong, self._middle[1], 0, 0, 1],
-            [self._bent * wrong, 0, 0, 0, 0], 'plumb_bob')
-        self.occluders = Occluders(given.occluders, given.seed)
-
-    def picture(self, discs: Array, time: float = 0.0) -> Picture:
-        """
-        Return its image.
-
-        discs: (discs, 7), pose of the bottom of each, position (m) and quaternion x, y, z, w.
-        time: s, for moving occluders.
-        """
-        grey = self.drawn(discs)
-        for corners in self.occluders.corners(time):
-            cv2.fillConvexPoly(grey, np.round(corners * 16).astype(np.int32), DARK, cv2.LINE_AA, 4)
-        return self.sensor.exposed(grey)
-
-    @abstractmethod
-    def drawn(self, discs: Array) -> NDArray[np.float32]:
-        """Return the grey values (height, width) of an arm, before light and sensor."""
-
-    def seen(self, points: Array) -> Array:
-        """Return the pixels (k, 2) of points (k, 3) m."""
-        solid = points @ self._turn.T
-        flat = solid[:, :2] / solid[:, 2:]
-        flat = flat * (1.0 + self._bent * (flat**2).sum(axis=1, keepdims=True))
-        return np.asarray(flat * self._focal + self._middle)
-
-    def rays(self) -> Array:
-        """Return the direction of every pixel, (height, width, 3)."""
-        flat = _undistorted(self._focal, *self._middle.tolist(), self._bent)
-        rays = np.concatenate([flat, np.ones((HEIGHT, WIDTH, 1))], axis=-1) @ self._turn
-        return np.asarray(rays)
-
-
-@lru_cache(2)  # cameras of one kind differ in how they stand
-def _undistorted(focal: float, right: float, down: float, bent: float) -> Array:
-    """Return in which direction each pixel looks without the lens, (height, width, 2)."""
-    v, u = np.mgrid[:HEIGHT, :WIDTH]
-    seen = (np.stack([u, v], axis=-1) - (right, down)) / focal
-    flat, before = seen, np.full(1, np.inf)
-    while np.abs(flat - before).max() > 1e-7:
-        before = flat
-        flat = seen / (1.0 + bent * (flat[..., :1]**2 + flat[..., 1:]**2))
-    return flat
 
 
 class Sensor:
@@ -159,11 +83,6 @@ def blotched(random: np.random.Generator) -> NDArray[np.float32]:
     board: NDArray[np.float32] = BOARD + 12.0 * cv2.resize(
         blotches, (WIDTH, HEIGHT), interpolation=cv2.INTER_CUBIC)
     return board
-
-
-def jacobian(places: NDArray[Any]) -> NDArray[Any]:
-    """Return how the values (height, width, k) of pixels change to the right and down."""
-    return np.stack([np.gradient(places, axis=1), np.gradient(places, axis=0)])
 
 
 def printed(flat: Array, modules: NDArray[np.bool_], old: Array) -> Array:

@@ -11,7 +11,7 @@ from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import CAMERA, TWIN
 from soft_continuum.ros.pictures import grey_message
 from soft_continuum.ros.qos import SENSOR, STREAM
-from soft_continuum.twin.optics import Webcam
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.publisher import DISC_POSES, Publisher
 
 FRAME = 'simulated_{}'
@@ -20,7 +20,7 @@ FRAME = 'simulated_{}'
 class Pictures(Publisher):
     """Publishes images, drawn from twin/disc_poses, and the calibration of a camera."""
 
-    def __init__(self, camera: Webcam, rate: float, namespace: str = '',
+    def __init__(self, camera: TwinCamera, rate: float, namespace: str = '',
                  name: str = CAMERA) -> None:
         """
         Make the node twin_NAME, which publishes NAME/image_raw and NAME/camera_info.

@@ -9,9 +9,9 @@ from sensor_msgs.msg import Imu, JointState
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.names import LOAD_CELLS, TWIN
 from soft_continuum.ros.qos import STREAM
+from soft_continuum.twin.plant import Sensors
 from soft_continuum.twin.publisher import DISC_POSES, Publisher
 from soft_continuum.twin.rig import TwinRig
-from soft_continuum.twin.sensors import Sensors
 
 PERIOD = 0.02  # s
 

@@ -70,9 +70,9 @@ def test_derivatives_are_those_of_solves():
         more, less = (at(sign * step * np.eye(layout.size)[row]) for sign in (1.0, -1.0))
         poses = [displacement(a, b) / (2.0 * step)
                  for a, b in zip(more.poses, less.poses, strict=True)]
-        assert here.pose_rows[:, :, row] == pytest.approx(np.array(poses), rel=1e-4, abs=1e-6)
+        assert here.rates.poses[:, :, row] == pytest.approx(np.array(poses), rel=1e-4, abs=1e-6)
         tensions = (more.tensions - less.tensions) / (2.0 * step)
-        assert here.tension_rows[:, row] == pytest.approx(tensions, rel=1e-3, abs=1e-2)
+        assert here.rates.tensions[:, row] == pytest.approx(tensions, rel=1e-3, abs=1e-2)
 
 
 # Against the truth.

@@ -61,7 +61,7 @@ def test_derivatives_are_those_of_the_tensions_and_of_the_slack(pulls):
     assert found.tensions == pytest.approx(at(pulls), abs=1e-6)
     for tendon, change in enumerate(step * np.eye(2)):
         expected = (at(pulls + change) - at(pulls - change)) / (2.0 * step)
-        assert found.tension_rows[:, layout.offset][:, tendon] == pytest.approx(
+        assert found.rates.tensions[:, layout.offset][:, tendon] == pytest.approx(
             expected, rel=1e-3, abs=1e-2)
 
 

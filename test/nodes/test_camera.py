@@ -26,7 +26,7 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import pose_from_ros
 from soft_continuum.ros.pictures import CHANNELS, grey_message, grey_picture
 from soft_continuum.ros.qos import LATCHED, SENSOR
-from soft_continuum.twin.ring_camera import FRONT
+from soft_continuum.sensing.layout import FRONT
 from support import space_views, views
 from support.descriptions import given_in
 from support.planar import planar

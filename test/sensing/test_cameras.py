@@ -10,7 +10,7 @@ import pytest
 
 from soft_continuum.sensing.lens import Lens
 from support import space_views, views
-from support.views import without_pose
+from support.views import covered, without_pose
 
 
 def measuring(of_arm, lens, **changes):
@@ -22,31 +22,48 @@ def measuring(of_arm, lens, **changes):
 @pytest.fixture(scope='module', params=[
     (views, (0.0, 0.0, 0.0)), (space_views, np.zeros((3, 2)))], ids=['in the plane', 'in space'])
 def ideal(request):
-    """Return the pictures of an arm, the lens of a drawn camera, and one of the straight arm."""
+    """Return the pictures of an arm, lens and picture of the straight arm, camera and discs."""
     of_arm, straight = request.param
     drawn = of_arm.camera()
-    return of_arm, drawn.lens, drawn.picture(of_arm.poses(*straight))
+    discs = of_arm.poses(*straight)
+    return of_arm, drawn.lens, drawn.picture(discs), drawn, discs
 
 
 @pytest.mark.parametrize(('change', 'words'), [
     (np.zeros_like, ('black', 'lens covered')), (lambda p: cv2.flip(p, 1), ('mirrored', 'driver')),
     (lambda p: cv2.resize(p, (640, 480)), ('640 x 480', '1280 x 960'))])
 def test_a_picture_in_which_nothing_can_be_measured(ideal, change, words):
-    of_arm, lens, picture = ideal
+    of_arm, lens, picture, *_ = ideal
     without_pose(measuring(of_arm, lens).measure(change(picture)), *words)
 
 
 @pytest.mark.parametrize('scale', [0.94, 1.06])
 def test_fixed_tags_that_were_printed_at_another_scale(ideal, scale):
-    of_arm, lens, picture = ideal
+    of_arm, lens, picture, *_ = ideal
     sight = measuring(of_arm, lens, fixed_size=0.06 * scale).measure(picture)
     without_pose(sight, 'print at 100 %')
     assert float(re.search('are ([0-9.]+) mm', sight.problems[0])[1]) == pytest.approx(60, abs=0.3)
 
 
 def test_a_calibration_of_another_camera(ideal):
-    of_arm, lens, picture = ideal
+    of_arm, lens, picture, *_ = ideal
     bent = Lens.of(lens.size, lens.matrix, [-0.6, 0.0, 0.0, 0.0, 0.0])
     sight = measuring(of_arm, bent).measure(picture)
     without_pose(sight, 'tags')
     assert 'do not fit' in sight.problems[0] or '100 %' in sight.problems[0]
+
+
+def test_tags_on_the_wrong_discs(ideal):
+    of_arm, lens, _, _, discs = ideal
+    drawn = of_arm.camera()
+    drawn._discs[1], drawn._discs[3] = drawn._discs[3], drawn._discs[1]
+    sight = measuring(of_arm, lens).measure(drawn.picture(discs))
+    assert not {1, 3} & set(sight.discs)
+    assert 'right discs' in sight.problems[0]
+
+
+def test_a_disc_that_is_hidden_is_left_out_and_nothing_else(ideal):
+    of_arm, lens, picture, drawn, discs = ideal
+    front = discs[2:3, :3] + [0.0, -0.03 if of_arm is space_views else 0.0, 0.015]
+    sight = measuring(of_arm, lens).measure(covered(drawn, picture, front, 60))
+    assert list(sight.discs) == [0, 1, 3] and not sight.problems

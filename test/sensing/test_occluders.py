@@ -4,9 +4,9 @@
 
 import cv2
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.orientations import full_poses
-from soft_continuum.sensing.tag_camera import TagCamera
 from support import views
 from support.planar import IN_PLANE
 
@@ -22,10 +22,11 @@ def outside(bars, points):
 def test_what_is_hidden_is_not_measured_what_is_cut_right_or_not_at_all_the_rest_is():
     layout, truth = views.layout(), views.discs(0.3, -0.2, 0.4)
     drawn = views.camera(occluders=2)
-    measuring = TagCamera(layout, drawn.lens)
-    tags = [drawn.project(layout.disc_corners(n, pose), layout.depth)
-            for n, pose in enumerate(truth)]
-    fixed = np.vstack([drawn.project(layout.fixed_corners(n), 0.0) for n in layout.fixed_numbers])
+    measuring = layout.camera(drawn.lens)
+    places = [Rotation.from_quat(pose[3:]).apply(layout.ring(n)[n].corners) + pose[:3]
+              for n, pose in enumerate(full_poses(truth))]
+    tags = [drawn.project(corners) for corners in places]
+    fixed = np.vstack([drawn.project(tag.corners) for tag in layout.fixed_tags.values()])
     hidden_ones, cut_ones, before = set(), [], -np.inf
     for time in np.arange(0.0, 600.0, 0.5):
         bars = drawn.occluders.corners(time)

@@ -14,9 +14,9 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.detections import DiscPose, TagDetections
 from soft_continuum.sensing.mounted_imus import imu_rotations
 from soft_continuum.sensing.rigid import compose, planar_pose
+from soft_continuum.sensing.tag_camera import DiscPose, TagDetections
 from soft_continuum.sensing.tare import offset_of, straight_heights, tag_offset, turn_of, Window
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sensing.tracker import Tracker
@@ -172,7 +172,7 @@ def in_space(*planar):
 
 def sights(poses):
     """Return what a camera saw of disc 1, with these poses (k, 3); of disc 2 once."""
-    return [TagDetections({n: DiscPose(in_space(*pose), np.eye(6), 0.1, in_space(*pose))
+    return [TagDetections({n: DiscPose(in_space(*pose), np.eye(6), in_space(*pose))
                    for n in range(1, 2 + (k == 0))}, (), 0.1, (), {})
             for k, pose in enumerate(poses)]
 

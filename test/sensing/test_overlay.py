@@ -9,8 +9,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.sensing.overlay import overlay, SIZE
-from soft_continuum.sensing.ring_camera import RingCamera
-from soft_continuum.sensing.tag_camera import TagCamera
 from support import space_views, views
 
 ANGLES = (0.3, -0.2, 0.4)
@@ -45,20 +43,20 @@ def teal(picture):
 def ideal():
     """Return a camera that is as it is said to be, its tags, and a picture of the bent arm."""
     camera = views.camera()
-    return camera, TagCamera(camera._layout, camera.lens), camera.picture(views.poses(*ANGLES))
+    return camera, camera._layout.camera(camera.lens), camera.picture(views.poses(*ANGLES))
 
 
 @pytest.mark.parametrize('preset', ['ideal', 'severe'])
 def test_the_model_is_where_the_camera_sees_it(preset):
     camera = views.camera(preset, tag_offset=0.0, fixed_offset=0.0, depth_offset=0.0,
                           calibration_error=0.0)
-    tags = TagCamera(camera._layout, camera.lens)
+    tags = camera._layout.camera(camera.lens)
     picture = camera.picture(views.poses(0.0, 0.0, 0.0))
     model = points(*ANGLES)
     pixels = magenta(drawn(picture, tags, tags.measure(picture), model))
     scale = SIZE / picture.shape[1]
     # The twin's own projection, which shares nothing with the one that is drawn with.
-    corners = camera.project(model[:, [0, 2]], camera._layout.depth) * scale
+    corners = camera.project(model[:, :3]) * scale
     for corner in corners:
         assert np.linalg.norm(pixels - corner, axis=1).min() < 2.5
     # And nowhere but along the arm.
@@ -68,7 +66,7 @@ def test_the_model_is_where_the_camera_sees_it(preset):
 
 def test_the_model_of_an_arm_in_space_is_where_the_camera_sees_it():
     camera = space_views.camera('typical', **space_views.EXACT)
-    tags = RingCamera(space_views.layout(), camera.lens)
+    tags = space_views.layout().camera(camera.lens)
     poses = space_views.CHAIN.uniform([(0.3, 0.2), (-0.2, 0.4), (0.1, -0.5)]).poses
     picture = camera.picture(space_views.discs(*np.zeros((3, 2))))
     pixels = magenta(drawn(picture, tags, tags.measure(picture), poses))

@@ -8,18 +8,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.sensing.lens import Lens
-from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, TagGroup
-from soft_continuum.sensing.ring_camera import RingCamera
-from soft_continuum.sensing.ring_layout import (
+from soft_continuum.sensing.layout import (
     corners_as_numbers,
     corners_at_rest,
     corners_from_numbers,
+    FRONT,
 )
+from soft_continuum.sensing.lens import Lens
+from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, TagGroup
 from soft_continuum.sensing.tilt import SensorError
-from soft_continuum.twin.ring_camera import FRONT
 from support import space_views as views
-from support.views import without_pose
+from support.views import covered, without_pose
 
 STRAIGHT = views.discs(*np.zeros((3, 2)))
 BENT = views.discs((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))
@@ -32,7 +31,7 @@ EDGE = np.pi / 6  # and one there two
 def ideal():
     """Return a drawn camera, what measures in its pictures, and one of the straight arm."""
     drawn = views.camera()
-    return drawn, RingCamera(views.layout(), drawn.lens), drawn.picture(STRAIGHT)
+    return drawn, views.layout().camera(drawn.lens), drawn.picture(STRAIGHT)
 
 
 # The fit.
@@ -79,7 +78,7 @@ def test_the_covariance_is_that_of_noise_and_of_tags_that_are_stuck_off():
         error = np.concatenate([fit.shift - shift,
                                 Rotation.from_matrix(fit.turn @ turn.T).as_rotvec()])
         errors.append(error)
-        squares.append(error @ np.linalg.solve(fit.covariance, error))
+        squares.append(error @ np.linalg.solve(fit.covariance[:6, :6], error))
     assert np.mean(squares) == pytest.approx(6.0, abs=1.2)  # 4 standard errors
     assert np.abs(np.mean(errors, axis=0) / np.std(errors, axis=0)).max() < 0.35
 
@@ -115,7 +114,7 @@ def test_a_wrong_focal_length_is_corrected_by_fixed_tags_at_different_depths():
 def test_discs_are_measured_where_they_are(preset, across, along, turn):
     random, found = np.random.default_rng(1), []
     drawn = views.camera(preset, **views.EXACT)
-    measuring = RingCamera(views.layout(), drawn.lens)
+    measuring = views.layout().camera(drawn.lens)
     for _ in range(3):
         truth = views.random_discs(random)
         sight = measuring.measure(drawn.picture(truth))
@@ -131,7 +130,7 @@ def test_the_covariance_is_as_large_as_the_errors_are():
     random, squares = np.random.default_rng(2), []
     for seed in range(4):  # each has other tags, another place and another calibration
         drawn = views.camera('typical', seed=seed)
-        measuring = RingCamera(views.layout(), drawn.lens)
+        measuring = views.layout().camera(drawn.lens)
         for _ in range(2):
             truth = views.random_discs(random)
             sight = measuring.measure(drawn.picture(truth))
@@ -146,7 +145,7 @@ def test_a_second_camera_sees_what_the_first_is_not_sure_of(ideal):
     aside = views.camera(direction=FRONT - np.pi / 3)
     along = []
     for drawn in (ideal[0], aside):
-        sight = RingCamera(views.layout(), drawn.lens).measure(drawn.picture(BENT))
+        sight = views.layout().camera(drawn.lens).measure(drawn.picture(BENT))
         along.append(sight.discs[2])
     x, y = np.sqrt(np.diag(along[0].covariance)[:2])
     assert y > 1.5 * x  # along its view
@@ -165,14 +164,6 @@ def test_what_is_nearer_hides_what_is_behind_it(ideal):
 
 # Bad pictures: each names what to do, and measures nothing that is wrong.
 
-def covered(drawn, picture, points, half=45):
-    """Return a picture with grey squares over points (k, 3)."""
-    hidden = picture.copy()
-    for u, v in drawn.project(points).astype(int):
-        hidden[max(0, v - half):v + half, max(0, u - half):u + half] = 90
-    return hidden
-
-
 def test_fixed_tags_that_are_hidden(ideal):
     places = views.layout().fixed[:, :3]
     few = covered(ideal[0], ideal[2], places[[0, 1, 4, 5, 6, 7]])
@@ -183,20 +174,20 @@ def test_fixed_tags_that_are_elsewhere(ideal):
     tags = views.layout()
     exchanged = tags.fixed.copy()
     exchanged[[0, 1]] = exchanged[[1, 0]]
-    wrong = RingCamera(views.layout(fixed_poses=tuple(exchanged.ravel())), ideal[0].lens)
+    wrong = views.layout(fixed_poses=tuple(exchanged.ravel())).camera(ideal[0].lens)
     sight = wrong.measure(ideal[2])
     without_pose(sight, 'do not fit', 'tags.fixed_poses')
 
 
 def test_rings_that_were_printed_at_another_scale(ideal):
-    wrong = RingCamera(views.layout(disc_size=0.025), ideal[0].lens)
+    wrong = views.layout(disc_size=0.025).camera(ideal[0].lens)
     without_pose(wrong.measure(ideal[2]), 'tags of disc 0 are 24.0 mm', 'print at 100 %')
 
 
 def test_a_ring_with_one_wrong_tag(ideal):
     drawn = views.camera()
-    first, second = drawn._rings[1][4], drawn._rings[1][5]
-    drawn._rings[1][4:6] = (type(first)(first.corners, 0.0, second.modules),
+    first, second = drawn._discs[1][4], drawn._discs[1][5]
+    drawn._discs[1][4:6] = (type(first)(first.corners, 0.0, second.modules),
                             type(first)(second.corners, 0.0, first.modules))
     sight = ideal[1].measure(drawn.picture(STRAIGHT))
     assert list(sight.discs) == [0, 2, 3]
@@ -214,25 +205,11 @@ def test_a_number_that_is_seen_twice(ideal):
     assert np.abs(views.error(sight.discs[1].pose, STRAIGHT[1])[:3]).max() < 2e-3
 
 
-def test_rings_on_the_wrong_discs():
-    drawn = views.camera()
-    drawn._rings[1], drawn._rings[3] = drawn._rings[3], drawn._rings[1]
-    sight = RingCamera(views.layout(), drawn.lens).measure(drawn.picture(STRAIGHT))
-    assert not {1, 3} & set(sight.discs)
-    assert 'right discs' in sight.problems[0]
-
-
-def test_a_disc_that_is_hidden_is_left_out_and_nothing_else(ideal):
-    hidden = covered(ideal[0], ideal[2], STRAIGHT[2:3, :3] + [0.0, -0.03, 0.015], 60)
-    sight = ideal[1].measure(hidden)
-    assert list(sight.discs) == [0, 1, 3] and not sight.problems
-
-
 def test_of_a_disc_of_which_one_tag_is_seen_from_its_front_nothing_is_measured():
     tags = views.layout(fixed_poses=tuple(v for y in (-0.2, 0.2) for z in (0.0, 0.3)
                                           for v in (-0.3, y, z, 0.0)))
     drawn = views.camera(tags=tags, direction=HEAD_ON)
-    measuring, picture = RingCamera(tags, drawn.lens), drawn.picture(STRAIGHT)
+    measuring, picture = tags.camera(drawn.lens), drawn.picture(STRAIGHT)
     assert 2 in measuring.measure(picture).discs
     ring = tags.ring(2)
     aside = np.array([STRAIGHT[2, :3] + ring[k].centre for k in (13, 17)])  # at its sides
@@ -255,10 +232,10 @@ def test_rings_that_cannot_be_are_refused(changes, named):
 
 def tared(drawn, pictures=2):
     """Return what measures, after it has seen the straight arm."""
-    before = RingCamera(views.layout(), drawn.lens)
+    before = views.layout().camera(drawn.lens)
     seen = [before.measure(drawn.picture(STRAIGHT)).corners for _ in range(pictures)]
-    return RingCamera(views.layout(), drawn.lens,
-                      corners_from_numbers(corners_as_numbers(corners_at_rest(seen))))
+    return views.layout().camera(drawn.lens,
+                                 corners_from_numbers(corners_as_numbers(corners_at_rest(seen))))
 
 
 def test_a_tare_corrects_the_camera_and_how_tags_are_stuck():
@@ -266,7 +243,7 @@ def test_a_tare_corrects_the_camera_and_how_tags_are_stuck():
     random, before, after = np.random.default_rng(3), [], []
     for seed in range(2):
         drawn = views.camera('severe', seed=seed)
-        cameras = RingCamera(views.layout(), drawn.lens), tared(drawn)
+        cameras = views.layout().camera(drawn.lens), tared(drawn)
         for _ in range(2):
             truth = views.random_discs(random)
             picture = drawn.picture(truth)
@@ -282,11 +259,11 @@ def test_an_arm_that_bends_or_moves_is_not_tared(ideal):
     bent = views.discs((0.1, 0.0), (0.0, 0.0), (0.0, 0.0))
     straight, leans = (camera.measure(drawn.picture(one)).corners for one in (STRAIGHT, bent))
     with pytest.raises(SensorError, match='is the arm straight, does tags.fixed_poses fit'):
-        RingCamera(views.layout(), drawn.lens, leans)
+        views.layout().camera(drawn.lens, leans)
     with pytest.raises(SensorError, match='wait until the arm rests'):
         corners_at_rest([straight] * 3 + [leans] * 3)
     with pytest.raises(SensorError, match='no tags are seen'):
-        RingCamera(views.layout(), drawn.lens, {3: straight[4]})
+        views.layout().camera(drawn.lens, {3: straight[4]})
     with pytest.raises(ParameterError, match='tags.reference_corners has 8 numbers'):
         corners_from_numbers((1.0,) * 8)
     assert corners_from_numbers((0.0,)) == {}

@@ -12,7 +12,6 @@ from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.lens import Lens, LensError
-from soft_continuum.sensing.tag_camera import TagCamera
 from support import views
 from support.planar import IN_PLANE
 from support.views import without_pose
@@ -24,7 +23,7 @@ STRAIGHT = views.discs(0.0, 0.0, 0.0)
 def ideal():
     """Return a drawn camera, what measures in its pictures, and one of them."""
     drawn = views.camera()
-    return drawn, TagCamera(views.layout(), drawn.lens), drawn.picture(full_poses(STRAIGHT))
+    return drawn, views.layout().camera(drawn.lens), drawn.picture(full_poses(STRAIGHT))
 
 
 def rms(values):
@@ -36,7 +35,7 @@ def rms(values):
 def test_discs_are_measured_to_a_tenth_of_a_millimetre(preset, position, angle):
     random, found = np.random.default_rng(1), []
     drawn = views.camera(preset, tag_offset=0.0, fixed_offset=0.0, depth_offset=0.0)
-    measuring = TagCamera(views.layout(), drawn.lens)
+    measuring = views.layout().camera(drawn.lens)
     for _ in range(5):
         truth = views.random_discs(random)
         sight = measuring.measure(drawn.picture(full_poses(truth)))
@@ -51,7 +50,7 @@ def test_the_covariance_is_as_large_as_the_errors_are():
     random, inside = np.random.default_rng(2), []
     for seed in range(6):  # each has other tags, another place and another calibration
         drawn = views.camera('typical', seed=seed)
-        measuring = TagCamera(views.layout(), drawn.lens)
+        measuring = views.layout().camera(drawn.lens)
         for _ in range(2):
             truth = views.random_discs(random)
             sight = measuring.measure(drawn.picture(full_poses(truth)))
@@ -77,23 +76,27 @@ def test_no_tag_is_seen_in_clutter(ideal):
 def test_a_fixed_tag_that_is_hidden(ideal):
     covered = ideal[2].copy()
     covered[:400, :400] = 0
-    without_pose(ideal[1].measure(covered), '3 of 4', 'are they covered')
+    sight = ideal[1].measure(covered)
+    assert list(sight.discs) == [0, 1, 2, 3]  # the others do
+    assert np.linalg.norm(views.errors(sight, STRAIGHT)[:, :2], axis=1).max() < 0.3e-3
+    covered[:, :400] = 0
+    without_pose(ideal[1].measure(covered), '2 of 4', 'needed: 3', 'are they covered')
 
 
-def test_fixed_tags_of_which_three_stand_in_a_line():
+def test_fixed_tags_of_which_those_in_a_line_are_seen():
     places = (-0.3, -0.02, 0.15, -0.02, 0.3, -0.02, 0.3, 0.4, 0.15, 0.4, -0.3, 0.4)
     tags = views.layout(fixed_positions=places)
     drawn = views.camera(tags=tags)
-    measuring, picture = TagCamera(tags, drawn.lens), drawn.picture(full_poses(STRAIGHT))
+    measuring, picture = tags.camera(drawn.lens), drawn.picture(full_poses(STRAIGHT))
     assert len(measuring.measure(picture).discs) == 4
-    hidden = drawn.project(tags.fixed[3:5], 0.0).astype(int)  # two of the upper row
+    hidden = drawn.project(tags.fixed[3:, :3]).astype(int)  # the upper row
     for u, v in hidden:
         picture[v - 30:v + 30, u - 30:u + 30] = 90
     without_pose(measuring.measure(picture), 'in a line', 'uncover')
 
 
 def test_disc_tags_that_were_printed_at_another_scale(ideal):
-    sight = TagCamera(views.layout(disc_size=0.0275), ideal[0].lens).measure(ideal[2])
+    sight = views.layout(disc_size=0.0275).camera(ideal[0].lens).measure(ideal[2])
     assert not sight.discs
     assert 'tags.disc_size' in sight.problems[0]
 
@@ -101,7 +104,7 @@ def test_disc_tags_that_were_printed_at_another_scale(ideal):
 def test_a_number_that_is_seen_twice(ideal):
     twice = ideal[2].copy()
     (row, column), size = np.argwhere(np.ones(1)).repeat(2, axis=1)[0] + (600, 100), 60
-    middle = ideal[0].project(STRAIGHT[1:2, :2] + [[0.0, 0.015]], 0.03)[0].astype(int)
+    middle = ideal[0].project(full_poses(STRAIGHT)[1:2, :3] + [0.0, 0.0, 0.015])[0].astype(int)
     twice[row:row + size, column:column + size] = ideal[2][
         middle[1] - size // 2:middle[1] + size // 2, middle[0] - size // 2:middle[0] + size // 2]
     sight = ideal[1].measure(twice)
@@ -109,28 +112,12 @@ def test_a_number_that_is_seen_twice(ideal):
     assert 'number 1' in sight.problems[0]
 
 
-def test_tags_on_the_wrong_discs():
-    drawn = views.camera()
-    drawn._modules[1], drawn._modules[3] = drawn._modules[3], drawn._modules[1]
-    sight = TagCamera(views.layout(), drawn.lens).measure(drawn.picture(full_poses(STRAIGHT)))
-    assert not {1, 3} & set(sight.discs)
-    assert 'right discs' in sight.problems[0]
-
-
-def test_a_disc_that_is_hidden_is_left_out_and_nothing_else(ideal):
-    covered = ideal[2].copy()
-    u, v = ideal[0].project(STRAIGHT[2:3, :2] + [[0.0, 0.015]], 0.03)[0].astype(int)
-    covered[v - 10:v + 10, u - 50:u + 50] = 90
-    sight = ideal[1].measure(covered)
-    assert list(sight.discs) == [0, 1, 3] and not sight.problems
-
-
 # Layouts and calibrations.
 
 @pytest.mark.parametrize(('positions', 'named'), [
-    ((0.0, 0.0, 0.1, 0.1), 'at least 4'), ((0.0,) * 9, '9 numbers'),
+    ((0.0, 0.0, 0.1, 0.1), 'at least 3'), ((0.0,) * 9, '9 numbers'),
     ((-0.3, 0.0, -0.1, 0.0, 0.1, 0.0, 0.3, 0.001), 'in a line'),
-    ((-0.3, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0, 0.4), 'in a line')])
+    ((-0.3, 0.0, 0.0, 0.02, 0.3, 0.0), 'in a line')])
 def test_fixed_tags_that_do_not_carry_a_plane_are_refused(positions, named):
     with pytest.raises(ParameterError, match=named):
         views.layout(fixed_positions=positions)

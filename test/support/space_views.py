@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.ring_layout import RingLayout
-from soft_continuum.twin.ring_camera import FRONT, RingTwinCamera
+from soft_continuum.sensing.layout import FRONT, RingLayout
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.user_files import description_file
 from support import views
 
@@ -27,7 +27,7 @@ def layout(**changes):
 
 def camera(preset='ideal', tags=None, direction=FRONT, **changes):
     """Return a drawn camera."""
-    return RingTwinCamera(tags or layout(), views.differences(preset, **changes), direction)
+    return TwinCamera(tags or layout(), views.differences(preset, **changes), direction)
 
 
 def discs(*bending):

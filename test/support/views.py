@@ -11,8 +11,8 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.layout import TagLayout
 from soft_continuum.sensing.rigid import planar_pose
+from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import read_model_errors
-from soft_continuum.twin.tag_camera import TagTwinCamera
 from soft_continuum.user_files import description_file
 from support.paper_arm import plane_points
 
@@ -34,7 +34,7 @@ def differences(preset, **changes):
 
 def camera(preset='ideal', tags=None, **changes):
     """Return a drawn camera."""
-    return TagTwinCamera(tags or layout(), differences(preset, **changes))
+    return TwinCamera(tags or layout(), differences(preset, **changes))
 
 
 def discs(*bending_angles):
@@ -64,3 +64,11 @@ def without_pose(sight, *words):
     assert len(sight.problems) == 1
     for word in words:
         assert word in sight.problems[0]
+
+
+def covered(drawn, picture, points, half=45):
+    """Return a picture with grey squares over points (k, 3)."""
+    hidden = picture.copy()
+    for u, v in drawn.project(points).astype(int):
+        hidden[max(0, v - half):v + half, max(0, u - half):u + half] = 90
+    return hidden

@@ -14,8 +14,7 @@ from soft_continuum.mechanics.arm import Arm, Disc, mounted, Segment, Tendon, Wr
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.twin.model_errors import Obstacle, read_model_errors, TwinError
-from soft_continuum.twin.plant import Plant
-from soft_continuum.twin.sensors import Sensors
+from soft_continuum.twin.plant import Plant, Sensors
 from soft_continuum.user_files import description_file
 from support.paper_arm import plane_points
 from support.plants import ARM as FINE

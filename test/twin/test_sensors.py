@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
-from soft_continuum.twin.plant import TIME_STEP
-from soft_continuum.twin.sensors import Sensors
+from soft_continuum.twin.plant import Sensors, TIME_STEP
 from support.plants import ARM, FREE, only, plant, points_of, run, SOFT, STIFF
 
 PULLS = np.array([0.012, -0.05])

@@ -9,19 +9,22 @@ each one its offset.  The remaining error along the view is not attributed to a 
 would point in another direction when the disc turns.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
+from soft_continuum.sensing.layout import Corners, Layout, RingLayout, Tag
 from soft_continuum.sensing.lens import Lens
+from soft_continuum.sensing.pictures import Array
 from soft_continuum.sensing.pose_fit import TagGroup
-from soft_continuum.sensing.ring_layout import Corners, RingLayout, Tag
-from soft_continuum.sensing.tag_camera import FOCAL_DEVIATION
+from soft_continuum.sensing.rigid import IDENTITY
 from soft_continuum.sensing.tilt import SensorError
 
+FOCAL_DEVIATION = 0.005  # relative, of a good calibration
 UNCALIBRATED = 0.01  # relative, standard: of a focal length that the straight arm corrects
+NONE = np.zeros(6)
 MAX_MISFIT = 6.0  # of corners over what is expected of them, both squared: more is a bent arm
 
 
@@ -30,22 +33,25 @@ class PlacedTags:
     """
     Tags with their offsets, by number, and the camera that sees them.
 
-    fixed: in base_link.  rings: of each disc, in its frame.  focal: focal length over the
-    calibrated one, with the standard deviation focal_stddev.  ring_stddev: m, standard deviation
-    of rings beyond the offsets of their tags.
+    fixed: in base_link.  rings: of each disc, in its frame.  offsets: by disc, pose (7,) of the
+    disc in that frame.  ring_spread: standard deviations of rings beyond the offsets of their
+    tags, (6,), m and rad.  focal: focal length over the calibrated one, with the standard
+    deviation focal_stddev.
     """
 
     fixed: Mapping[int, Tag]
     rings: tuple[Mapping[int, Tag], ...]
-    focal: float
-    focal_stddev: float
-    ring_stddev: float
+    offsets: Sequence[Array]
+    ring_spread: Array
+    focal: float = 1.0
+    focal_stddev: float = FOCAL_DEVIATION
 
     @classmethod
-    def of(cls, layout: RingLayout) -> Self:
+    def of(cls, layout: Layout, offsets: Sequence[Array] = (), ring_spread: Array = NONE) -> Self:
         """Return the nominal tags of a layout."""
-        return cls(layout.fixed_tags, tuple(map(layout.ring, range(len(layout.heights)))), 1.0,
-                   FOCAL_DEVIATION, layout.ring_stddev)
+        rings = tuple(map(layout.ring, range(len(layout.heights))))
+        return cls(layout.fixed_tags, rings, offsets or [np.array(IDENTITY)] * len(rings),
+                   ring_spread)
 
     @classmethod
     def seen_straight(cls, layout: RingLayout, lens: Lens, corners: Corners) -> Self:
@@ -54,7 +60,7 @@ class PlacedTags:
 
         Raises SensorError for an arm that is not straight.
         """
-        ring = np.diag(layout.ring_stddev * np.repeat([1.0, 1.0 / layout.radius], 3))
+        ring = np.diag(layout.ring_spread)
         before, heights = cls.of(layout), layout.straight_heights
         # The offset of a ring counts as offsets of its tags, so that visible tags determine it.
         rings = [{n: replace(tag, spread=np.sqrt(tag.spread**2 + ring**2))
@@ -79,7 +85,7 @@ class PlacedTags:
             tuple({n: _raised(placed[n], -height) if n in placed else tag
                    for n, tag in tags.items()}
                   for tags, height in zip(rings, heights, strict=True)),
-            fits[0].focal, float(np.sqrt(fits[0].covariance[6, 6])), 0.0)
+            before.offsets, NONE, fits[0].focal, float(np.sqrt(fits[0].covariance[6, 6])))
 
 
 def _raised(tag: Tag, height: float) -> Tag:
