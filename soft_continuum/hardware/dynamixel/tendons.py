@@ -37,6 +37,7 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
     DEVICE = 'the Dynamixel servos are'
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.dynamixel.commissioning'
+    EMULATOR = 'soft_continuum.emulators.dynamixel'
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:

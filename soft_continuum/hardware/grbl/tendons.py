@@ -29,6 +29,7 @@ class GrblTendons(SerialTendons[GrblLink, GrblSession]):
     DEVICE = 'the GRBL controller is'
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.grbl.commissioning'
+    EMULATOR = 'soft_continuum.emulators.grbl'
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]
