@@ -22,9 +22,7 @@ from importlib.metadata import entry_points, EntryPoint
 from typing import Any
 
 from soft_continuum.extras import remedy
-from soft_continuum.hardware.dynamixel.parameters import PARAMETERS as OF_DYNAMIXEL
-from soft_continuum.hardware.grbl.parameters import PARAMETERS as OF_GRBL
-from soft_continuum.hardware.modbus.parameters import PARAMETERS as OF_MODBUS
+from soft_continuum.hardware import dynamixel, grbl, modbus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import Parameter
 
@@ -43,8 +41,8 @@ _OWN = {
                       'ros_topics': 'soft_continuum.ros_topics.jamming:RosJamming'},
 }
 _PARAMETERS: Mapping[str, Mapping[str, tuple[Parameter, ...]]] = {
-    TENDON_DRIVERS: {'grbl': OF_GRBL, 'dynamixel': OF_DYNAMIXEL},
-    JAMMING_DRIVERS: {'modbus': OF_MODBUS},
+    TENDON_DRIVERS: {'grbl': grbl.PARAMETERS, 'dynamixel': dynamixel.PARAMETERS},
+    JAMMING_DRIVERS: {'modbus': modbus.PARAMETERS},
 }
 """Parameters of drivers that load slowly, since every node reads the parameters of all."""
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import copysign, sqrt
 from typing import Any, ClassVar, Self
 
-from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
+from soft_continuum.hardware.protocols import Accuracy, check_motion, TendonReading
 from soft_continuum.parameters.parameter import Parameter
 
 TIME_STEP = 0.001  # s
@@ -71,9 +71,7 @@ class SimulatedTendons:
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Set new targets (m), to be reached after ``duration`` s as far as the limits allow."""
-        if len(pulls) != len(self._tendons):
-            raise HardwareError(
-                f'{len(pulls)} pulls were given; needed: one for each of {list(self._tendons)}')
+        check_motion(self._tendons, pulls, duration)
         self._advance()
         self._targets = [self._step * round(p / self._step) + z
                          for p, z in zip(pulls, self._zero, strict=True)]

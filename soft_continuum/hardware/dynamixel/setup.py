@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from math import hypot, pi
 from typing import Any, Self
 
+from soft_continuum.hardware.dynamixel import RADIUS_RANGE
 from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
     DynamixelBus,
     NoReplyError,
     RefusedError,
 )
-from soft_continuum.hardware.dynamixel.parameters import RADIUS_RANGE
 from soft_continuum.hardware.dynamixel.registers import (
     CURRENT_BASED_POSITION,
     CURRENT_LIMIT,

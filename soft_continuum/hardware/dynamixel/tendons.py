@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.dynamixel import PARAMETERS
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
-from soft_continuum.hardware.dynamixel.parameters import PARAMETERS
 from soft_continuum.hardware.dynamixel.reference import ZeroFile
 from soft_continuum.hardware.dynamixel.session import DynamixelSession
 from soft_continuum.hardware.dynamixel.setup import find_servos, problems, Spools
