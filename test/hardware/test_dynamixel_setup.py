@@ -16,12 +16,12 @@ from soft_continuum.hardware.commissioning import FAIL, OK, WARN
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus, NoReplyError
 from soft_continuum.hardware.dynamixel.commissioning import checks, clear_zero
+from soft_continuum.hardware.dynamixel.exchange import ServoState, Written
 from soft_continuum.hardware.dynamixel.reference import (
     mark,
     marked_zero,
     zero_within_turn,
 )
-from soft_continuum.hardware.dynamixel.state import ServoState, Written
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
 from support.driver_waits import at_rest

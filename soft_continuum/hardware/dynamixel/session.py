@@ -15,10 +15,10 @@ from enum import Enum
 import threading
 
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
-from soft_continuum.hardware.dynamixel.exchange import Exchange
-from soft_continuum.hardware.dynamixel.following import Following
+from soft_continuum.hardware.dynamixel.exchange import Exchange, profile_speed, ServoState
+from soft_continuum.hardware.dynamixel.following import Following, REST_TIME, Track
 from soft_continuum.hardware.dynamixel.path import HeldPath
-from soft_continuum.hardware.dynamixel.reference import Zero, ZeroFile
+from soft_continuum.hardware.dynamixel.reference import keep_zeros, Zero, ZeroFile
 from soft_continuum.hardware.dynamixel.registers import (
     BUS_WATCHDOG,
     GOAL_POSITION,
@@ -26,8 +26,6 @@ from soft_continuum.hardware.dynamixel.registers import (
     PULSES_PER_TURN,
 )
 from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spools
-from soft_continuum.hardware.dynamixel.start import keep_zeros
-from soft_continuum.hardware.dynamixel.state import profile_speed, REST_TIME, ServoState, Track
 from soft_continuum.hardware.dynamixel.take_up import TakeUp
 from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
 

@@ -14,10 +14,10 @@ from typing import Any, ClassVar, Self
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.dynamixel import PARAMETERS
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
-from soft_continuum.hardware.dynamixel.reference import ZeroFile
+from soft_continuum.hardware.dynamixel.exchange import read_states, take_over
+from soft_continuum.hardware.dynamixel.reference import find_zeros, ZeroFile
 from soft_continuum.hardware.dynamixel.session import DynamixelSession
 from soft_continuum.hardware.dynamixel.setup import find_servos, problems, Spools
-from soft_continuum.hardware.dynamixel.start import find_zeros, read_states, take_over
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_tendons import SerialTendons
 from soft_continuum.parameters.parameter import Parameter
