@@ -86,7 +86,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('calibrate', 'measure a rig: vacuum, signs, steps, zero; set up servos',
              'commissioning.calibrate:main'),
         Verb('emulate', 'emulate the device of a driver: grbl, dynamixel, modbus',
-             'cli.emulate:main'),
+             'emulators.console:emulate'),
         Verb('twin', 'simulate a rig: the arm in MuJoCo with emulated boards', 'cli.twin:main'),
         Verb('twin_camera', 'simulate a camera of that rig', 'cli.twin_camera:main'),
         Verb('tags', 'write printable tags for discs and board', 'cli.tags:main'),

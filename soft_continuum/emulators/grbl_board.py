@@ -37,13 +37,10 @@ class GrblEmulator(EmulatedDevice):
         from where the motors now are.
         """
         super().__init__(link, clock)
-        self.hang = False
-        self.drop_ok = 0
-        self.late_ok = 0.0
-        self.garble = 0.0
         self.random = random.Random(1)
         self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge, switches)
         self._time = clock()
+        self.repair()
         self.plug()
 
     # The truth, whatever the firmware reports
@@ -80,6 +77,11 @@ class GrblEmulator(EmulatedDevice):
             self._advance()
             self._outgoing.clear()
             self.firmware.reset(banner)
+
+    def repair(self) -> None:
+        """Clear all lasting faults."""
+        self.hang = self.firmware.race = self.firmware.stalled = False
+        self.drop_ok, self.late_ok, self.garble = 0, 0.0, 0.0
 
     def alarm(self, number: int) -> None:
         """Stop at once and lock; 1 and 2 answer nothing before a soft reset."""

@@ -70,8 +70,8 @@ def test_the_package_is_built_found_and_drives_its_emulated_motors(tmp_path: Pat
     with ExitStack() as ended:
         box = start('-m', 'soft_continuum', 'emulate', 'my_tendons', '--port', 0)
         ended.callback(box.kill)
-        here.write_text(read(box, 4), encoding='utf-8')
-        assert 'Type a fault' in read(box, 2)
+        here.write_text(read(box, 6), encoding='utf-8')
+        assert 'Type a fault' in read(box)
         program = start('-c', MOVE, file, here)
         ended.callback(program.kill)
         # It opens, the module COMMISSIONING of the driver checks it, and it has no zero.

@@ -9,13 +9,6 @@ import time
 
 from soft_continuum.arguments import Parser, whole_number_in
 from soft_continuum.emulators.console import Command, execute, serve, set_to
-from soft_continuum.emulators.driving import parameter_lines
-
-CONFIGURATION = """\
-/**:
-  ros__parameters:
-{parameters}Type a fault, or help.
-"""
 
 
 class EmulatedBox(socketserver.ThreadingTCPServer):
@@ -65,7 +58,6 @@ def main(argv=None):
     port = parser.parse_args(argv).port
     return serve(
         parser, lambda: EmulatedBox(port),
-        lambda box: CONFIGURATION.format(parameters=parameter_lines({
-            'tendon_driver': 'my_tendons',
-            'my_tendons.address': f'127.0.0.1:{box.server_address[1]}'})),
+        lambda box: {'tendon_driver': 'my_tendons',
+                     'my_tendons.address': f'127.0.0.1:{box.server_address[1]}'},
         lambda box, line: execute(COMMANDS, {}, box, line))
