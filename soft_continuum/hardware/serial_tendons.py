@@ -22,10 +22,21 @@ from soft_continuum.hardware.protocols import (
     TendonReading,
 )
 from soft_continuum.hardware.real_time import ask_for_real_time
+from soft_continuum.parameters.parameter import ParameterError, spread
 
 CLOSE_TIMEOUT = 1.0  # s that close() gives the tendons to stop
 STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
 POLL_INTERVAL = 0.005  # s
+
+
+def check_per_tendon(family: str, tendons: Sequence[str], *, signs: Sequence[float],
+                     **lists: Sequence[float]) -> None:
+    """Raise ParameterError for lists without one value for each tendon, and signs but 1 and -1."""
+    for name, given in {'signs': signs, **lists}.items():
+        spread(f'{family}.{name}', tuple(given), len(tendons),
+               f'the tendons are {", ".join(tendons)}', alone=False)
+    if any(abs(sign) != 1.0 for sign in signs):
+        raise ParameterError(f'parameter {family}.signs is {list(signs)}; allowed: 1 or -1')
 
 
 class Wakeable:

@@ -7,6 +7,7 @@ from math import copysign, sqrt
 from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.protocols import Accuracy, check_motion, TendonReading
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import Parameter
 
 TIME_STEP = 0.001  # s
@@ -25,9 +26,6 @@ class SimulatedTendons:
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
         """Return what the parameters of the node describe."""
-        # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import arm_from_parameters
-
         return cls(clock, arm_from_parameters(values).tendon_names, values['speed_limit'],
                    values['acceleration_limit'], values['simulated_tendons.step'])
 

@@ -92,7 +92,7 @@ def test_servos_without_fast_sync_read_do(tmp_path):
     ({'radii': (10.0, 10.0)}, 'spool_radii has 10 m; allowed: 0.001 to 0.1 m; 10 mm are 0.01 m'),
     ({'radii': (1e-5, 0.01)}, 'spool_radii has 1e-05 m'),
     ({'ids': (1, 1)}, 'every servo needs an ID of its own'),
-    ({'ids': (1, 2, 3)}, 'one value for each of first, second'),
+    ({'ids': (1, 2, 3)}, 'has 3 values; the tendons are first, second'),
     ({'signs': (1.0, 0.5)}, 'allowed: 1 or -1'),
     ({'take_up_tension': 60.0}, 'must be less than each of dynamixel.tension_limits'),
 ])
