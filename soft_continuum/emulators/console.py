@@ -17,7 +17,7 @@ from soft_continuum.hardware.drivers import emulated_devices
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.parameters.files import parameters_text
-from soft_continuum.parameters.scalars import Value
+from soft_continuum.parameters.parameter import Value
 
 Emulator = TypeVar('Emulator')
 Ranges = Mapping[str, tuple[float, float]]

@@ -6,7 +6,7 @@ from math import ceil
 from pathlib import Path
 
 from soft_continuum.emulators.dynamixel_models import MODELS
-from soft_continuum.parameters.scalars import Value
+from soft_continuum.parameters.parameter import Value
 
 STEPS_PER_MM = 200
 """Steps per mm of the emulated motors and drums; a GRBL board itself counts steps."""

@@ -11,9 +11,6 @@ from soft_continuum.emulators.grbl_firmware import GrblFirmware
 from soft_continuum.emulators.grbl_planner import Steps
 from soft_continuum.hardware.clock import Clock, STEADY
 
-TIME_STEP = 0.002  # s, while something happens
-RESTING_STEP = 0.02  # s
-
 
 class GrblEmulator(EmulatedDevice):
     """
@@ -39,7 +36,6 @@ class GrblEmulator(EmulatedDevice):
         super().__init__(link, clock)
         self.random = random.Random(1)
         self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge, switches)
-        self._time = clock()
         self.repair()
         self.plug()
 
@@ -99,16 +95,11 @@ class GrblEmulator(EmulatedDevice):
 
     # Time and bytes
 
-    def _pause(self) -> float:
-        return RESTING_STEP if self.firmware.resting else TIME_STEP
+    def _resting(self) -> bool:
+        return self.firmware.resting
 
-    def _advance(self) -> None:
-        now = self.clock()
-        elapsed, self._time = now - self._time, now
-        while elapsed > 0.0:
-            step = elapsed if self.firmware.resting else min(elapsed, TIME_STEP)
-            self.firmware.advance(step)
-            elapsed -= step
+    def _step(self, time: float) -> None:
+        self.firmware.advance(time)
 
     def _take(self, data: bytes) -> None:
         if not self.hang:

@@ -15,7 +15,7 @@ from soft_continuum.emulators.modbus_rig import (
     OUTPUT_UNIT,
     RELAY_UNIT,
 )
-from soft_continuum.parameters.scalars import Value
+from soft_continuum.parameters.parameter import Value
 
 
 def parameters(emulator: ModbusEmulator) -> dict[str, Value]:
