@@ -15,13 +15,11 @@ import numpy as np
 
 from benchmarks.tables import machine, Section
 from benchmarks.timing import progress
-from soft_continuum.emulators.driving import BAUD_RATE, board_links, SPOOL_RADIUS
-from soft_continuum.emulators.grbl import STEPS_PER_MM
+from soft_continuum.emulators.driving import BAUD_RATE, board_links, SPOOL_RADIUS, STEPS_PER_MM
 from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
-from soft_continuum.hardware.grbl.boards import GrblBoards
 from soft_continuum.hardware.grbl.motion import Motors
-from soft_continuum.hardware.grbl.tendons import GrblTendons
+from soft_continuum.hardware.grbl.tendons import GrblBoards, GrblTendons
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
 
 TENDONS = 'first', 'second', 'third', 'fourth'

@@ -14,7 +14,8 @@ from soft_continuum import version
 from soft_continuum.analysis.figures import new_figure, new_panels
 from soft_continuum.analysis.recording import Held, Recording
 from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.scalars import as_yaml, Value
+from soft_continuum.parameters.parameter import Value
+from soft_continuum.parameters.scalars import as_yaml
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

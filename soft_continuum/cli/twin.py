@@ -8,7 +8,6 @@ from contextlib import ExitStack
 import threading
 
 from soft_continuum.arguments import DONE, given_path, Parser, WRONG_USAGE
-from soft_continuum.emulators.driving import parameter_lines
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.parameters.parameter import ParameterError
@@ -20,13 +19,6 @@ from soft_continuum.twin.model_errors import (
     read_model_errors,
     TwinError,
 )
-
-CONFIGURATION = """\
-A simulated rig, preset {preset}. Put this into a parameter file of the nodes:
-/**:
-  ros__parameters:
-{parameters}Ctrl-C ends it.
-"""
 
 
 def add_preset_options(parser: Parser) -> None:
@@ -81,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='vacuum regulators on an output board instead of pump and valves')
     options = parser.parse_args(argv)
     from soft_continuum.parameters.arm import arm_from_parameters
-    from soft_continuum.parameters.files import load_description
+    from soft_continuum.parameters.files import load_description, parameters_text
     from soft_continuum.twin.rig import TwinRig
     from soft_continuum.twin.topics import GroundTruth, SensorTopics
     from soft_continuum.user_files import description_file
@@ -98,7 +90,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         running.enter_context(GroundTruth(rig, options.namespace))
         running.enter_context(SensorTopics(rig, options.namespace))
         given = rig.parameters() | load_cell_parameters(len(arm.tendon_names))
-        print(CONFIGURATION.format(
-            preset=options.preset, parameters=parameter_lines(given)), flush=True)
+        print(parameters_text(given, [
+            f'A simulated rig, preset {options.preset}. Ctrl-C ends it. Put this into a parameter '
+            'file of the nodes:']), flush=True)
 
     return serve(parser, begin)

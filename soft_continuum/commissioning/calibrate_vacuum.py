@@ -13,7 +13,6 @@ from soft_continuum.commissioning.regulator_calibration import (
     assess_regulator,
     LEVELS,
     measure_regulator,
-    RegulatorResponse,
 )
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import RegulatorDriver
@@ -23,15 +22,9 @@ HEAD = ('segment', 'to stiff s', 'reaches kPa', 'evacuates s', 'loses Pa/s', 've
 
 def show(results: Sequence[SegmentVacuum], problems: Sequence[Sequence[str]]) -> None:
     """Print the measurements and the problems of each segment."""
-    print(text_table(HEAD, [
-        [str(r.segment + 1), *map(_cell, (r.time_to_stiff, r.ultimate_vacuum / 1e3,
-                                          r.evacuation_time, r.leak_rate, r.venting_time)),
-         'not good' if problem else 'good']
-        for r, problem in zip(results, problems, strict=True)]))
-    print('evacuates, vents: time constants.')
-    for result, problem in zip(results, problems, strict=True):
-        for text in problem:
-            print(f'segment {result.segment + 1}: {text}')
+    _print(HEAD, [(r.time_to_stiff, r.ultimate_vacuum / 1e3, r.evacuation_time, r.leak_rate,
+                   r.venting_time) for r in results], problems,
+           'evacuates, vents: time constants.')
 
 
 def regulators(driver: RegulatorDriver, values: Mapping[str, Any], settings: JammingSettings
@@ -44,29 +37,28 @@ def regulators(driver: RegulatorDriver, values: Mapping[str, Any], settings: Jam
         results.append(measure_regulator(
             driver, segment, segments, settings, values['soft_vacuum']))
     problems = [assess_regulator(result, settings) for result in results]
-    _show_regulators(results, problems, settings.full_vacuum)
+    levels = [f'at {level * settings.full_vacuum / 1e3:.0f} kPa off by kPa' for level in LEVELS]
+    _print(('segment', 'to full s', 'to soft s', *levels, 'is'),
+           [(r.rise, r.fall, *(e / 1e3 for e in r.errors)) for r in results], problems)
     return [f'segment {result.segment + 1} does not follow its regulator'
             for result, problem in zip(results, problems, strict=True) if problem]
 
 
-def _show_regulators(results: Sequence[RegulatorResponse], problems: Sequence[Sequence[str]],
-                     full_vacuum: float) -> None:
-    """Print the measurements and problems of regulators; full_vacuum: Pa."""
-    levels = [f'at {level * full_vacuum / 1e3:.0f} kPa off by kPa' for level in LEVELS]
-    print(text_table(('segment', 'to full s', 'to soft s', *levels, 'is'), [
-        [str(r.segment + 1), *map(_cell, (r.rise, r.fall, *(e / 1e3 for e in r.errors))),
+def _print(head: Sequence[str], results: Sequence[Sequence[float]],
+           problems: Sequence[Sequence[str]], note: str = '') -> None:
+    """Print the numbers and the problems of each segment; note: about the columns."""
+    print(text_table(head, [
+        [str(number), *(f'{value:.4g}' if isfinite(value) else '-' for value in values),
          'not good' if problem else 'good']
-        for r, problem in zip(results, problems, strict=True)]))
-    for result, problem in zip(results, problems, strict=True):
+        for number, (values, problem) in enumerate(zip(results, problems, strict=True), start=1)]))
+    if note:
+        print(note)
+    for number, problem in enumerate(problems, start=1):
         for text in problem:
-            print(f'segment {result.segment + 1}: {text}')
+            print(f'segment {number}: {text}')
 
 
 def simulated(stiff: Sequence[SegmentVacuum]) -> dict[str, float]:
     """Return the parameters of the simulation, which has one number for all segments."""
     return {f'simulated_jamming.{name}': fmean(getattr(r, name) for r in stiff)
             for name in ('ultimate_vacuum', 'evacuation_time', 'venting_time', 'leak_rate')}
-
-
-def _cell(value: float) -> str:
-    return f'{value:.4g}' if isfinite(value) else '-'

@@ -232,6 +232,16 @@ def retry(action: Callable[[], T], clock: Clock = STEADY) -> T:
             clock.sleep(POLL_INTERVAL)
 
 
+def measured_vacuum(driver: JammingDriver | RegulatorDriver, segment: int,
+                    settings: JammingSettings, clock: Clock) -> float:
+    """Return the vacuum of a segment (0-based), Pa; HardwareError where its sensor is broken."""
+    value = settings.ambient_pressure - retry(driver.read, clock).pressures[segment]
+    if not isfinite(value):
+        raise HardwareError(f'segment {segment + 1}: no pressure; check the wire and the '
+                            'supply of its pressure sensor')
+    return value
+
+
 def rest_all(jamming: JammingDriver, segments: int, clock: Clock = STEADY) -> None:
     """
     Switch the pump off and vent all segments, trying again where the line was disturbed.
@@ -264,11 +274,7 @@ def measure_segment(jamming: JammingDriver, segment: int, segments: int,
     Raises HardwareError when a device fails or a segment cannot be vented.
     """
     def vacuum() -> float:
-        value = settings.ambient_pressure - retry(jamming.read, clock).pressures[segment]
-        if not isfinite(value):
-            raise HardwareError(f'segment {segment + 1}: no pressure; check the wire and the '
-                                'supply of its pressure sensor')
-        return value
+        return measured_vacuum(jamming, segment, settings, clock)
 
     def vent() -> None:
         jamming.set_evacuated(segment, False)

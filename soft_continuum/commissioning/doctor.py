@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from importlib import import_module
 import json
+import os
 from pathlib import Path
 import sys
 from time import monotonic
@@ -56,8 +57,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error('--duration needs --sensors')
     found: list[Check] = []
     try:
-        for check in (_sensor_checks(options.namespace, options.duration or LISTENING)
-                      if options.sensors else _network_checks(options.namespace)
+        for check in (_running_checks('sensors', options.namespace, options.duration or LISTENING)
+                      if options.sensors else _running_checks('network', options.namespace)
                       if options.network else checks(options.params_file, options.namespace)):
             found.append(check)
             if not options.json:
@@ -76,22 +77,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     return FAILED if failed else DONE
 
 
-def _sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
+def _running_checks(what: str, namespace: str, *given: float) -> Iterator[Check]:
+    """Yield the checks of ``doctor_sensors`` or ``doctor_network`` of a running arm."""
     try:
-        from soft_continuum.commissioning.doctor_sensors import sensor_checks
+        from soft_continuum.client.connection import Connection
+        from soft_continuum.client.errors import ClientError
+        module = import_module(f'soft_continuum.commissioning.doctor_{what}')
     except ImportError as error:
-        yield Check('sensors', FAIL, remedy(error) or str(error))
+        yield Check(what, FAIL, remedy(error) or str(error))
         return
-    yield from sensor_checks(namespace, duration)
-
-
-def _network_checks(namespace: str) -> Iterator[Check]:
     try:
-        from soft_continuum.commissioning.doctor_network import network_checks
-    except ImportError as error:
-        yield Check('network', FAIL, remedy(error) or str(error))
-        return
-    yield from network_checks(namespace)
+        connection = Connection(f'doctor_{os.getpid()}', namespace)
+        try:
+            yield from module.checks(connection, *given)
+        finally:
+            connection.close()
+    except ClientError as error:
+        yield Check(what, FAIL, str(error))
 
 
 def checks(paths: Sequence[Path], namespace: str = '') -> Iterator[Check]:

@@ -69,22 +69,13 @@ class Answers:
         return max(len(self.heard), round((max(self.heard) - min(self.heard)) / PERIOD) + 1)
 
 
-def network_checks(namespace: str) -> Iterator[Check]:
+def checks(connection: Connection) -> Iterator[Check]:
     """Query every node of an arm; yield checks of the network and the computers."""
-    connection = None
-    try:
-        connection = Connection(f'doctor_{os.getpid()}', namespace)
-        yield settings()
-        requests, space = connection.requests, connection.node.get_namespace()
-        found = requests.start(_ask_all(requests)).result()
-        values = requests.start(_shared_parameters(requests, found)).result()
-    except ClientError as error:
-        yield Check('network', FAIL, str(error))
-        return
-    finally:
-        if connection is not None:
-            connection.close()
-    yield from judged(found, values, space)
+    yield settings()
+    requests = connection.requests
+    found = requests.start(_ask_all(requests)).result()
+    values = requests.start(_shared_parameters(requests, found)).result()
+    yield from judged(found, values, connection.node.get_namespace())
 
 
 def settings() -> Check:

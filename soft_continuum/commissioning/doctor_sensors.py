@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from math import degrees, isfinite
-import os
 import re
 from typing import Any
 
@@ -16,7 +15,6 @@ import numpy as np
 from sensor_msgs.msg import Imu, JointState
 
 from soft_continuum.client.connection import Connection
-from soft_continuum.client.errors import ClientError
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.mechanics.arm import PAIR, PLANAR_AXES, SPATIAL_AXES, STANDARD_GRAVITY
@@ -56,21 +54,11 @@ Heard = Sequence[tuple[float, Any]]
 """Messages, each with its time of arrival, s, on the clock of the stamps."""
 
 
-def sensor_checks(namespace: str, duration: float) -> Iterator[Check]:
+def checks(connection: Connection, duration: float) -> Iterator[Check]:
     """Receive for ``duration`` s; yield a check for each sensor of an arm."""
-    connection = None
-    try:
-        connection = Connection(f'doctor_{os.getpid()}', namespace)
-        space = connection.node.get_namespace()
-        listening = _Listening(connection.node)
-        connection.requests.start(listening.run(duration)).result()
-    except ClientError as error:
-        yield Check('sensors', FAIL, str(error))
-        return
-    finally:
-        if connection is not None:
-            connection.close()
-    yield from judged(listening.heard, listening.sources, space)
+    listening = _Listening(connection.node)
+    connection.requests.start(listening.run(duration)).result()
+    yield from judged(listening.heard, listening.sources, connection.node.get_namespace())
 
 
 class _Listening:

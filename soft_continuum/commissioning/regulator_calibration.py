@@ -4,13 +4,13 @@
 
 from dataclasses import dataclass
 from functools import partial
-from math import inf, isfinite
+from math import inf
 from statistics import fmean
 
-from soft_continuum.commissioning.calibration import POLL_INTERVAL, retry
+from soft_continuum.commissioning.calibration import measured_vacuum, POLL_INTERVAL, retry
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
-from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
+from soft_continuum.hardware.protocols import RegulatorDriver
 
 LEVELS = (1 / 3, 2 / 3, 1.0)  # of the full vacuum
 SETTLING_TIME = 1.0  # s at a level before its readings count
@@ -43,11 +43,7 @@ def measure_regulator(driver: RegulatorDriver, segment: int, segments: int,
     when a device fails.
     """
     def vacuum() -> float:
-        value = settings.ambient_pressure - retry(driver.read, clock).pressures[segment]
-        if not isfinite(value):
-            raise HardwareError(f'segment {segment + 1}: no pressure; check the wire and the '
-                                'supply of its pressure sensor')
-        return value
+        return measured_vacuum(driver, segment, settings, clock)
 
     def arrival(told: float, near: float) -> float:
         """Return the time until a vacuum is so close (Pa) to its set-point; inf: never."""

@@ -1,8 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the command lines of the emulators: serve, execute typed commands, end cleanly."""
+"""``emulate``, and what the emulators share: serve, execute typed commands, end cleanly."""
 
-from collections.abc import Callable, Mapping
+import argparse
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from math import nan
@@ -12,7 +13,11 @@ import threading
 from typing import Any, TypeVar
 
 from soft_continuum.arguments import number_in, Parser
+from soft_continuum.hardware.drivers import emulated_devices
+from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
+from soft_continuum.parameters.files import parameters_text
+from soft_continuum.parameters.parameter import Value
 
 Emulator = TypeVar('Emulator')
 Ranges = Mapping[str, tuple[float, float]]
@@ -32,6 +37,23 @@ class Command:
     arguments: str
     help: str
     run: Callable[..., object]
+
+
+def emulate(argv: Sequence[str] | None = None) -> int:
+    """Serve the emulated device of a driver until Ctrl-C; return the exit status."""
+    devices = emulated_devices()
+    parser = Parser('emulate', 'Emulate the device of a driver. DEVICE --help shows the options '
+                    'of a device.')
+    parser.add_argument('device', choices=devices,
+                        help='grbl: the stepper controller; dynamixel: servos; modbus: pump, '
+                        'valves and sensors; others: of the package with that driver')
+    parser.add_argument('options', nargs=argparse.REMAINDER, metavar='OPTION')
+    options = parser.parse_args(argv)
+    try:
+        main = devices[options.device]().main
+    except HardwareError as error:
+        return parser.fail(error)
+    return int(main(options.options))
 
 
 def set_to(name: str, value: object = None) -> Callable[..., None]:
@@ -82,18 +104,21 @@ def execute(commands: Mapping[str, Command], ranges: Ranges, emulator: Any, line
 
 
 def serve(parser: Parser, make: Callable[[], AbstractContextManager[Emulator]],
-          introduce: Callable[[Emulator], str],
-          execute_command: Callable[[Emulator, str], str]) -> int:
+          parameters: Callable[[Emulator], Mapping[str, Value]],
+          execute_command: Callable[[Emulator, str], str], note: str = '') -> int:
     """
     Serve an emulator until ``quit`` or Ctrl-C; return the exit status.
 
-    introduce: what to print first.  execute_command: carries out a typed line and returns what to
-    print; raises ValueError for one that is wrong.
+    parameters: of nodes that drive it, which are printed first.  execute_command: carries out a
+    typed line and returns what to print; raises ValueError for one that is wrong.  note: about
+    its commands.
     """
     ask_for_a_larger_share()  # as a device, it waits for no other program
     try:
         with make() as emulator:
-            print(introduce(emulator), flush=True)
+            print(parameters_text(parameters(emulator), [
+                'Put this into the parameter file of all nodes; defaults may be left out.'])
+                + f'Type a fault, or help.{note}', flush=True)
             for line in sys.stdin:
                 if line.strip() == 'quit':
                     return 0

@@ -16,6 +16,7 @@ from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.real_time import ask_for_real_time
 
 POLL_INTERVAL = 0.005  # s
+TIME_STEP, RESTING_STEP = 0.002, 0.02  # s, while something happens, and while nothing does
 T = TypeVar('T')
 
 
@@ -27,6 +28,9 @@ class EmulatedDevice:
     thread changes the device while ``lock`` is held.
     """
 
+    MAX_LATENESS = inf
+    """s that are made up for, where the computer is too slow for the device."""
+
     def __init__(self, link: str | Path | None, clock: Clock) -> None:
         """Stay unplugged; link: path of a symbolic link to the port, which stays the same."""
         self.link = Path(link) if link else None
@@ -36,6 +40,7 @@ class EmulatedDevice:
         self._master = self._slave = -1  # negative while unplugged
         self._outgoing: list[tuple[float, Callable[[], object]]] = []  # when, what sends it
         self._closing = False
+        self._time = clock()
         self._thread = threading.Thread(target=self._serve, daemon=True)
 
     def __enter__(self) -> Self:
@@ -128,10 +133,23 @@ class EmulatedDevice:
 
     def _pause(self) -> float:
         """Return how long the device can wait for bytes before time has to pass, s."""
-        raise NotImplementedError
+        return RESTING_STEP if self._resting() else TIME_STEP
 
     def _advance(self) -> None:
         """Let the time of the device catch up with the clock."""
+        now = self.clock()
+        elapsed, self._time = min(now - self._time, self.MAX_LATENESS), now
+        while elapsed > 0.0:
+            step = min(elapsed, self._pause())
+            self._step(step)
+            elapsed -= step
+
+    def _resting(self) -> bool:
+        """Whether nothing but bytes changes the device soon."""
+        return True
+
+    def _step(self, time: float) -> None:
+        """Let a short time pass, s."""
 
     def _take(self, data: bytes) -> None:
         """Receive bytes, or see that none have come."""

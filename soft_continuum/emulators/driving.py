@@ -2,15 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parameters of nodes that drive emulated boards."""
 
-from collections.abc import Mapping
-from itertools import groupby
 from math import ceil
 from pathlib import Path
 
 from soft_continuum.emulators.dynamixel_models import MODELS
-from soft_continuum.emulators.grbl import STEPS_PER_MM
-from soft_continuum.parameters.scalars import as_yaml, Value
+from soft_continuum.parameters.parameter import Value
 
+STEPS_PER_MM = 200
+"""Steps per mm of the emulated motors and drums; a GRBL board itself counts steps."""
 AXES = 3
 """Axes of an emulated board; boards share the tendons of larger arms evenly."""
 BAUD_RATE = 1000000
@@ -67,12 +66,3 @@ def driving_parameters(grbl: str | Path = '', modbus: str | Path = '', tendons: 
     moving = (dynamixel_parameters(dynamixel, tendons) if dynamixel
               else grbl_parameters(grbl, tendons))
     return moving | modbus_parameters(modbus)
-
-
-def parameter_lines(parameters: Mapping[str, Value]) -> str:
-    """Return lines for a parameter file, below ``ros__parameters``; each device has one."""
-    lines = []
-    for device, items in groupby(parameters.items(), lambda item: item[0].rpartition('.')[0]):
-        given = [f'{name.rpartition(".")[2]}: {as_yaml(value)}' for name, value in items]
-        lines += [f'{device}: {{{", ".join(given)}}}'] if device else given
-    return ''.join(f'    {line}\n' for line in lines)

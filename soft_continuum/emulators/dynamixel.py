@@ -9,7 +9,6 @@ from soft_continuum.emulators.console import Command, device_parser, execute, RA
 from soft_continuum.emulators.driving import (
     BAUD_RATE,
     dynamixel_parameters,
-    parameter_lines,
     SERVO_MODEL,
     SPOOL_RADIUS,
 )
@@ -23,13 +22,6 @@ from soft_continuum.emulators.dynamixel_servo import (
     SHOCK_ERROR,
 )
 from soft_continuum.hardware.clock import Clock
-
-CONFIGURATION = """\
-Put this into the parameter file of all nodes:
-/**:
-  ros__parameters:
-{parameters}Type a fault, or help. N is the number of a servo, 1 is the first.
-"""
 
 
 def make_servos(tendons: int, model: str, baud_rate: int = BAUD_RATE,
@@ -153,6 +145,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     return serve(
         parser, lambda: DynamixelEmulator(
             servos, arguments.link, Clock(arguments.time_factor)),
-        lambda emulator: CONFIGURATION.format(parameters=parameter_lines(dynamixel_parameters(
-            emulator.port, len(emulator.servos), arguments.baud_rate, arguments.model))),
-        execute_command)
+        lambda emulator: dynamixel_parameters(
+            emulator.port, len(emulator.servos), arguments.baud_rate, arguments.model),
+        execute_command, ' N is the number of a servo, 1 is the first.')

@@ -31,9 +31,6 @@ from soft_continuum.emulators.dynamixel_packets import (
 from soft_continuum.emulators.dynamixel_servo import DynamixelServo
 from soft_continuum.hardware.clock import Clock, STEADY
 
-TIME_STEP = 0.002  # s, while a servo moves
-RESTING_STEP = 0.02  # s
-MAX_LATENESS = 0.05  # s that are made up for
 BITS_PER_BYTE = 10
 GAP = 0.05  # s without a byte after which a packet that began is given up; assumed
 PING_SLOT = 0.003  # s for each ID in answer to a broadcast ping, as the maker's SDK waits
@@ -54,6 +51,9 @@ class DynamixelEmulator(EmulatedDevice):
     ``lock`` is held no time passes for the servos.
     """
 
+    # A computer that is too slow lets the servos stand still, rather than their watchdogs end.
+    MAX_LATENESS = 0.05
+
     def __init__(self, servos: Sequence[DynamixelServo], link: str | Path | None = None,
                  clock: Clock = STEADY, *, seed: int = 1) -> None:
         """Switch the servos on and plug the adapter in; link: where the port is always found."""
@@ -66,7 +66,6 @@ class DynamixelEmulator(EmulatedDevice):
         self._readers = {2: PacketReader(), 1: OldPacketReader()}
         self._free = 0.0  # when the last byte of request or answer has passed
         self._heard_at = 0.0
-        self._time = clock()
         self.repair()
         self.plug()
 
@@ -108,18 +107,12 @@ class DynamixelEmulator(EmulatedDevice):
 
     # Time and bytes
 
-    def _pause(self) -> float:
-        return RESTING_STEP if all(servo.resting for servo in self.servos) else TIME_STEP
+    def _resting(self) -> bool:
+        return all(servo.resting for servo in self.servos)
 
-    def _advance(self) -> None:
-        now = self.clock()
-        # A computer that is too slow lets the servos stand still, rather than their watchdogs end.
-        elapsed, self._time = min(now - self._time, MAX_LATENESS), now
-        while elapsed > 0.0:
-            step = min(elapsed, self._pause())
-            for servo in self.servos:
-                servo.advance(step)
-            elapsed -= step
+    def _step(self, time: float) -> None:
+        for servo in self.servos:
+            servo.advance(time)
 
     def _take(self, data: bytes) -> None:
         if not data:

@@ -5,27 +5,9 @@
 from collections.abc import Sequence
 
 from soft_continuum.emulators.console import Command, device_parser, execute, RANGES, serve, set_to
+from soft_continuum.emulators.driving import grbl_parameters, STEPS_PER_MM
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import Clock
-
-STEPS_PER_MM = 200
-"""Steps per mm of the emulated motors and drums; the board itself counts steps."""
-CONFIGURATION = """\
-Put this into the parameter file of tendon_actuation:
-/**:
-  ros__parameters:
-    tendon_driver: grbl
-    grbl:
-      port: {port}
-      steps_per_mm: [{steps:.1f}, {steps:.1f}]{homing}
-Type a fault, or help.
-"""
-
-
-def repair(emulator: GrblEmulator) -> None:
-    """Clear all lasting faults."""
-    emulator.hang = emulator.firmware.race = emulator.firmware.stalled = False
-    emulator.drop_ok, emulator.late_ok, emulator.garble = 0, 0.0, 0.0
 
 
 def describe(emulator: GrblEmulator) -> str:
@@ -52,7 +34,8 @@ COMMANDS = {
                      lambda e: setattr(e.firmware, 'stalled', True)),
     'race': Command('', 'run the next jog as a program',
                     lambda e: setattr(e.firmware, 'race', True)),
-    'repair': Command('', 'clear hang, drop-ok, late-ok, garble, stall and race', repair),
+    'repair': Command('', 'clear hang, drop-ok, late-ok, garble, stall and race',
+                      GrblEmulator.repair),
     'state': Command('', 'print the state and the true motor positions', describe),
 }
 
@@ -71,14 +54,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = parser.parse_args(argv)
     if any(not -1000.0 <= switch < 0.0 for switch in arguments.switches):
         parser.error('--switches must be negative, and not below -1000 mm')
-    settings, homing = {}, ''
+    settings, homing = {}, {}
     if arguments.switches:
         settings = {22: 1.0, 23: 3.0, **dict.fromkeys((130, 131), 100.0 * STEPS_PER_MM)}
-        right, left = ((switch + 1.0) * 1e-3 for switch in arguments.switches)  # 1 mm off: $27
-        homing = f'\n      homed_pulls: [{right:.4f}, {left:.4f}]'
+        homing = {'grbl.homed_pulls': tuple(  # 1 mm off: $27
+            (switch + 1.0) * 1e-3 for switch in arguments.switches)}
     return serve(
         parser, lambda: GrblEmulator(
             arguments.link, Clock(arguments.time_factor), settings,
             [switch * STEPS_PER_MM for switch in arguments.switches]),
-        lambda emulator: CONFIGURATION.format(
-            port=emulator.port, steps=STEPS_PER_MM, homing=homing), execute_command)
+        lambda emulator: grbl_parameters(emulator.port, 2) | homing, execute_command)

@@ -11,9 +11,6 @@ from soft_continuum.emulators.grbl_firmware import GrblFirmware
 from soft_continuum.emulators.grbl_planner import Steps
 from soft_continuum.hardware.clock import Clock, STEADY
 
-TIME_STEP = 0.002  # s, while something happens
-RESTING_STEP = 0.02  # s
-
 
 class GrblEmulator(EmulatedDevice):
     """
@@ -37,13 +34,9 @@ class GrblEmulator(EmulatedDevice):
         from where the motors now are.
         """
         super().__init__(link, clock)
-        self.hang = False
-        self.drop_ok = 0
-        self.late_ok = 0.0
-        self.garble = 0.0
         self.random = random.Random(1)
         self.firmware = GrblFirmware(settings or {}, self.say, self._acknowledge, switches)
-        self._time = clock()
+        self.repair()
         self.plug()
 
     # The truth, whatever the firmware reports
@@ -81,6 +74,11 @@ class GrblEmulator(EmulatedDevice):
             self._outgoing.clear()
             self.firmware.reset(banner)
 
+    def repair(self) -> None:
+        """Clear all lasting faults."""
+        self.hang = self.firmware.race = self.firmware.stalled = False
+        self.drop_ok, self.late_ok, self.garble = 0, 0.0, 0.0
+
     def alarm(self, number: int) -> None:
         """Stop at once and lock; 1 and 2 answer nothing before a soft reset."""
         self.read(lambda: self.firmware.alarm(number))
@@ -97,16 +95,11 @@ class GrblEmulator(EmulatedDevice):
 
     # Time and bytes
 
-    def _pause(self) -> float:
-        return RESTING_STEP if self.firmware.resting else TIME_STEP
+    def _resting(self) -> bool:
+        return self.firmware.resting
 
-    def _advance(self) -> None:
-        now = self.clock()
-        elapsed, self._time = now - self._time, now
-        while elapsed > 0.0:
-            step = elapsed if self.firmware.resting else min(elapsed, TIME_STEP)
-            self.firmware.advance(step)
-            elapsed -= step
+    def _step(self, time: float) -> None:
+        self.firmware.advance(time)
 
     def _take(self, data: bytes) -> None:
         if not self.hang:

@@ -15,32 +15,24 @@ from soft_continuum.emulators.modbus_rig import (
     OUTPUT_UNIT,
     RELAY_UNIT,
 )
+from soft_continuum.parameters.parameter import Value
 
-CONFIGURATION = """\
-Put this into the parameter file of jamming_valves (or leave out what is the default):
-/**:
-  ros__parameters:
-    jamming_driver: modbus
-    modbus:
-      port: {port}
-      {outputs}
-      analog_unit: {analog_unit}
-      pressure_registers: {registers}
-      vacuum_at_4_ma: 0.0
-      vacuum_at_20_ma: {full_scale}
-Type a fault, or help.
-"""
-VALVES = """\
-relay_unit: {relay_unit}
-      pump_coil: 0
-      valve_coils: {valves}
-      energised_valve_evacuates: true"""
-REGULATORS = """\
-regulators: true
-      output_unit: {output_unit}
-      output_registers: {registers}
-      output_range: [{low:.1f}, {high:.1f}]
-      output_vacuums: [0.0, {full_scale}]"""
+
+def parameters(emulator: ModbusEmulator) -> dict[str, Value]:
+    """Return all parameters of a node that drives the rig, those that are the default, too."""
+    numbers = range(len(emulator.segments))
+    registers, vacuums = tuple(map(float, numbers)), (0.0, FULL_SCALE)
+    switching: dict[str, Value] = {
+        'modbus.regulators': True, 'modbus.output_unit': OUTPUT_UNIT,
+        'modbus.output_registers': registers, 'modbus.output_range': (float(LOW), float(HIGH)),
+        'modbus.output_vacuums': vacuums,
+    } if emulator.regulators else {
+        'modbus.relay_unit': RELAY_UNIT, 'modbus.pump_coil': 0,
+        'modbus.valve_coils': tuple(n + 1.0 for n in numbers),
+        'modbus.energised_valve_evacuates': True}
+    return {'jamming_driver': 'modbus', 'modbus.port': emulator.port, **switching,
+            'modbus.analog_unit': ANALOG_UNIT, 'modbus.pressure_registers': registers,
+            'modbus.vacuum_at_4_ma': 0.0, 'modbus.vacuum_at_20_ma': FULL_SCALE}
 
 
 def describe(emulator: ModbusEmulator) -> str:
@@ -107,15 +99,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--baud-rate', type=int, default=9600, metavar='RATE',
                         help='reply as slowly as on this line; 0: at once (default: 9600)')
     arguments = parser.parse_args(argv)
-    numbers = range(arguments.segments)
     return serve(
         parser, lambda: ModbusEmulator(
             arguments.segments, initially_stiff=arguments.stiff, link=arguments.link,
             baud_rate=arguments.baud_rate, regulators=arguments.regulators),
-        lambda emulator: CONFIGURATION.format(
-            port=emulator.port, analog_unit=ANALOG_UNIT, full_scale=FULL_SCALE,
-            registers=[float(n) for n in numbers],
-            outputs=(REGULATORS if arguments.regulators else VALVES).format(
-                relay_unit=RELAY_UNIT, valves=[float(n + 1) for n in numbers],
-                output_unit=OUTPUT_UNIT, registers=[float(n) for n in numbers], low=LOW,
-                high=HIGH, full_scale=FULL_SCALE)), execute_command)
+        parameters, execute_command)

@@ -8,22 +8,21 @@ A driver is a class that implements TendonDriver, JammingDriver or RegulatorDriv
 the checked parameters of its node (its own, and all that the node has without it) and a steady
 clock in s.  A driver that talks to other nodes has an attribute ``node``, which make_driver sets
 to the node that uses it, or None: the driver shares its context, namespace and remapping.  Its
-attribute ``COMMISSIONING`` names a module for doctor and calibrate (hardware.commissioning).
+attribute ``COMMISSIONING`` names a module for doctor and calibrate (hardware.commissioning), and
+``EMULATOR`` one whose ``main(options)`` serves an emulated device.
 Other packages add drivers by an entry point in the group TENDON_DRIVERS or JAMMING_DRIVERS;
 docs/how_to/write_a_driver.md shows how.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from functools import cache
+from contextlib import contextmanager, suppress
+from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import entry_points, EntryPoint
 from typing import Any
 
 from soft_continuum.extras import remedy
-from soft_continuum.hardware.dynamixel.parameters import PARAMETERS as OF_DYNAMIXEL
-from soft_continuum.hardware.grbl.parameters import PARAMETERS as OF_GRBL
-from soft_continuum.hardware.modbus.parameters import PARAMETERS as OF_MODBUS
+from soft_continuum.hardware import dynamixel, grbl, modbus
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import Parameter
 
@@ -42,8 +41,8 @@ _OWN = {
                       'ros_topics': 'soft_continuum.ros_topics.jamming:RosJamming'},
 }
 _PARAMETERS: Mapping[str, Mapping[str, tuple[Parameter, ...]]] = {
-    TENDON_DRIVERS: {'grbl': OF_GRBL, 'dynamixel': OF_DYNAMIXEL},
-    JAMMING_DRIVERS: {'modbus': OF_MODBUS},
+    TENDON_DRIVERS: {'grbl': grbl.PARAMETERS, 'dynamixel': dynamixel.PARAMETERS},
+    JAMMING_DRIVERS: {'modbus': modbus.PARAMETERS},
 }
 """Parameters of drivers that load slowly, since every node reads the parameters of all."""
 
@@ -97,10 +96,18 @@ def make_driver(group: str, name: str, values: Mapping[str, Any],
 def commissioning(group: str, name: str) -> Any:
     """Return the module COMMISSIONING of a driver, None without one; raises HardwareError."""
     module = getattr(_load(group, name), 'COMMISSIONING', None)
-    if module is None:
-        return None
-    with _refused(name, module):
-        return import_module(module)
+    return None if module is None else _imported(name, module)
+
+
+def emulated_devices() -> dict[str, Callable[[], Any]]:
+    """Return what imports the module EMULATOR of each driver with one; raises HardwareError."""
+    found: dict[str, Callable[[], Any]] = {}
+    for group in GROUPS.values():
+        for name in driver_names(group):
+            with suppress(HardwareError):  # make_driver reports it when it is chosen
+                if module := getattr(_load(group, name), 'EMULATOR', None):
+                    found.setdefault(name, partial(_imported, name, module))
+    return found
 
 
 def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], dict[str, str]]]:
@@ -115,6 +122,11 @@ def driver_topics(values: Mapping[str, Any]) -> dict[str, tuple[dict[str, str], 
         topics = getattr(_load(group, values[name]), 'topics', None)
         found[name] = topics(values) if topics is not None else ({}, {})
     return found
+
+
+def _imported(name: str, module: str) -> Any:
+    with _refused(name, module):
+        return import_module(module)
 
 
 def _load(group: str, name: str) -> Any:

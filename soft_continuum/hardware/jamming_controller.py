@@ -13,6 +13,7 @@ from soft_continuum.hardware.protocols import (
     JammingReading,
     RegulatorDriver,
 )
+from soft_continuum.parameters.parameter import ParameterError
 
 RESPONSE_TIME = 10.0
 """Time for the pressure of a segment to follow its valve or regulator, s."""
@@ -46,7 +47,7 @@ class JammingSettings:
         order = ('release_vacuum', 'stiff_vacuum', 'pump_start_vacuum', 'pump_stop_vacuum')
         for low, high in zip(order, order[1:], strict=False):
             if not getattr(self, low) < getattr(self, high):
-                raise ValueError(
+                raise ParameterError(
                     f'parameter {low} ({getattr(self, low):g} Pa) must be below {high} '
                     f'({getattr(self, high):g} Pa)')
 

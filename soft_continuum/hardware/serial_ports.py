@@ -49,10 +49,11 @@ def open_serial(port: str, baud_rate: int) -> serial.Serial:
         raise HardwareError(f'serial port {port}: {_explain(port, error)}') from None
 
 
-def discard_output(port: serial.Serial) -> None:
-    """Drop unsent bytes: otherwise closing a port may wait up to 30 s for its device."""
+def close_serial(port: serial.Serial) -> None:
+    """Close a port and drop unsent bytes, for which it may otherwise wait up to 30 s."""
     with contextlib.suppress(OSError, ValueError, termios.error):
         termios.tcflush(port.fileno(), termios.TCOFLUSH)
+    port.close()
 
 
 def _explain(port: str, error: OSError | ValueError) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import contextlib
 from socket import socketpair
 import threading
-from typing import ClassVar, Generic, Protocol, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.protocols import (
@@ -22,9 +22,21 @@ from soft_continuum.hardware.protocols import (
     TendonReading,
 )
 from soft_continuum.hardware.real_time import ask_for_real_time
+from soft_continuum.parameters.parameter import ParameterError, spread
 
 CLOSE_TIMEOUT = 1.0  # s that close() gives the tendons to stop
+STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
 POLL_INTERVAL = 0.005  # s
+
+
+def check_per_tendon(family: str, tendons: Sequence[str], *, signs: Sequence[float],
+                     **lists: Sequence[float]) -> None:
+    """Raise ParameterError for lists without one value for each tendon, and signs but 1 and -1."""
+    for name, given in {'signs': signs, **lists}.items():
+        spread(f'{family}.{name}', tuple(given), len(tendons),
+               f'the tendons are {", ".join(tendons)}', alone=False)
+    if any(abs(sign) != 1.0 for sign in signs):
+        raise ParameterError(f'parameter {family}.signs is {list(signs)}; allowed: 1 or -1')
 
 
 class Wakeable:
@@ -76,35 +88,57 @@ class Wakeable:
             raise HardwareError(f'{self.name} was closed while it was being opened')
 
 
-class Session(Protocol):
+LinkT = TypeVar('LinkT', bound=Wakeable)
+
+
+class Session(ABC, Generic[LinkT]):
     """
     One connection to a device that moves tendons, over a line.
 
     ``cycle`` is called by the thread that owns the line; requests come from any thread, wait for
-    nothing, and raise HardwareError once the session has failed.
+    nothing, and raise HardwareError once the session has failed.  What begins with ``_`` is called
+    while the lock is held.
+
+    failure: why the session is over; empty while it is not.
     """
 
-    @property
-    def link(self) -> Wakeable:
-        """The line."""
+    DEVICE: ClassVar[str]
+    """Name and verb, such as ``the servos have``."""
+    CYCLE: ClassVar[float]
+    RESTING_CYCLE: ClassVar[float]
+    """From the begin of one cycle to that of the next, s, and while nothing is to be done."""
+
+    def __init__(self, link: LinkT) -> None:
+        """Take over a device that was found at rest."""
+        self.link = link
+        self.failure = ''
+        self._lock = threading.Lock()  # of all that follows
+        self._unreferenced = ''  # why the position is unknown
 
     @property
-    def failure(self) -> str:
-        """Why the session is over; empty while it is not."""
+    @abstractmethod
+    def moving(self) -> bool:
+        """Whether tendons may move."""
 
     @property
     def busy(self) -> bool:
-        """Whether tendons may move."""
+        """Whether tendons may move, or anything is pending."""
+        return self.moving
 
     @property
     def interval(self) -> float:
         """From the begin of one cycle to that of the next, s."""
+        return self.CYCLE if self.busy else self.RESTING_CYCLE
 
+    @abstractmethod
     def cycle(self) -> None:
         """Receive, check and send due commands; raises HardwareError on a failure."""
 
     def reading(self) -> TendonReading:
         """Return the last state of the tendons."""
+        with self._lock:
+            self._check()
+            return self._reading()
 
     def move(self, pulls: tuple[float, ...], duration: float) -> bool:
         """
@@ -112,22 +146,68 @@ class Session(Protocol):
 
         Returns whether the next cycle has to begin at once.
         """
+        with self._lock:
+            self._check()
+            if self._unreferenced:
+                raise HardwareError(
+                    f'the position is unknown: {self._unreferenced}; straighten the arm, make all '
+                    'tendons just taut and call reference')
+            return self._move(pulls, self.link.clock() + duration)
 
     def stop(self) -> None:
-        """Brake, then hold."""
+        """Brake as fast as the device can without losing its position, then hold."""
+        with self._lock:
+            self._check()
+            self._stop()
 
     def reference(self) -> None:
         """Take the present position as zero pull, or begin to search for it."""
+        with self._lock:
+            self._check()
+            if self.moving:
+                raise HardwareError('the tendons are moving; wait until they rest')
+            self._reference()
 
+    @abstractmethod
     def fail(self, reason: str) -> None:
         """End all motion, and the session, for good."""
 
     def release(self) -> None:
         """Leave a device at rest, which holds, without further communication."""
 
+    @abstractmethod
+    def _reading(self) -> TendonReading:
+        """Return the last state of the tendons."""
 
-LinkT = TypeVar('LinkT', bound=Wakeable)
-SessionT = TypeVar('SessionT', bound=Session)
+    @abstractmethod
+    def _move(self, pulls: tuple[float, ...], arrival: float) -> bool:
+        """Move, to be there at ``arrival`` (s), as move says."""
+
+    @abstractmethod
+    def _stop(self) -> None:
+        """Brake, then hold."""
+
+    @abstractmethod
+    def _reference(self) -> None:
+        """Take the present position as zero, or begin to search for it; the tendons rest."""
+
+    def _shown(self, speeds: tuple[float, ...], least: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the speeds to report: 0 at rest, else not all 0, even if no step was made."""
+        if not self.moving:
+            return (0.0,) * len(speeds)
+        return speeds if any(speeds) else least
+
+    def _check(self) -> None:
+        if self.failure:
+            raise HardwareError(self.failure)
+
+    def _unconfirmed(self) -> HardwareError:
+        return HardwareError(
+            f'{self.DEVICE} not confirmed a stop within {STOP_TIMEOUT:g} s: the tendons may still '
+            'move; cut the power of the motors if they do')
+
+
+SessionT = TypeVar('SessionT', bound=Session[Any])
 
 
 class SerialTendons(ABC, Generic[LinkT, SessionT]):

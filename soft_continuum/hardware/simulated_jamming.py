@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import exp
 from typing import Any, ClassVar
 
+from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import JammingReading
 from soft_continuum.parameters.parameter import Parameter
 
@@ -20,7 +21,7 @@ class JammingPlant:
     time constants, s.  valve_delay: s.  leak_rate: Pa/s while the pump rests.
     """
 
-    ambient_pressure: float = 101325.0
+    ambient_pressure: float = JammingSettings.ambient_pressure
     ultimate_vacuum: float = 94e3
     evacuation_time: float = 0.4
     venting_time: float = 0.6
@@ -41,15 +42,15 @@ class SimulatedJamming:
     """Simulated pump and valves; they start with every segment evacuated, or all soft."""
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = (
-        Parameter('simulated_jamming.ultimate_vacuum', 94e3,
+        Parameter('simulated_jamming.ultimate_vacuum', JammingPlant.ultimate_vacuum,
                   'ultimate vacuum below ambient of the simulated pump', 1e3, 101e3, unit='Pa'),
-        Parameter('simulated_jamming.evacuation_time', 0.4,
+        Parameter('simulated_jamming.evacuation_time', JammingPlant.evacuation_time,
                   'time constant of evacuating a simulated segment', 0.01, 100.0, unit='s'),
-        Parameter('simulated_jamming.venting_time', 0.6,
+        Parameter('simulated_jamming.venting_time', JammingPlant.venting_time,
                   'time constant of venting a simulated segment', 0.01, 100.0, unit='s'),
-        Parameter('simulated_jamming.valve_delay', 0.03, 'delay of a simulated valve',
-                  0.0, 10.0, unit='s'),
-        Parameter('simulated_jamming.leak_rate', 500.0,
+        Parameter('simulated_jamming.valve_delay', JammingPlant.valve_delay,
+                  'delay of a simulated valve', 0.0, 10.0, unit='s'),
+        Parameter('simulated_jamming.leak_rate', JammingPlant.leak_rate,
                   'rate at which a simulated segment loses vacuum while the pump is off',
                   0.0, 1e5, unit='Pa/s'),
         Parameter('simulated_jamming.initially_stiff', True,
@@ -146,8 +147,7 @@ class SimulatedRegulators:
     """
 
     def __init__(self, clock: Callable[[], float], segments: int, plant: JammingPlant,
-                 initially_stiff: bool, max_vacuum: float = 90e3, dead_band: float = 500.0
-                 ) -> None:
+                 initially_stiff: bool, max_vacuum: float, dead_band: float) -> None:
         """Take the time (s) from ``clock``; max_vacuum: Pa."""
         self._clock, self._plant, self._dead_band = clock, plant, dead_band
         self._time = clock()

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from math import copysign, sqrt
 from typing import Any, ClassVar, Self
 
-from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
+from soft_continuum.hardware.protocols import Accuracy, check_motion, TendonReading
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import Parameter
 
 TIME_STEP = 0.001  # s
@@ -25,9 +26,6 @@ class SimulatedTendons:
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:
         """Return what the parameters of the node describe."""
-        # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import arm_from_parameters
-
         return cls(clock, arm_from_parameters(values).tendon_names, values['speed_limit'],
                    values['acceleration_limit'], values['simulated_tendons.step'])
 
@@ -71,9 +69,7 @@ class SimulatedTendons:
 
     def move(self, pulls: tuple[float, ...], duration: float) -> None:
         """Set new targets (m), to be reached after ``duration`` s as far as the limits allow."""
-        if len(pulls) != len(self._tendons):
-            raise HardwareError(
-                f'{len(pulls)} pulls were given; needed: one for each of {list(self._tendons)}')
+        check_motion(self._tendons, pulls, duration)
         self._advance()
         self._targets = [self._step * round(p / self._step) + z
                          for p, z in zip(pulls, self._zero, strict=True)]

@@ -16,7 +16,7 @@ from soft_continuum.hardware.drivers import (
 )
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.parameter import FRAME_NAME, Parameter, ParameterError
+from soft_continuum.parameters.parameter import FRAME_NAME, Parameter
 from soft_continuum.parameters.shapes import SHAPE_NAMES
 from soft_continuum.ros.names import (
     CAMERA,
@@ -38,7 +38,8 @@ FRAME = Parameter(
     'prefix applies to all frames of the arm; by default the prefix is the namespace, as in '
     'left/base_link', form=FRAME_NAME)
 AMBIENT = Parameter(
-    'ambient_pressure', 101325.0, 'absolute ambient pressure', 1e4, 2e5, unit='Pa')
+    'ambient_pressure', JammingSettings.ambient_pressure, 'absolute ambient pressure', 1e4, 2e5,
+    unit='Pa')
 STALE_AFTER = Parameter(
     'stale_timeout', 0.5, 'age at which a message from another node is stale', 0.1, 10.0,
     read_only=False, unit='s')
@@ -66,12 +67,12 @@ SOFT_VACUUM = Parameter(
     'soft_vacuum', 10e3, 'vacuum below ambient up to which a segment counts as soft', 100.0, 101e3,
     unit='Pa')
 FULL_VACUUM = Parameter(
-    'full_vacuum', 80e3, 'vacuum below ambient at which the described stiffness and yield moment '
-    'of jams that are not rigid apply; regulators hold it in stiff segments',
-    1e3, 101e3, unit='Pa')
+    'full_vacuum', JammingSettings.full_vacuum, 'vacuum below ambient at which the described '
+    'stiffness and yield moment of jams that are not rigid apply; regulators hold it in stiff '
+    'segments', 1e3, 101e3, unit='Pa')
 VACUUM_TOLERANCE = Parameter(
-    'vacuum_tolerance', 3e3, 'deviation from the set-point of a regulator within which the vacuum '
-    'counts as reached', 100.0, 2e4, unit='Pa')
+    'vacuum_tolerance', JammingSettings.vacuum_tolerance, 'deviation from the set-point of a '
+    'regulator within which the vacuum counts as reached', 100.0, 2e4, unit='Pa')
 
 JOYSTICK_AXES = {'x': (0, -1.0), 'y': (1, 1.0), 'z': (4, 1.0)}
 """Axis number and scale: joy_node counts left as positive."""
@@ -114,21 +115,15 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('jamming_rate', 20.0, 'control rate, and publishing rate of the pressures',
                   5.0, 100.0,
                   unit='Hz'),
-        Parameter('stiff_vacuum', 50e3, 'vacuum below ambient from which a segment counts as '
-                  'stiff',
-                  1e3, 101e3, unit='Pa'),
-        Parameter('release_vacuum', 40e3,
-                  'vacuum below ambient below which a segment no longer counts as stiff',
-                  1e3, 101e3,
-                  unit='Pa'),
-        Parameter('pump_start_vacuum', 60e3,
-                  'vacuum below ambient: the pump starts when an evacuated segment has less',
-                  1e3, 101e3,
-                  unit='Pa'),
-        Parameter('pump_stop_vacuum', 80e3,
-                  'vacuum below ambient: the pump stops when every evacuated segment has more',
-                  1e3, 101e3,
-                  unit='Pa'),
+        *(Parameter(name, getattr(JammingSettings, name), text, 1e3, 101e3, unit='Pa')
+          for name, text in (
+              ('stiff_vacuum', 'vacuum below ambient from which a segment counts as stiff'),
+              ('release_vacuum',
+               'vacuum below ambient below which a segment no longer counts as stiff'),
+              ('pump_start_vacuum',
+               'vacuum below ambient: the pump starts when an evacuated segment has less'),
+              ('pump_stop_vacuum',
+               'vacuum below ambient: the pump stops when every evacuated segment has more'))),
         FULL_VACUUM, VACUUM_TOLERANCE, *driver_parameters(JAMMING_DRIVERS),
     ),
     KINEMATICS: (
@@ -305,7 +300,4 @@ def default_frame(namespace: str) -> str:
 
 def jamming_settings(values: Mapping[str, Any]) -> JammingSettings:
     """Return the thresholds of jamming_valves; raises ParameterError when out of order."""
-    try:
-        return JammingSettings(**{f.name: values[f.name] for f in fields(JammingSettings)})
-    except ValueError as error:
-        raise ParameterError(str(error)) from None
+    return JammingSettings(**{field.name: values[field.name] for field in fields(JammingSettings)})

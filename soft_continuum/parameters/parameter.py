@@ -9,9 +9,9 @@ from math import degrees, inf, pi, radians
 import re
 from typing import Any
 
-from soft_continuum.parameters.scalars import Value as Value
 from soft_continuum.text import printable
 
+Value = bool | int | float | str | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
 MAX_NUMBER = 1e308
 MAX_SHOWN = 200  # characters of a value in an error message
 

@@ -8,8 +8,9 @@ import sys
 
 import yaml
 
+from soft_continuum.parameters.parameter import Value
+
 Scalar = bool | int | float | str
-Value = bool | int | float | str | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
 
 TRUTH = {form: truth for truth, words in ((True, ('yes', 'true', 'on')), (False, (
     'no', 'false', 'off'))) for word in words for form in (word, word.title(), word.upper())}

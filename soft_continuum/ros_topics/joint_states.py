@@ -13,6 +13,7 @@ from math import isfinite
 from typing import Any, Protocol, Self
 
 from soft_continuum.hardware.protocols import describe_pulls, HardwareError
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError, spread
 
 PREFIX = 'ros_tendons.'
@@ -71,9 +72,6 @@ class Joints:
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Return what checked parameters describe; raises ParameterError."""
-        # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import arm_from_parameters
-
         tendons = arm_from_parameters(values).tendon_names
         counted = f'the tendons are {", ".join(tendons)}'
 

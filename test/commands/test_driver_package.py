@@ -1,18 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The example of a driver as a package of its own is built, found, and drives its motor box."""
+"""The example of a driver as a package of its own is built, found, emulated and driven."""
 
-from collections.abc import Iterator
-import contextlib
+from contextlib import ExitStack
 import os
 from pathlib import Path
-import socketserver
+import re
 import subprocess
 import sys
-import threading
-import time
-
-import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'examples' / 'my_tendons'
 TIMEOUT = 120  # s
@@ -48,46 +43,7 @@ driver.close()
 """
 
 
-class Box(socketserver.ThreadingTCPServer):
-    """The motor box of the example: its motors are at once where they are sent."""
-
-    daemon_threads, allow_reuse_address = True, True
-
-    def __init__(self) -> None:
-        self.at, self.held, self.says = [5.0, 7.0], 0, True  # mm
-        super().__init__(('127.0.0.1', 0), _Talk)
-
-
-class _Talk(socketserver.StreamRequestHandler):
-    server: Box
-
-    def handle(self) -> None:
-        threading.Thread(target=self._say, daemon=True).start()
-        with contextlib.suppress(ConnectionResetError):
-            for line in self.rfile:
-                word, *numbers = line.decode('ascii').split()
-                if word == 'go':
-                    self.server.at = [float(number) for number in numbers[1:]]
-                self.server.held += word == 'hold'
-
-    def _say(self) -> None:
-        with contextlib.suppress(OSError, ValueError):
-            while True:
-                if self.server.says:
-                    text = ' '.join(f'{mm:.4f}' for mm in self.server.at)
-                    self.wfile.write(f'at 0 {text}\n'.encode('ascii'))
-                time.sleep(0.01)
-
-
-@pytest.fixture
-def box() -> Iterator[Box]:
-    with Box() as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield server
-        server.shutdown()
-
-
-def test_the_package_is_built_found_and_drives_its_motors(tmp_path: Path, box: Box) -> None:
+def test_the_package_is_built_found_and_drives_its_emulated_motors(tmp_path: Path) -> None:
     subprocess.run(
         [sys.executable, '-m', 'colcon', 'build', '--base-paths', PACKAGE,
          '--build-base', tmp_path / 'build', '--install-base', tmp_path / 'install'],
@@ -96,20 +52,37 @@ def test_the_package_is_built_found_and_drives_its_motors(tmp_path: Path, box: B
     packages, = (tmp_path / 'install').glob('my_tendons/lib/python*/site-packages')
     file = tmp_path / 'install/my_tendons/share/my_tendons/config/my_tendons.yaml'
     here = tmp_path / 'here.yaml'
-    here.write_text('/**:\n  ros__parameters:\n    my_tendons:\n      address: '
-                    f'127.0.0.1:{box.server_address[1]}\n', encoding='utf-8')
     environment = {**os.environ, 'PYTHONPATH': f'{packages}:{os.environ.get("PYTHONPATH", "")}'}
 
-    with subprocess.Popen([sys.executable, '-c', MOVE, file, here], env=environment, text=True,
-                          stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
-        assert program.stdin is not None and program.stdout is not None
-        lines = [program.stdout.readline().strip() for _ in range(4)]
+    def start(*words: object) -> subprocess.Popen[str]:
+        return ended.enter_context(subprocess.Popen(
+            [sys.executable, *map(str, words)], env=environment, text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE))
+
+    def say(program: subprocess.Popen[str], line: str) -> None:
+        assert program.stdin is not None
+        print(line, file=program.stdin, flush=True)
+
+    def read(program: subprocess.Popen[str], lines: int = 1) -> str:
+        assert program.stdout is not None
+        return ''.join(program.stdout.readline() for _ in range(lines))
+
+    with ExitStack() as ended:
+        box = start('-m', 'soft_continuum', 'emulate', 'my_tendons', '--port', 0)
+        ended.callback(box.kill)
+        here.write_text(read(box, 6), encoding='utf-8')
+        assert 'Type a fault' in read(box)
+        program = start('-c', MOVE, file, here)
+        ended.callback(program.kill)
         # It opens, the module COMMISSIONING of the driver checks it, and it has no zero.
-        assert lines[0] == "['tendon driver my_tendons', 'motor box', 'tendon reference']"
-        assert lines[1:] == ['False', '[1.0, -2.0]', 'quiet']
-        assert box.at == pytest.approx([6.0, 5.0])
-        assert box.held
-        box.says = False
-        program.stdin.write('\n')
-        program.stdin.close()
-        assert 'the motor box said nothing for' in program.stdout.read()
+        assert read(program) == (
+            "['tendon driver my_tendons', 'motor box', 'tendon reference']\n")
+        assert read(program, 3) == 'False\n[1.0, -2.0]\nquiet\n'
+        say(box, 'state')
+        assert re.fullmatch(r'at \[6\.0, 5\.0\] mm, stopped [1-9] times\n', read(box))
+        say(box, 'hang')
+        assert read(box) == 'done\n'
+        say(program, '')
+        assert 'the motor box said nothing for' in read(program)
+        say(box, 'quit')
+        assert box.wait(TIMEOUT) == 0

@@ -215,7 +215,7 @@ class Skewed(SimulatedRegulators):
 
 def measured(share=1.0, plant=PLANT):
     clock = VirtualClock()
-    driver = Skewed(clock, 2, plant, True, dead_band=0.0)
+    driver = Skewed(clock, 2, plant, True, 90e3, 0.0)
     driver.share = share
     result = measure_regulator(driver, 1, 2, SETTINGS, SOFT, clock)
     assert driver.read().vacuums == (0.0, 0.0)

@@ -16,12 +16,12 @@ from soft_continuum.hardware.commissioning import FAIL, OK, WARN
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus, NoReplyError
 from soft_continuum.hardware.dynamixel.commissioning import checks, clear_zero
+from soft_continuum.hardware.dynamixel.exchange import ServoState, Written
 from soft_continuum.hardware.dynamixel.reference import (
     mark,
     marked_zero,
     zero_within_turn,
 )
-from soft_continuum.hardware.dynamixel.state import ServoState, Written
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
 from support.driver_waits import at_rest
@@ -92,7 +92,7 @@ def test_servos_without_fast_sync_read_do(tmp_path):
     ({'radii': (10.0, 10.0)}, 'spool_radii has 10 m; allowed: 0.001 to 0.1 m; 10 mm are 0.01 m'),
     ({'radii': (1e-5, 0.01)}, 'spool_radii has 1e-05 m'),
     ({'ids': (1, 1)}, 'every servo needs an ID of its own'),
-    ({'ids': (1, 2, 3)}, 'one value for each of first, second'),
+    ({'ids': (1, 2, 3)}, 'has 3 values; the tendons are first, second'),
     ({'signs': (1.0, 0.5)}, 'allowed: 1 or -1'),
     ({'take_up_tension': 60.0}, 'must be less than each of dynamixel.tension_limits'),
 ])

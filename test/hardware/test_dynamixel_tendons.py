@@ -9,7 +9,7 @@ import pytest
 from soft_continuum.emulators import dynamixel_motor, dynamixel_servo
 from soft_continuum.emulators.driving import SPOOL_RADIUS
 from soft_continuum.emulators.dynamixel_packets import Error, Instruction
-from soft_continuum.hardware.dynamixel.state import Track
+from soft_continuum.hardware.dynamixel.following import Track
 from soft_continuum.hardware.protocols import HardwareError
 from support.driver_waits import at_rest, failed
 from support.servo_rig import BEYOND_TURN, driver_of, in_motion, PULSE_PULL, refusal, rig, servos

@@ -8,9 +8,8 @@ import pytest
 
 from soft_continuum.emulators.grbl_board import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.grbl.boards import GrblBoards
 from soft_continuum.hardware.grbl.motion import Motors
-from soft_continuum.hardware.grbl.tendons import GrblTendons
+from soft_continuum.hardware.grbl.tendons import GrblBoards, GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 from support.driver_waits import at_rest, until

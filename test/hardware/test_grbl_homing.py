@@ -6,7 +6,7 @@ import contextlib
 
 import pytest
 
-from soft_continuum.hardware.grbl.states import State
+from soft_continuum.hardware.grbl.session import State
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 from support import grbl_rig

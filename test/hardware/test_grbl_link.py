@@ -29,8 +29,8 @@ from soft_continuum.hardware.grbl.link import (
     Status,
 )
 from soft_continuum.hardware.grbl.motion import JogStream, Motors, subtract
+from soft_continuum.hardware.grbl.session import BUSY, Event, next_state, State
 from soft_continuum.hardware.grbl.setup import MODES
-from soft_continuum.hardware.grbl.states import BUSY, Event, next_state, State
 from support.grbl_rig import ACCELERATION, SPEED, STEPS_PER_MM, TENDONS
 
 

@@ -455,7 +455,7 @@ def test_a_segment_is_never_stiff_before_its_pressure_says_so_and_can_always_bec
                 min_size=1, max_size=12))
 def test_whatever_is_set_a_segment_is_stiff_only_with_a_vacuum_that_makes_it_so(script):
     clock = ToldClock()
-    driver = SimulatedRegulators(clock, 2, JammingPlant(), True)
+    driver = SimulatedRegulators(clock, 2, JammingPlant(), True, 90e3, 500.0)
     controller = JammingController(driver, 2, SETTINGS, clock)
     for segment, vacuum, duration in script:
         controller.set_vacuum(segment, vacuum)

@@ -32,7 +32,7 @@ def vacuum_after(clock, jamming, seconds, segment=0):
 
 def regulators(initially_stiff=False):
     clock = ToldClock()
-    return clock, SimulatedRegulators(clock, SEGMENTS, PLANT, initially_stiff, dead_band=500.0)
+    return clock, SimulatedRegulators(clock, SEGMENTS, PLANT, initially_stiff, 90e3, 500.0)
 
 
 @pytest.mark.parametrize('stiff', [True, False])

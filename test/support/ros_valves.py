@@ -101,7 +101,7 @@ class Regulators(_Board):
 
     def __init__(self, domain: int) -> None:
         super().__init__(domain)
-        self.plant = SimulatedRegulators(time.monotonic, 3, QUICK, True)
+        self.plant = SimulatedRegulators(time.monotonic, 3, QUICK, True, 90e3, 500.0)
         self.setpoint: Callable[[float], float] = lambda setpoint: setpoint
         self.obey(Float64MultiArray, 'setpoints', self._set)
         self._setpoints = [self.publisher(Float64, f'setpoint_{n}') for n in (1, 2, 3)]

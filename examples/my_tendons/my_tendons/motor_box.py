@@ -26,6 +26,7 @@ class MotorBox:
 
     reference_moves = False  # zero is set by hand, not found by switches
     COMMISSIONING = 'my_tendons.commissioning'  # for doctor and calibrate
+    EMULATOR = 'my_tendons.emulator'  # for emulate
     PARAMETERS = (
         Parameter('my_tendons.address', '127.0.0.1:4000', 'host and port of the motor box'),
         Parameter('my_tendons.timeout', 0.2, 'age at which its state is stale', 0.05, 1.0,

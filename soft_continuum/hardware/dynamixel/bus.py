@@ -18,7 +18,7 @@ from soft_continuum.extras import needed
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.dynamixel.registers import Register
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_ports import discard_output, open_serial
+from soft_continuum.hardware.serial_ports import close_serial, open_serial
 from soft_continuum.hardware.serial_tendons import Wakeable
 
 REPLY_TIME, SEARCH_TIME = 0.15, 0.03
@@ -81,8 +81,7 @@ class DynamixelBus(Wakeable):
     def close(self) -> None:
         """Close the port."""
         try:
-            discard_output(self._port.ser)
-            self._port.ser.close()
+            close_serial(self._port.ser)
         finally:
             super().close()
 

@@ -14,14 +14,14 @@ from soft_continuum.hardware.commissioning import (
     WARN,
 )
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus, latency_timer
-from soft_continuum.hardware.dynamixel.reference import ZeroFile
+from soft_continuum.hardware.dynamixel.exchange import read_states
+from soft_continuum.hardware.dynamixel.reference import clear_marks, find_zeros, ZeroFile
 from soft_continuum.hardware.dynamixel.registers import (
     PRESENT_CURRENT,
     RETURN_DELAY,
     TORQUE_ENABLE,
 )
 from soft_continuum.hardware.dynamixel.setup import find_servos, problems, Servo, Spools
-from soft_continuum.hardware.dynamixel.start import clear_marks, find_zeros, read_states
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.user_files import dynamixel_zeros
 

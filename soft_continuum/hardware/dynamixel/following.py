@@ -1,7 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Detection of blocked servos: one blocked servo soon stops the others.
+Motion of the servos by their replies: speed, rest, and detection of blocked ones.
+
+One blocked servo soon stops the others.
 
 A servo lags behind its goal, by more under load, so its position error is a poor indicator.  Its
 travel is a better one: it is compared with that of an unloaded motor.  Load and friction change a
@@ -11,10 +13,13 @@ part of the travel, or change it once; a blocked servo does not travel at all.
 from collections import deque
 from collections.abc import Sequence
 
+from soft_continuum.hardware.dynamixel.exchange import profile_speed, ServoState
 from soft_continuum.hardware.dynamixel.registers import RADIANS_PER_PULSE, TICK_RANGE
 from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spools
-from soft_continuum.hardware.dynamixel.state import profile_speed, ServoState
 
+REST_TIME, REST_PULSES = 0.03, 1
+"""Time (s) in which a servo at rest turns by at most so many pulses."""
+VELOCITY_TIME = 0.008  # s
 SHORT, SHARE = 1.5e-4, 0.15
 """Tolerated travel error (m), and share of the expected travel below which a servo is blocked."""
 MEMORY = 1.0  # s in which the way is looked at
@@ -22,6 +27,36 @@ MOTOR_TIME, MAX_MOTOR_TIME = 0.015, 0.03
 """s in which a motor follows a voltage, est, and of one with much inertia, by its current."""
 MAX_LATE = 0.005  # s between request and reply after which the goal in force is unknown
 CYCLE, STEP = 0.01, 1e-3  # s
+
+
+class Track:
+    """Positions of servos in the last REST_TIME."""
+
+    def __init__(self, time: float, positions: Sequence[int]) -> None:
+        """Begin with servos at rest at ``positions``; time: s."""
+        self._places = deque([(time, positions)])
+
+    def add(self, time: float, positions: Sequence[int]) -> None:
+        """Add positions of a later time (s)."""
+        self._places.append((time, positions))
+        while len(self._places) > 2 and self._places[1][0] <= time - REST_TIME:
+            self._places.popleft()
+
+    def velocities(self) -> list[float]:
+        """Return the velocities in the last 0.01 s, pulses/s."""
+        end, places = self._places[-1]
+        begin, before = next(
+            ((time, at) for time, at in reversed(self._places) if time <= end - VELOCITY_TIME),
+            self._places[0])
+        return [(b - a) / max(end - begin, VELOCITY_TIME)
+                for a, b in zip(before, places, strict=True)]
+
+    def still(self) -> bool:
+        """Whether they have rested for REST_TIME."""
+        return len(self._places) > 2 and (
+            self._places[-1][0] - self._places[0][0] > 0.99 * REST_TIME) and all(
+            max(places) - min(places) <= REST_PULSES
+            for places in zip(*(places for _, places in self._places), strict=True))
 
 
 class Following:

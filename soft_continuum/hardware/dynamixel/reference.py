@@ -11,12 +11,24 @@ within pull_limits.
 """
 
 from collections.abc import Sequence
+import contextlib
 from dataclasses import dataclass
 import json
 from math import ceil, floor
 from pathlib import Path
 
-from soft_continuum.hardware.dynamixel.registers import PULSES_PER_TURN
+from soft_continuum.hardware.dynamixel.bus import (
+    DamagedReplyError,
+    DynamixelBus,
+    NoReplyError,
+)
+from soft_continuum.hardware.dynamixel.exchange import ATTEMPTS, ServoState
+from soft_continuum.hardware.dynamixel.registers import (
+    PULSES_PER_TURN,
+    SPARE,
+    WATCHDOG_TRIGGERED,
+)
+from soft_continuum.hardware.dynamixel.setup import Servo, Spools
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.text import read_bytes, write_whole
 
@@ -121,3 +133,46 @@ class ZeroFile:
         if not isinstance(known, dict):
             return {}
         return {str(port): zeros for port, zeros in known.items() if isinstance(zeros, dict)}
+
+
+def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[ServoState],
+               spools: Spools, zero_file: ZeroFile) -> list[Zero]:
+    """Return the zero of every servo, as a Present Position, as far as it is known."""
+    zeros = []
+    for servo, state, scale in zip(servos, states, spools.pull_per_pulse, strict=True):
+        offset = servo.homing_offset
+        zero = marked_zero(servo.id, bus.read(servo.id, SPARE))
+        # A change of the operating mode loses the turns too, and resets the profile.
+        if zero is not None and (state.written.velocity
+                                 or state.written.watchdog == WATCHDOG_TRIGGERED):
+            zeros.append(Zero(zero + offset))
+        else:
+            found = zero_within_turn(str(servo), state.position - offset,
+                                     zero_file.read(servo.id), scale, spools.pull_limits)
+            zeros.append(Zero(found.position + offset, found.unknown))
+    return zeros
+
+
+def clear_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> None:
+    """Clear the zeros in servos and on this computer; raises HardwareError."""
+    zero_file.write(ids, [None] * len(ids))
+    for servo in ids:
+        bus.write(servo, SPARE, 0)
+
+
+def keep_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int],
+               zero_file: ZeroFile) -> None:
+    """Mark zeros (Present Positions) in the servos and store them here; raises HardwareError."""
+    ids = [servo.id for servo in servos]
+    raw = [zero - servo.homing_offset for zero, servo in zip(zeros, servos, strict=True)]
+    zero_file.write(ids, raw)
+    marks = {servo: mark(servo, zero) for servo, zero in zip(ids, raw, strict=True)}
+    for _ in range(ATTEMPTS):
+        bus.sync_write(SPARE, marks)
+        with contextlib.suppress(NoReplyError, DamagedReplyError):
+            replies = bus.sync_read(ids, SPARE.address, SPARE.end)
+            if [SPARE.decode(reply.data) for reply in replies] == [*marks.values()]:
+                return
+    raise HardwareError(
+        f'the servos lose their zero in {SPARE}: does another program change their Indirect '
+        'Addresses?  With slack tendons switch the servos off and on')

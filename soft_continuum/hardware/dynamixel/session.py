@@ -12,13 +12,12 @@ from collections.abc import Sequence
 import contextlib
 from dataclasses import replace
 from enum import Enum
-import threading
 
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
-from soft_continuum.hardware.dynamixel.exchange import Exchange
-from soft_continuum.hardware.dynamixel.following import Following
+from soft_continuum.hardware.dynamixel.exchange import Exchange, profile_speed, ServoState
+from soft_continuum.hardware.dynamixel.following import Following, REST_TIME, Track
 from soft_continuum.hardware.dynamixel.path import HeldPath
-from soft_continuum.hardware.dynamixel.reference import Zero, ZeroFile
+from soft_continuum.hardware.dynamixel.reference import keep_zeros, Zero, ZeroFile
 from soft_continuum.hardware.dynamixel.registers import (
     BUS_WATCHDOG,
     GOAL_POSITION,
@@ -26,18 +25,13 @@ from soft_continuum.hardware.dynamixel.registers import (
     PULSES_PER_TURN,
 )
 from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spools
-from soft_continuum.hardware.dynamixel.start import keep_zeros
-from soft_continuum.hardware.dynamixel.state import profile_speed, REST_TIME, ServoState, Track
 from soft_continuum.hardware.dynamixel.take_up import TakeUp
 from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
+from soft_continuum.hardware.serial_tendons import Session, STOP_TIMEOUT
 
-CYCLE, RESTING_CYCLE = 0.01, 0.05
-"""s between two cycles, and between two while the tendons rest."""
-STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
 ARRIVAL_TIMEOUT = 2.0  # s after the end of the path
 DISTANCE_BEHIND, TIME_BEHIND, BEHIND_TIMEOUT = 0.003, 0.15, 0.25
 """Allowed lag of a tendon, m and s of the fastest motion; s for which it may be exceeded."""
-REFERENCE = 'straighten the arm, make all tendons just taut and call reference'
 
 
 class State(Enum):
@@ -53,108 +47,87 @@ class State(Enum):
 BUSY = State.MOVING, State.STOPPING, State.TAKING_UP
 
 
-class DynamixelSession:
+class DynamixelSession(Session[DynamixelBus]):
     """Servos that hold, and their known state."""
+
+    DEVICE = 'the servos have'
+    CYCLE, RESTING_CYCLE = 0.01, 0.05
 
     def __init__(self, bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
                  found: Sequence[ServoState], zeros: Sequence[Zero], zero_file: ZeroFile) -> None:
         """Take over holding servos as they were ``found``, with the values written to them."""
-        self.link, self._servos, self._spools = bus, tuple(servos), spools
-        self._zero_file = zero_file
-        self._lock = threading.Lock()  # of all that follows
-        self.state, self.failure = State.RESTING, ''
+        super().__init__(bus)
+        self._servos, self._spools, self._zero_file = tuple(servos), spools, zero_file
+        self.state = State.RESTING
         self._exchange = Exchange(bus, servos, found)  # of the thread that owns the bus
         self._states = list(found)
         self._written = [state.written for state in found]
-        self._unknown = '; '.join(zero.unknown for zero in zeros if zero.unknown)
+        self._unreferenced = '; '.join(zero.unknown for zero in zeros if zero.unknown)
         self._path = HeldPath(spools, [zero.position for zero in zeros], self._positions(),
                               [written.goal for written in self._written])
         self._track = Track(found[0].time, self._positions())
         self._following = Following(servos, spools, found)
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
-        self._mark_due = not self._unknown  # where the zero was found in another way
+        self._mark_due = not self._unreferenced  # where the zero was found in another way
         self._since = self._stepped = self._near = bus.clock()
         self._take_up: TakeUp | None = None
         self._accuracy = Accuracy(
             spools.arrival_tolerances, tuple(servo.least_stddev for servo in servos),
             (FRICTION_SHARE,) * len(servos))
 
-    # Requests, from any thread
+    @property
+    def moving(self) -> bool:
+        """Whether the tendons may move."""
+        return self.state in BUSY
 
     @property
     def busy(self) -> bool:
         """Whether the tendons may move, or writes or replies are pending."""
-        return self.state in BUSY or self._mark_due or self._exchange.missed > 0
+        return self.moving or self._mark_due or self._exchange.missed > 0
 
-    @property
-    def interval(self) -> float:
-        """From the begin of one cycle to that of the next, s."""
-        return CYCLE if self.busy else RESTING_CYCLE
+    # Requests
 
-    def reading(self) -> TendonReading:
+    def _reading(self) -> TendonReading:
         """Return the state of the last replies; it fails after 0.3 s without any."""
-        with self._lock:
-            self._check()
-            scale = self._spools.pull_per_pulse
-            speeds = (0.0,) * len(scale)
-            if self.state in BUSY:
-                speeds = tuple(s * v for s, v in zip(scale, self._track.velocities(), strict=True))
-                if not any(speeds):  # not at rest, even if no pulse was made
-                    speeds = tuple(abs(s) / REST_TIME for s in scale)
-            # A tendon cannot push: what friction makes negative is no tension.
-            tensions = tuple(
-                max(0.0, sign * servo.tension(state.current)) for sign, servo, state in zip(
-                    self._spools.signs, self._servos, self._states, strict=True))
-            return TendonReading(self._path.to_pulls(self._positions()), speeds,
-                                 not self._unknown, tensions, self._unknown, self._accuracy)
+        scale = self._spools.pull_per_pulse
+        speeds = self._shown(
+            tuple(s * v for s, v in zip(scale, self._track.velocities(), strict=True)),
+            tuple(abs(s) / REST_TIME for s in scale))
+        # A tendon cannot push: what friction makes negative is no tension.
+        tensions = tuple(
+            max(0.0, sign * servo.tension(state.current)) for sign, servo, state in zip(
+                self._spools.signs, self._servos, self._states, strict=True))
+        return TendonReading(self._path.to_pulls(self._positions()), speeds,
+                             not self._unreferenced, tensions, self._unreferenced, self._accuracy)
 
-    def move(self, pulls: tuple[float, ...], duration: float) -> bool:
-        """
-        Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it.
+    def _move(self, pulls: tuple[float, ...], arrival: float) -> bool:
+        rested = not self.busy
+        if max(map(abs, self._path.to_pulses(pulls))) > MAX_POSITION - PULSES_PER_TURN:
+            raise HardwareError(
+                'a servo counts at most 256 turns and would exceed them; with slack tendons '
+                'switch the servos off and on, and reference again')
+        self._target = pulls, arrival
+        if self.state is not State.STOPPING:
+            self._aim(self.link.clock())
+        return rested  # cycles of a motion come regularly
 
-        Returns whether the next cycle has to begin at once: those of a motion come regularly.
-        """
-        with self._lock:
-            self._check()
-            rested = not self.busy
-            if self._unknown:
-                raise HardwareError(f'the position is unknown: {self._unknown}; {REFERENCE}')
-            if max(map(abs, self._path.to_pulses(pulls))) > MAX_POSITION - PULSES_PER_TURN:
-                raise HardwareError(
-                    'a servo counts at most 256 turns and would exceed them; with slack tendons '
-                    'switch the servos off and on, and reference again')
-            self._target = pulls, self.link.clock() + duration
-            if self.state is not State.STOPPING:
-                self._aim(self.link.clock())
-            return rested
-
-    def stop(self) -> None:
+    def _stop(self) -> None:
         """Brake as fast as the servos can, then hold."""
-        with self._lock:
-            self._check()
-            self._target = None
-            if self.state in (State.MOVING, State.TAKING_UP):
-                self._braked = False
-                self._enter(State.STOPPING)
+        self._target = None
+        if self.state in (State.MOVING, State.TAKING_UP):
+            self._braked = False
+            self._enter(State.STOPPING)
 
-    def reference(self) -> None:
+    def _reference(self) -> None:
         """Take the present position as zero pull, or begin to take up the slack."""
-        with self._lock:
-            self._check()
-            if self.state in BUSY:
-                raise HardwareError('the tendons are moving; wait until they rest')
-            if self._spools.take_up_tension > 0.0:
-                self._unknown = 'the slack was not taken up'
-                self._take_up = TakeUp(self._servos, self._spools, self._positions(),
-                                       [w.goal for w in self._written], self.link.clock())
-                self._enter(State.TAKING_UP)
-            else:
-                self._take_zero()
-
-    def _check(self) -> None:
-        if self.state is State.FAILED:
-            raise HardwareError(self.failure)
+        if self._spools.take_up_tension > 0.0:
+            self._unreferenced = 'the slack was not taken up'
+            self._take_up = TakeUp(self._servos, self._spools, self._positions(),
+                                   [w.goal for w in self._written], self.link.clock())
+            self._enter(State.TAKING_UP)
+        else:
+            self._take_zero([w.goal for w in self._written])
 
     def _enter(self, state: State) -> None:
         self.state, self._since = state, self.link.clock()
@@ -173,10 +146,10 @@ class DynamixelSession:
     def _positions(self) -> tuple[int, ...]:
         return tuple(state.position for state in self._states)
 
-    def _take_zero(self) -> None:
+    def _take_zero(self, goals: Sequence[int]) -> None:
         self._path.zeros[:] = self._positions()
-        self._path.place(self._positions(), [w.goal for w in self._written])
-        self._unknown, self._mark_due = '', True
+        self._path.place(self._positions(), goals)
+        self._unreferenced, self._mark_due = '', True
 
     # The cycle, on the thread that owns the bus
 
@@ -293,20 +266,12 @@ class DynamixelSession:
 
     def _end_take_up(self, take_up: TakeUp) -> None:
         self._take_up = None
-        positions = self._positions()
-        self._path.place(positions, positions)
         if take_up.failed:
-            self._unknown = take_up.failed
+            self._path.place(self._positions(), self._positions())
+            self._unreferenced = take_up.failed
         else:
-            self._path.zeros[:] = positions
-            self._path.place(positions, positions)
-            self._unknown, self._mark_due = '', True
+            self._take_zero(self._positions())
         self._enter(State.RESTING)
-
-    def _unconfirmed(self) -> HardwareError:
-        return HardwareError(
-            f'the servos have not confirmed a stop within {STOP_TIMEOUT:g} s: the tendons may '
-            'still move; cut the power of the servos if they do')
 
     # The end
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from math import hypot, pi
 from typing import Any, Self
 
+from soft_continuum.hardware.dynamixel import RADIUS_RANGE
 from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
     DynamixelBus,
     NoReplyError,
     RefusedError,
 )
-from soft_continuum.hardware.dynamixel.parameters import RADIUS_RANGE
 from soft_continuum.hardware.dynamixel.registers import (
     CURRENT_BASED_POSITION,
     CURRENT_LIMIT,
@@ -49,6 +49,8 @@ from soft_continuum.hardware.dynamixel.registers import (
     WITHOUT_CURRENT,
 )
 from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.hardware.serial_tendons import check_per_tendon
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 
 BAUD_RATES = 57600, 1000000, 115200, 2000000, 3000000, 4000000, 9600
@@ -91,20 +93,12 @@ class Spools:
 
     def __post_init__(self) -> None:
         """Raise ParameterError when a list has not one value for each tendon, or a wrong one."""
-        names = ', '.join(self.tendons)
-        for name, given in (
-                ('ids', self.ids), ('spool_radii', self.radii), ('signs', self.signs),
-                ('tension_limits', self.tension_limits),
-                ('torque_constants', self.torque_constants)):
-            if len(given) != len(self.tendons):
-                raise ParameterError(f'parameter dynamixel.{name} is {list(given)}; needed: one '
-                                     f'value for each of {names}')
+        check_per_tendon(
+            'dynamixel', self.tendons, signs=self.signs, ids=self.ids, spool_radii=self.radii,
+            tension_limits=self.tension_limits, torque_constants=self.torque_constants)
         if len(set(self.ids)) < len(self.ids):
             raise ParameterError(f'parameter dynamixel.ids is {list(self.ids)}; every servo needs '
                                  'an ID of its own')
-        if any(abs(sign) != 1.0 for sign in self.signs):
-            raise ParameterError(
-                f'parameter dynamixel.signs is {list(self.signs)}; allowed: 1 or -1')
         low, high = RADIUS_RANGE
         for radius in self.radii:
             if not low <= radius <= high:
@@ -121,9 +115,6 @@ class Spools:
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Return what the parameters of the node describe; raises ParameterError."""
-        # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import arm_from_parameters
-
         return cls(arm_from_parameters(values).tendon_names, *(
             values[name] for name in (
                 'dynamixel.ids', 'dynamixel.spool_radii', 'dynamixel.signs',

@@ -4,8 +4,8 @@
 
 from collections.abc import Sequence
 
+from soft_continuum.hardware.dynamixel.exchange import ServoState
 from soft_continuum.hardware.dynamixel.setup import Servo, Spools
-from soft_continuum.hardware.dynamixel.state import ServoState
 
 SPEED = 0.002  # m/s
 MAX_TRAVEL = 0.02  # m of each tendon

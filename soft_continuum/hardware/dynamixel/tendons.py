@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.dynamixel import PARAMETERS
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
-from soft_continuum.hardware.dynamixel.parameters import PARAMETERS
-from soft_continuum.hardware.dynamixel.reference import ZeroFile
+from soft_continuum.hardware.dynamixel.exchange import read_states, take_over
+from soft_continuum.hardware.dynamixel.reference import find_zeros, ZeroFile
 from soft_continuum.hardware.dynamixel.session import DynamixelSession
 from soft_continuum.hardware.dynamixel.setup import find_servos, problems, Spools
-from soft_continuum.hardware.dynamixel.start import find_zeros, read_states, take_over
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_tendons import SerialTendons
 from soft_continuum.parameters.parameter import Parameter
@@ -37,6 +37,7 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
     DEVICE = 'the Dynamixel servos are'
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.dynamixel.commissioning'
+    EMULATOR = 'soft_continuum.emulators.dynamixel'
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:

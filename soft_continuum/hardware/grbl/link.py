@@ -18,7 +18,7 @@ import serial
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_ports import discard_output
+from soft_continuum.hardware.serial_ports import close_serial
 from soft_continuum.hardware.serial_tendons import Wakeable
 
 STATUS_QUERY = b'?'
@@ -183,8 +183,7 @@ class GrblLink(Wakeable):
         """Close the port; bytes not sent within LAST_BYTES_TIME are dropped."""
         self.clock.sleep(LAST_BYTES_TIME)
         try:
-            discard_output(self._port)
-            self._port.close()
+            close_serial(self._port)
         finally:
             super().close()
 

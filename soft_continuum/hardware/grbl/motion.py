@@ -15,7 +15,9 @@ from typing import Any, Self
 
 from soft_continuum.hardware.grbl.link import AXES, G_WORDS
 from soft_continuum.hardware.protocols import Accuracy
+from soft_continuum.hardware.serial_tendons import check_per_tendon
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
+from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 
 JOG_TIME = 0.02
@@ -52,18 +54,13 @@ class Motors:
 
     def __post_init__(self) -> None:
         """Raise ParameterError when a list has not one value for each tendon, or a wrong one."""
-        count, names = len(self.tendons), ', '.join(self.tendons)
-        for name, given in (('steps_per_mm', self.steps_per_mm), ('signs', self.signs)):
-            if len(given) != count:
-                raise ParameterError(f'parameter grbl.{name} is {list(given)}; needed: one value '
-                                     f'for each of {names}')
-        if any(abs(sign) != 1.0 for sign in self.signs):
-            raise ParameterError(
-                f'parameter grbl.signs is {list(self.signs)}; allowed: 1 or -1')
+        check_per_tendon('grbl', self.tendons, steps_per_mm=self.steps_per_mm, signs=self.signs)
         low, pulls = self.pull_limits[0], self.homed_pulls
-        if self.homes and (len(pulls) != count or not all(low <= pull <= 0.0 for pull in pulls)):
-            raise ParameterError(f'parameter grbl.homed_pulls is {list(pulls)}; needed: {names}, '
-                                 f'each from the lower of pull_limits, {low:g}, to 0 m')
+        if self.homes and (len(pulls) != len(self.tendons)
+                           or not all(low <= pull <= 0.0 for pull in pulls)):
+            raise ParameterError(
+                f'parameter grbl.homed_pulls is {list(pulls)}; needed: {", ".join(self.tendons)}, '
+                f'each from the lower of pull_limits, {low:g}, to 0 m')
 
     @classmethod
     def of_boards(cls, values: Mapping[str, Any]) -> list[tuple[str, Self]]:
@@ -72,9 +69,6 @@ class Motors:
 
         Boards share the tendons evenly, in their order.  Raises ParameterError.
         """
-        # Here, because it loads the mechanics: doctor must run when they do not compile.
-        from soft_continuum.parameters.arm import arm_from_parameters
-
         every = cls(arm_from_parameters(values).tendon_names, *(values[name] for name in (
             'grbl.steps_per_mm', 'grbl.signs', 'speed_limit', 'acceleration_limit', 'pull_limits',
             'grbl.homed_pulls')))

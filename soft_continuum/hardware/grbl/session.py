@@ -1,14 +1,20 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-One connection to a GRBL controller: its commands and its messages.
+One connection to a GRBL controller: its states, its commands and its messages.
 
 Nothing here waits.  On any failure HardwareError is raised and the connection ends.
+
+    RESTING -TARGET-> JOGGING -RESTED-> RESTING          JOGGING -STOP-> STOPPING -RESTED-> RESTING
+    RESTING -HOME-> HOMING_REQUESTED -HOME_SENT-> SEEKING -HOME_DONE-> HOMED -RESTED-> RESTING
+    SEEKING -STOP-> ABORTING_HOMING -HOME_DONE-> RESTING
+
+From HOMED the tendons are pulled to zero by a jog: RESTED is followed by TARGET.
 """
 
 import contextlib
 from dataclasses import dataclass
-import threading
+from enum import auto, Enum
 
 from soft_continuum.hardware.grbl.link import (
     Acknowledgement,
@@ -36,14 +42,13 @@ from soft_continuum.hardware.grbl.setup import (
     OFFSETS,
     UNLOCK,
 )
-from soft_continuum.hardware.grbl.states import BUSY, Event, next_state, State
 from soft_continuum.hardware.protocols import describe_pulls, HardwareError, TendonReading
+from soft_continuum.hardware.serial_tendons import Session, STOP_TIMEOUT
 
 MOVING_QUERY_INTERVAL, RESTING_QUERY_INTERVAL = 0.025, 0.1  # s between two status queries
 QUERY_TIMEOUT = 0.2  # s for the answer to a status query
 MAX_UNANSWERED_QUERIES = 4  # in succession
 ACKNOWLEDGEMENT_TIMEOUT = 0.6  # s for the answer to a line
-STOP_TIMEOUT = 1.0  # s for a stop to be confirmed
 STOP_RETRY_INTERVAL = 0.2  # s after which a stop that shows no effect is sent again
 PROGRESS_TIMEOUT = 0.5  # s without a step while motion is queued
 MIN_REPORTS = 4
@@ -57,7 +62,59 @@ STOP_PINS = frozenset('HRD')
 ERROR_NOT_IDLE = 8
 HOME = '$H'
 MINUTE = 60.0  # s
-REFERENCE = 'straighten the arm, make all tendons just taut and call reference'
+
+
+class State(Enum):
+    """State of a controller, as known to its driver."""
+
+    RESTING = auto()
+    JOGGING = auto()
+    """Jogs are queued or still to be sent."""
+    STOPPING = auto()
+    """A feed hold was sent, or the reference was lost, and rest is not certain yet."""
+    HOMING_REQUESTED = auto()
+    """The homing cycle is the next line to be sent."""
+    SEEKING = auto()
+    """The homing cycle runs: the switches are searched for, and nothing else is answered."""
+    ABORTING_HOMING = auto()
+    """A soft reset was sent to end the homing cycle; an alarm must follow."""
+    HOMED = auto()
+    """The switches were found, and rest is not certain yet."""
+    FAILED = auto()
+    """All motion was ended, and nothing leads out of this but a new connection."""
+
+
+class Event(Enum):
+    """
+    Events that change the state.
+
+    TARGET: there is motion to be sent.  RESTED: all motion has ended.  HOME_DONE: the homing cycle
+    was acknowledged.  LOCKED: the controller is locked until it is homed.
+    """
+
+    TARGET, RESTED, STOP, HOME, HOME_SENT, HOME_DONE, LOCKED, REFERENCE_LOST, FAILURE = range(9)
+
+
+BUSY = frozenset(State) - {State.RESTING, State.FAILED}
+"""States in which the tendons move or may move."""
+
+_TRANSITIONS = {
+    Event.TARGET: {State.RESTING: State.JOGGING},
+    Event.RESTED: dict.fromkeys((State.JOGGING, State.STOPPING, State.HOMED), State.RESTING),
+    Event.STOP: {State.JOGGING: State.STOPPING, State.SEEKING: State.ABORTING_HOMING,
+                 State.HOMING_REQUESTED: State.RESTING, State.HOMED: State.RESTING},
+    Event.HOME: {State.RESTING: State.HOMING_REQUESTED},
+    Event.HOME_SENT: {State.HOMING_REQUESTED: State.SEEKING},
+    Event.HOME_DONE: {State.SEEKING: State.HOMED, State.ABORTING_HOMING: State.RESTING},
+    Event.LOCKED: {State.STOPPING: State.RESTING},
+    Event.REFERENCE_LOST: dict.fromkeys(set(State) - {State.FAILED}, State.STOPPING),
+    Event.FAILURE: dict.fromkeys(State, State.FAILED),
+}
+
+
+def next_state(state: State, event: Event) -> State:
+    """Return the state after an event; events without a transition change nothing."""
+    return _TRANSITIONS[event].get(state, state)
 
 
 @dataclass
@@ -72,19 +129,20 @@ class ProgressTimer:
         return now - self.since > timeout and self.count >= MIN_REPORTS
 
 
-class GrblSession:
-    """The session of a controller that was found at rest; requests come from any thread."""
+class GrblSession(Session[GrblLink]):
+    """The session of a controller that was found at rest."""
+
+    DEVICE = 'the GRBL controller has'
+    CYCLE, RESTING_CYCLE = JOG_TIME / 4, RESTING_QUERY_INTERVAL / 2
 
     def __init__(self, link: GrblLink, found: Controller, motors: Motors) -> None:
         """Take over a controller that was ``found`` on ``link``."""
-        now = link.clock()
-        self.link, self._motors = link, motors
-        self._lock = threading.Lock()  # of all that follows
+        super().__init__(link)
+        now, self._motors = link.clock(), motors
         braking = min(found.settings[120 + i] / scale
                       for i, scale in enumerate(motors.steps_per_metre))
         self._jogs = JogStream(motors, braking)
         self.state = State.RESTING
-        self.failure = ''
         self.position = motors.to_steps(found.position)
         self._zero = motors.to_steps(found.zero or (0.0,) * len(self.position))
         self._speeds = (0.0,) * len(self.position)  # m/s
@@ -110,80 +168,46 @@ class GrblSession:
         return self._jogs.speed_limit
 
     @property
-    def busy(self) -> bool:
+    def moving(self) -> bool:
         """Whether the tendons move or may move."""
         return self.state in BUSY
 
-    @property
-    def interval(self) -> float:
-        """From the begin of one cycle to that of the next, s."""
-        return JOG_TIME / 4 if self.busy else RESTING_QUERY_INTERVAL / 2
-
     # Requests
 
-    def _check(self) -> None:
-        if self.state is State.FAILED:
-            raise HardwareError(self.failure)
-
-    def reading(self) -> TendonReading:
+    def _reading(self) -> TendonReading:
         """Return the state of the last status report, which is at most some 0.1 s old."""
-        with self._lock:
-            self._check()
-            speeds = self._speeds
-            if not self.busy:
-                speeds = (0.0,) * len(speeds)
-            elif not any(speeds):  # not at rest, even if no step was made since the last report
-                slowest = 1.0 / max(self._motors.steps_per_metre) / MOVING_QUERY_INTERVAL
-                speeds = (slowest,) * len(speeds)
-            pulls = self._motors.to_pulls(subtract(self.position, self._zero))
-            return TendonReading(pulls, speeds, referenced=not self._unreferenced,
-                                 accuracy=self._motors.accuracy)
+        slowest = 1.0 / max(self._motors.steps_per_metre) / MOVING_QUERY_INTERVAL
+        pulls = self._motors.to_pulls(subtract(self.position, self._zero))
+        return TendonReading(pulls, self._shown(self._speeds, (slowest,) * len(pulls)),
+                             referenced=not self._unreferenced, accuracy=self._motors.accuracy)
 
-    def move(self, pulls: tuple[float, ...], duration: float) -> bool:
-        """
-        Move to ``pulls`` (m) within ``duration`` (s); during a stop, after it.
+    def _move(self, pulls: tuple[float, ...], arrival: float) -> bool:
+        self._target = add(self._zero, self._motors.from_pulls(pulls)), arrival
+        if self.state is not State.STOPPING:
+            self._aim(self.link.clock())
+        return True  # jogs are short
 
-        Returns whether the next cycle has to begin at once: always, as jogs are short.
-        """
-        with self._lock:
-            self._check()
-            if self._unreferenced:
-                raise HardwareError(
-                    f'the position is unknown: {self._unreferenced}; {REFERENCE}')
-            now = self.link.clock()
-            self._target = add(self._zero, self._motors.from_pulls(pulls)), now + duration
-            if self.state is not State.STOPPING:
-                self._aim(now)
-            return True
-
-    def stop(self) -> None:
+    def _stop(self) -> None:
         """Brake as the controller can without losing a step, then hold."""
-        with self._lock:
-            self._check()
-            self._target = None
-            if self.state is State.HOMING_REQUESTED:
-                self._setup_lines = []
-            self._begin_stop()
-            if self.state is State.ABORTING_HOMING:  # nothing but a reset ends a homing cycle
-                self._hold_sent_at = self.link.clock()
-                self.link.write(SOFT_RESET)
+        self._target = None
+        if self.state is State.HOMING_REQUESTED:
+            self._setup_lines = []
+        self._begin_stop()
+        if self.state is State.ABORTING_HOMING:  # nothing but a reset ends a homing cycle
+            self._hold_sent_at = self.link.clock()
+            self.link.write(SOFT_RESET)
 
-    def reference(self) -> None:
-        """Take the present position as zero pull, or home."""
-        with self._lock:
-            self._check()
-            if self.busy:
-                raise HardwareError('the tendons are moving; wait until they rest')
-            if self._motors.homes:
-                self._unreferenced = 'homing has not ended'
-                self._fire(Event.HOME)
-                self._setup_lines = [HOME]
-                self._idle_reports = 0
-                return
-            self._zero = self.position
-            self._unreferenced = ''
-            self._jogs.place(self.position)
-            self._mark_reference()
+    def _reference(self) -> None:
+        if self._motors.homes:
+            self._unreferenced = 'homing has not ended'
+            self._fire(Event.HOME)
+            self._setup_lines = [HOME]
+            self._idle_reports = 0
+            return
+        self._zero = self.position
+        self._unreferenced = ''
+        self._jogs.place(self.position)
+        self._mark_reference()
 
     def fail(self, reason: str) -> None:
         """End all motion, and the connection, for good."""
@@ -193,9 +217,6 @@ class GrblSession:
             with contextlib.suppress(HardwareError):
                 # The one stop that leaves nothing pending at rest, and the one that ends homing.
                 self.link.write(SOFT_RESET if self.link.unanswered == HOME else JOG_CANCEL)
-
-    def release(self) -> None:
-        """Leave the controller, which holds, without further communication."""
 
     # What is sent
 
@@ -210,9 +231,7 @@ class GrblSession:
         """Send due commands, and check that earlier ones are answered in time."""
         stopping = self.state in (State.STOPPING, State.ABORTING_HOMING)
         if stopping and self._state_watch.expired(STOP_TIMEOUT, now):
-            raise HardwareError(
-                f'the GRBL controller has not confirmed a stop within {STOP_TIMEOUT:g} s: the '
-                'tendons may still move; cut the power of the motors if they do')
+            raise self._unconfirmed()
         if self.link.unanswered == HOME:  # status queries are not answered either
             self._watch_homing(now)
             return

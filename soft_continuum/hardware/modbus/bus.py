@@ -22,7 +22,7 @@ import serial
 from soft_continuum.extras import needed, require
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_ports import discard_output, open_serial
+from soft_continuum.hardware.serial_ports import close_serial, open_serial
 
 if TYPE_CHECKING:
     from pymodbus.pdu import ModbusPDU
@@ -267,8 +267,7 @@ class ModbusBus:
     def _disconnect(self) -> None:
         line, self._serial = self._serial, None
         if line is not None:
-            discard_output(line)
-            line.close()
+            close_serial(line)
 
     def _lost(self) -> HardwareError:
         self._disconnect()

@@ -16,8 +16,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from soft_continuum.hardware.modbus import PARAMETERS
 from soft_continuum.hardware.modbus.bus import ModbusBus
-from soft_continuum.hardware.modbus.parameters import PARAMETERS
 from soft_continuum.hardware.modbus.regulators import ModbusRegulators
 from soft_continuum.hardware.modbus.transmitters import (
     addresses,
@@ -68,6 +68,7 @@ class ModbusJamming:
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.modbus.commissioning'
+    EMULATOR = 'soft_continuum.emulators.modbus'
 
     def __init__(self, bus: ModbusBus, registers: RegisterMap) -> None:
         """Use ``bus`` exclusively."""
