@@ -24,9 +24,9 @@ from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.detections import TagDetections
 from soft_continuum.sensing.layout import layout_of, RingLayout
 from soft_continuum.sensing.rigid import mean_pose, planar_pose, UNKNOWN
+from soft_continuum.sensing.tag_camera import TagDetections
 from soft_continuum.sequencing.planner import PlanSettings
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors
