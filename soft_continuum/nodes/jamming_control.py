@@ -38,6 +38,8 @@ class JammingControl:
     Every method is called on the control thread; a Report follows every change.
     """
 
+    lost = False  # the driver itself reconnects to boards that did not reply
+
     def __init__(self, segments: int, settings: JammingSettings,
                  report: Callable[[Report], None]) -> None:
         """Start without a device."""

@@ -44,6 +44,8 @@ class JammingValves(ManagedNode):
     Three threads: those of a ManagedNode; the control thread owns a JammingControl.
     """
 
+    _control: JammingControl
+
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
         super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
@@ -53,8 +55,7 @@ class JammingValves(ManagedNode):
         self._segments = len(self._jams)
         self._control = JammingControl(
             self._segments, self._settings, Newest(self.on_ros_thread, self._publish).put)
-        self._loop = self.control(
-            self.parameters['jamming_rate'], self._control.cycle, self._on_control_failure)
+        self.start_control(self.parameters['jamming_rate'])
         self._published: list[bool] = [False] * self._segments
         self._pressures: tuple[float, ...] | None = None  # that were published
         numbers = range(1, self._segments + 1)
@@ -72,7 +73,7 @@ class JammingValves(ManagedNode):
         self._state_publisher = StatePublisher(self, JammingValvesState)
         for publisher in self._stiff:
             publisher.publish(Bool(data=False))
-        self.publish_last()
+        self._publish(self._control.snapshot())
 
     def hardware_id(self) -> str:
         """Name the driver."""
@@ -86,42 +87,6 @@ class JammingValves(ManagedNode):
             self._settings.check_regulators(driver.max_vacuum)
         driver.open()
         return driver
-
-    def close_device(self, device: Driver) -> None:
-        """Disconnect; pump and valves stay as they are."""
-        device.close()
-
-    def attach(self, device: Driver) -> None:
-        """Control a device from now on."""
-        self._control.attach(device)
-
-    def detach(self) -> Driver | None:
-        """Stop controlling the device."""
-        return self._control.detach()
-
-    def activate(self) -> None:
-        """Begin to read and to switch."""
-        self._control.activate()
-
-    def deactivate(self) -> None:
-        """Leave pump and valves as they are."""
-        self._control.deactivate()
-
-    def lost(self) -> bool:
-        """Return False: the driver itself reconnects to boards that did not reply."""
-        return False
-
-    def not_connected(self, error: str) -> None:
-        """Note an attempt to connect that failed."""
-        self._loop.post(self._control.not_connected, error)
-
-    def publish_last(self) -> None:
-        """Publish the state in which the process ends."""
-        self._publish(self._control.snapshot())
-
-    def _on_control_failure(self, error: Exception) -> None:
-        self._on_thread_failure(error)
-        self._control.failed(error)
 
     def _publish(self, report: Report) -> None:
         state = report.state
@@ -181,7 +146,7 @@ class JammingValves(ManagedNode):
             response.message = f'{names}: not softened: {self._conflicts.problem}'
             return
         try:
-            self.in_loop(command, *arguments)
+            self.loop.call(command, *arguments)
         except (HardwareError, ValueError) as error:
             response.message = f'{names}: {error}'
             return

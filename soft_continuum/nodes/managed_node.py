@@ -5,7 +5,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 import traceback
-from typing import Any
+from typing import Any, Protocol
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
@@ -22,18 +22,55 @@ CONNECT_TIMEOUT = 20.0  # s in which a device that is asked for has to connect
 CLOSE_TIMEOUT = 2.0  # s that a device is given to hold and disconnect
 
 
+class DeviceControl(Protocol):
+    """
+    What controls a device; all but ``lost`` is used on the control thread.
+
+    lost: whether a device that was attached failed, and has to be connected again.
+    """
+
+    lost: bool
+
+    def attach(self, device: Any, /) -> None:
+        """Control a connected device from now on."""
+
+    def detach(self) -> Any:
+        """Stop controlling the device; return it, to be closed, or None."""
+
+    def activate(self) -> None:
+        """Start to work."""
+
+    def deactivate(self) -> None:
+        """Hold and stop working."""
+
+    def not_connected(self, error: str) -> None:
+        """Note an attempt to connect that failed."""
+
+    def cycle(self, late: float, /) -> None:
+        """Read, decide and command; late: s."""
+
+    def failed(self, error: Exception) -> None:
+        """Treat an error of this program like a failed device."""
+
+    def snapshot(self) -> Any:
+        """Return the state as it is now."""
+
+
 class ManagedNode(LifecycleNode):
     """
     A lifecycle node that owns a device, on three threads.
 
     - The ROS thread runs every callback.  It only waits in a requested transition `configure`,
     whose response in ROS 2 must follow the connection.
-    - ``loop`` controls the device; nothing else uses it.
+    - ``loop`` runs a DeviceControl; nothing else uses the device.
     - ``connecting`` opens and closes devices, which takes up to seconds.
 
     With ``autostart`` the node becomes active automatically once its device is connected.  It
     reconnects to a lost device.
     """
+
+    loop: ControlLoop
+    _control: DeviceControl
 
     def __init__(self, name: str, table: Sequence[Parameter], **options: Any) -> None:
         """Declare the parameters of ``table``."""
@@ -42,7 +79,6 @@ class ManagedNode(LifecycleNode):
         self.status = Status(self, self.hardware_id())
         self.ros_time = RosTime(self.get_clock())
         self.active = False
-        self.loop: ControlLoop | None = None
         self.connecting = Worker('connecting', self._on_thread_failure)
         self._opened: Any = None  # a device that is connected and not attached yet
         self._quitting = False
@@ -51,11 +87,10 @@ class ManagedNode(LifecycleNode):
         self._retry = repeat(self, RETRY, self._connect)
         self._answer_invalid_transitions()
 
-    def control(self, rate: float, cycle: Callable[[float], None],
-                failed: Callable[[Exception], None]) -> ControlLoop:
-        """Start the control loop; rate: Hz."""
-        self.loop = ControlLoop(f'{self.get_name()}_control', 1.0 / rate, cycle, failed)
-        return self.loop
+    def start_control(self, rate: float) -> None:
+        """Start the loop of ``_control``; rate: Hz."""
+        self.loop = ControlLoop(f'{self.get_name()}_control', 1.0 / rate, self._control.cycle,
+                                self._on_control_failure)
 
     # What a subclass does, besides.
 
@@ -68,36 +103,8 @@ class ManagedNode(LifecycleNode):
         """Connect and move nothing, on the thread for it; raises HardwareError or ValueError."""
 
     @abstractmethod
-    def close_device(self, device: Any) -> None:
-        """Hold and disconnect, on the thread for it."""
-
-    @abstractmethod
-    def attach(self, device: Any) -> None:
-        """Control a device from now on, on the thread of control."""
-
-    @abstractmethod
-    def detach(self) -> Any:
-        """Stop controlling the device; return it or None; on the thread of control."""
-
-    @abstractmethod
-    def activate(self) -> None:
-        """Start to work, on the control thread."""
-
-    @abstractmethod
-    def deactivate(self) -> None:
-        """Hold and stop working, on the control thread."""
-
-    @abstractmethod
-    def lost(self) -> bool:
-        """Whether a device that was attached failed."""
-
-    @abstractmethod
-    def not_connected(self, error: str) -> None:
-        """Note an attempt to connect that failed, on the thread of ROS."""
-
-    @abstractmethod
-    def publish_last(self) -> None:
-        """Publish the state in which the process ends, on the thread of ROS."""
+    def _publish(self, snapshot: Any) -> None:
+        """Publish a snapshot of ``_control``, on the thread of ROS."""
 
     # Connecting.
 
@@ -107,7 +114,7 @@ class ManagedNode(LifecycleNode):
 
     def _wants_device(self) -> bool:
         return bool((self.parameters['autostart'] and self._state == 'unconfigured'
-                     and not self._was_configured) or self.lost())
+                     and not self._was_configured) or self._control.lost)
 
     def _connect(self) -> None:
         if not self._attempt and self._wants_device():
@@ -125,7 +132,7 @@ class ManagedNode(LifecycleNode):
         self._attempt = False
         self._retry.reset()  # the attempt itself may have taken longer
         if error:
-            self.not_connected(error)
+            self.loop.post(self._control.not_connected, error)
         elif self._opened is None:
             return  # the node was configured meanwhile
         elif not self._wants_device():
@@ -134,7 +141,7 @@ class ManagedNode(LifecycleNode):
             if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
                 self.trigger_activate()
         else:
-            self.in_loop(self.attach, self._take())
+            self.loop.call(self._control.attach, self._take())
 
     def _take(self) -> Any:
         device, self._opened = self._opened, None
@@ -142,10 +149,14 @@ class ManagedNode(LifecycleNode):
 
     def _release(self, device: Any) -> None:
         if device is not None:
-            self.connecting.submit(self.close_device, device)
+            self.connecting.submit(device.close)
 
     def _on_thread_failure(self, error: Exception) -> None:
         self.get_logger().error(''.join(traceback.format_exception(error)))
+
+    def _on_control_failure(self, error: Exception) -> None:
+        self._on_thread_failure(error)
+        self._control.failed(error)
 
     def callback_failed(self, error: Exception) -> None:
         """Report what a callback raised, on the thread of ROS."""
@@ -155,11 +166,6 @@ class ManagedNode(LifecycleNode):
         """Call ``function`` on the ROS thread; return False after its end."""
         # An executor would keep the task, and this node with it.
         return not self._quitting and on_ros_thread(self, function, *arguments)
-
-    def in_loop(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Call ``function`` on the control thread; return its result or raise its exception."""
-        assert self.loop is not None
-        return self.loop.call(function, *arguments)
 
     # The lifecycle.
 
@@ -190,7 +196,7 @@ class ManagedNode(LifecycleNode):
                 raise HardwareError(f'{self.hardware_id()} has not connected within '
                                     f'{CONNECT_TIMEOUT:g} s; check its cables and its power, then '
                                     'configure again') from None
-        self.in_loop(self.attach, self._take())
+        self.loop.call(self._control.attach, self._take())
         self._was_configured = True
 
     def _open_now(self) -> None:
@@ -198,16 +204,16 @@ class ManagedNode(LifecycleNode):
             self._opened = self.open_device()
 
     def _activate(self) -> None:
-        self.in_loop(self.activate)
+        self.loop.call(self._control.activate)
         self.active = True
 
     def _deactivate(self) -> None:
         self.active = False
-        self.in_loop(self.deactivate)
+        self.loop.call(self._control.deactivate)
 
     def _clean_up(self) -> None:
         self.active = False
-        self._release(self.in_loop(self.detach))
+        self._release(self.loop.call(self._control.detach))
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Connect."""
@@ -258,6 +264,5 @@ class ManagedNode(LifecycleNode):
         if self._opened is not None:
             self._release(self._take())
         self.connecting.close(CLOSE_TIMEOUT)
-        if self.loop is not None:
-            self.loop.close()
-        self.publish_last()
+        self.loop.close()
+        self._publish(self._control.snapshot())

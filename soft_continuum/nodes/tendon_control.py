@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
+from soft_continuum.hardware.protocols import HardwareError, TendonReading
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
     Reason,
@@ -28,7 +28,6 @@ MAX_JUMP = 0.5
 CHANGED = 'a segment changed between soft and stiff, or its vacuum was set'
 REST_CHANGE = 1e-6  # m of pull
 MAX_REVOKED = 20  # motions whose further parts are refused
-Device = tuple[TendonDriver, TendonController]
 
 
 @dataclass(frozen=True)
@@ -62,13 +61,13 @@ class TendonControl:
     def __init__(self, tendons: tuple[str, ...], arm: ReportedArm, period: float,
                  jump: Callable[[], float], tension_limit: Callable[[], float],
                  report: Callable[[Report], None],
-                 release: Callable[[TendonDriver], None]) -> None:
+                 release: Callable[[TendonController], None]) -> None:
         """
         Start without a device.
 
         period: of the control cycle, s.  jump: returns the jump of ROS time since its last call,
-        s.  tension_limit: N, of measured tensions.  release: called with the driver of a failed
-        device, to close it elsewhere.
+        s.  tension_limit: N, of measured tensions.  release: called with a device that failed,
+        to close it elsewhere.
         """
         self._tendons, self._arm, self._period, self._jump = tendons, arm, period, jump
         self._tension_limit, self._publish, self._release = tension_limit, report, release
@@ -78,7 +77,6 @@ class TendonControl:
         self._path = 0, 0.0  # stamp and start of the trajectory that was accepted last, ns and s
         self._stamped = False  # whether the trajectory that is followed was to begin by ROS time
         self._time = STEADY()  # of the last reading, s
-        self._driver: TendonDriver | None = None
         self._controller: TendonController | None = None
         self._active = False
         self._requests = MotionRequests()
@@ -100,20 +98,17 @@ class TendonControl:
 
     # The device.
 
-    def attach(self, device: Device) -> None:
+    def attach(self, device: TendonController) -> None:
         """Control a device from now on; a stop remains in force."""
-        self._driver, self._controller = device
+        self._controller = device
         self._fault, self.lost, self._time = '', False, STEADY()
         if self._stop_message:
-            self._controller.stop(self._stop_message)
+            device.stop(self._stop_message)
         self.report()
 
-    def detach(self) -> Device | None:
+    def detach(self) -> TendonController | None:
         """Return the device, if any, and continue without it."""
-        device = None
-        if self._driver is not None and self._controller is not None:
-            device = self._driver, self._controller
-        self._driver = self._controller = None
+        device, self._controller = self._controller, None
         self._active = self.lost = False
         self._fault = ''
         self.report()
@@ -137,9 +132,9 @@ class TendonControl:
 
     def _lose(self, error: HardwareError) -> None:
         """Let go of a device that failed; nothing moves before it is back and resumed."""
-        if self._driver is not None:
-            self._release(self._driver)
-        self._driver = self._controller = None
+        if self._controller is not None:
+            self._release(self._controller)
+        self._controller = None
         self._fault, self.lost = str(error), True
         self._stops += 1
         if not self._stop_message:
@@ -333,9 +328,9 @@ class TendonControl:
 
         If the arm was last known to be bent, the request must be repeated.
         """
-        if not self._active or self._controller is None or self._driver is None:
+        if not self._active or self._controller is None:
             return False, self._fault or 'the node is not active'
-        homes = self._driver.reference_moves
+        homes = self._controller.driver.reference_moves
         if homes and (interlock := self._arm.homing_interlock()):
             return False, interlock.message
         reading = self._controller.reading

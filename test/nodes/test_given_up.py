@@ -20,7 +20,7 @@ def test_a_trajectory_that_was_given_up_is_not_followed(begun: bool) -> None:
     arm, controller = Mock(), Mock(reading=Mock(tensions=None, accuracy=Accuracy()))
     arm.motion_interlock.return_value = None
     control = TendonControl(('a', 'b'), arm, 0.02, lambda: 0.0, lambda: 10.0, Mock(), Mock())
-    control.attach((Mock(), controller))
+    control.attach(controller)
     control.activate()
     request = Request('goal', np.array([1.0]), np.zeros((1, 2)), None, control.revocations)
     controller.plan.return_value = request.times, request.pulls

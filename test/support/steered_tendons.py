@@ -35,7 +35,7 @@ class Steered:
             driver, TendonLimits(TENDONS, (-0.06, 0.06), 0.1))
         self.control = TendonControl(
             TENDONS, arm, PERIOD, lambda: 0.0, lambda: 60.0, self._report, Mock())
-        self.control.attach((driver, self.controller))
+        self.control.attach(self.controller)
         self.control.activate()
         self.start = self.now  # of the motion, as its sender has it
         self.pulls = [self.controller.reading.pulls]
