@@ -29,12 +29,11 @@ from soft_continuum.nodes.entries import guarded, serve
 from soft_continuum.nodes.load_cells import LoadCells
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.motion_requests import MAX_POINTS, Request
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
-from soft_continuum.nodes.tendon_control import Report, TendonControl
+from soft_continuum.nodes.tendon_control import MAX_POINTS, Report, Request, TendonControl
 from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros

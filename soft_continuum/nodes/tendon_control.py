@@ -14,13 +14,14 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.motion_requests import MotionRequests, Request
 from soft_continuum.nodes.question import Question
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
-from soft_continuum_interfaces.msg import TendonActuationState
+from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 
+MAX_POINTS = 1000
+"""Largest number of points of a trajectory."""
 MAX_LATENESS = 0.5
 """Largest delay of a control cycle, s: after it the queued motion has run out."""
 MAX_JUMP = 0.5
@@ -28,6 +29,24 @@ MAX_JUMP = 0.5
 CHANGED = 'a segment changed between soft and stiff, or its vacuum was set'
 REST_CHANGE = 1e-6  # m of pull
 MAX_REVOKED = 20  # motions whose further parts are refused
+
+
+@dataclass(frozen=True)
+class Request:
+    """
+    A trajectory to be validated.
+
+    times: (k,) s from its start.  pulls: (k, tendons) m.  start: s (steady), None for as soon as
+    it is accepted.  revocation: number of revocations when it was received.  stamp: ns of ROS
+    time, the start as it was sent; 0 for none.
+    """
+
+    id: str
+    times: Array
+    pulls: Array
+    start: float | None
+    revocation: int
+    stamp: int = 0
 
 
 @dataclass(frozen=True)
@@ -79,12 +98,13 @@ class TendonControl:
         self._time = STEADY()  # of the last reading, s
         self._controller: TendonController | None = None
         self._active = False
-        self._requests = MotionRequests()
+        self._accepted, self._refused = MotionRequest(), MotionRequest()
+        self._start = 0.0  # of the accepted trajectory, s (steady)
         self._stiffness_at_start = Stiffness(())
         self._stopped, self._stop_message = TendonActuationState.NOT_STOPPED, ''
         self._emergency = False  # whether emergency_stop is on
         self._fault = ''  # why there is no device
-        self._ended = self._refused = ''  # why the last motion was, for people
+        self._ended = self._refusal = ''  # why the last motion was ended, refused, for people
         self._known_pulls = (0.0,) * len(tendons)  # the last ones that were referenced, m
         self._question = Question()
         self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
@@ -180,13 +200,14 @@ class TendonControl:
         controller.delay, self._path = delay, (request.stamp, trajectory[3] - delay)
         if begins:
             self._guard.begin(controller.reading)
-        if request.id != self._requests.accepted.id and self._requests.following:
+        if request.id != self._accepted.id and self._accepted.status == MotionRequest.FOLLOWING:
             self._end_request(Reason.REPLACED, 'another trajectory '
                               f'({request.id or "without an id"}) took its place')
             self.report()
-        self._requests.accept(request.id, trajectory[3])
+        self._accepted = MotionRequest(id=request.id, status=MotionRequest.FOLLOWING)
+        self._start = trajectory[3]
         self._stiffness_at_start, self._stamped = stiffness, request.start is not None
-        self._ended = self._refused = ''
+        self._ended = self._refusal = ''
         self.report()
 
     def _checked(self, request: Request) -> TendonController:
@@ -230,7 +251,7 @@ class TendonControl:
 
     def _continues(self, request: Request) -> bool:
         """Return whether a trajectory is a further part of the motion that was accepted last."""
-        return bool(request.id) and request.id == self._requests.accepted.id
+        return bool(request.id) and request.id == self._accepted.id
 
     def _goes_on(self, request: Request) -> bool:
         """Return whether it is also of the same path: its times count from the same start."""
@@ -238,8 +259,8 @@ class TendonControl:
 
     def refuse(self, request_id: str, reason: Reason, message: str) -> None:
         """Report that a trajectory is refused; a present motion continues."""
-        self._refused = message
-        self._requests.refuse(request_id, reason, message)
+        self._refusal = message
+        self._refused = _early(request_id, MotionRequest.REFUSED, reason, message)
         self.report()
 
     # Holding, stopping, referencing.
@@ -250,9 +271,9 @@ class TendonControl:
         self._end_request(reason, message)
 
     def _end_request(self, reason: Reason, message: str) -> None:
-        if self._requests.following:
-            self._forbid(self._requests.accepted.id, reason, message)
-            self._requests.end(reason, message)
+        if self._accepted.status == MotionRequest.FOLLOWING:
+            self._forbid(self._accepted.id, reason, message)
+            self._accepted = _early(self._accepted.id, MotionRequest.ENDED, reason, message)
 
     def _forbid(self, request_id: str, reason: Reason, message: str) -> None:
         """Accept no further part of a motion: it may come in parts that share an id."""
@@ -263,7 +284,7 @@ class TendonControl:
 
     def give_up(self, request_id: str) -> None:
         """Withdraw the trajectory of an id, which was reported to its sender as failed."""
-        if self._requests.accepted.id == request_id:
+        if self._accepted.id == request_id:
             self.hold(Reason.HELD, 'its sender withdrew it')
         self._forbid(request_id, Reason.HELD, 'its sender withdrew it')
 
@@ -381,8 +402,8 @@ class TendonControl:
             self._lose(error)
             return
         busy = controller.busy
-        if not busy:
-            self._requests.done()
+        if not busy and self._accepted.status == MotionRequest.FOLLOWING:
+            self._accepted = MotionRequest(id=self._accepted.id, status=MotionRequest.DONE)
         if self._stream.due(self._time, (busy, reading.referenced), reading.pulls) or busy:
             self.report()
 
@@ -426,8 +447,7 @@ class TendonControl:
         state = TendonActuationState(
             tendons=list(self._tendons), connected=controller is not None, fault=self._fault,
             stopped=self._stopped, stop_message=self._stop_message, stops=self._stops,
-            emergency_stop=self._emergency,
-            accepted=self._requests.accepted, refused=self._requests.refused)
+            emergency_stop=self._emergency, accepted=self._accepted, refused=self._refused)
         reading = None
         if controller is not None:
             state.referenced = controller.reading.referenced
@@ -438,9 +458,15 @@ class TendonControl:
             if self._active:
                 reading = controller.reading
         unmeasured = self._guard.unmeasured(reading, self._tension_limit()) if reading else ''
-        return Report(state, self._ended, self._refused, unmeasured, reading, self._time,
-                      self._requests.start)
+        return Report(state, self._ended, self._refusal, unmeasured, reading, self._time,
+                      self._start)
 
     def report(self) -> None:
         """Publish a snapshot for the other threads."""
         self._publish(self.snapshot())
+
+
+def _early(request_id: str, status: int, reason: Reason, message: str) -> MotionRequest:
+    """Return a request that was refused or ended before its end."""
+    return MotionRequest(id=request_id, status=status, message=message,
+                         reason=getattr(MotionRequest, reason.name))

@@ -10,8 +10,7 @@ import pytest
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.hardware.tendon_controller import TendonController, TendonLimits
 from soft_continuum.nodes import tendon_control
-from soft_continuum.nodes.motion_requests import Request
-from soft_continuum.nodes.tendon_control import Report, TendonControl
+from soft_continuum.nodes.tendon_control import Report, Request, TendonControl
 
 PERIOD = 0.02  # s
 TENDONS = ('right_tendon', 'left_tendon')
