@@ -269,6 +269,7 @@ class Operations(Tasks):
         """
         from trajectory_msgs.msg import JointTrajectoryPoint
 
+        from soft_continuum.ros.motion_tracker import MotionTracker
         from soft_continuum.ros.ros_time import duration_to_ros
         from soft_continuum_interfaces.msg import MotionRequest
         observed = self.observed
@@ -295,31 +296,20 @@ class Operations(Tasks):
         message.trajectory.points.append(JointTrajectoryPoint(
             positions=[target[name] for name in names],
             time_from_start=duration_to_ros(duration)))
-        this = message.id
-        following = False
+        motion = MotionTracker(message.id)
 
         def outcome() -> MotionRequest | None:
-            nonlocal following
             state = observed.tendon_actuation
-            if state is None:
-                return None
-            if state.refused.id == this:
-                return state.refused
-            if state.accepted.id != this:
-                return state.accepted if following else None  # a newer one
-            following = state.accepted.status == MotionRequest.FOLLOWING
-            return None if following else state.accepted
+            request = None if state is None else motion.outcome(state)
+            return request if request and request.status != MotionRequest.FOLLOWING else None
 
-        self._jog = this, target
+        self._jog = motion.id, target
         publisher.publish(message)
         request = await until(outcome, duration + self.timeout)
-        if self._jog[0] == this:
+        if self._jog[0] == motion.id:
             self._jog = '', {}
         if request is None:
             raise NoAnswerError(f'the tendons did not arrive within {duration + self.timeout:g} s')
-        if request.id != this:
-            raise MotionEndedError(f'{TENDON_ACTUATION}: a newer trajectory replaced it',
-                                   MotionRequest.REPLACED)
         if request.status == MotionRequest.ENDED:
             raise MotionEndedError(f'{TENDON_ACTUATION}: {request.message}', request.reason)
         if request.status == MotionRequest.REFUSED:

@@ -201,8 +201,8 @@ class TendonControl:
         if begins:
             self._guard.begin(controller.reading)
         if request.id != self._accepted.id and self._accepted.status == MotionRequest.FOLLOWING:
-            self._end_request(Reason.REPLACED, 'another trajectory '
-                              f'({request.id or "without an id"}) took its place')
+            self._end_request(Reason.REPLACED, 'replaced by another trajectory '
+                              f'({request.id or "without an id"})')
             self.report()
         self._accepted = MotionRequest(id=request.id, status=MotionRequest.FOLLOWING)
         self._start = trajectory[3]
