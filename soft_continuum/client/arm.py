@@ -385,5 +385,4 @@ class Arm:
         restart.  Raises RefusedError with the reason of a node that refuses, NodesMissingError
         without any node.
         """
-        from soft_continuum.client.tare import tare
-        return self._do(tare(self._requests))
+        return self._do(self._requests.tare())
