@@ -4,7 +4,7 @@
 
 from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
-from math import cos, inf, sin
+from math import inf
 from time import monotonic
 from typing import Any
 
@@ -24,7 +24,7 @@ from soft_continuum.client.errors import (
 )
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
-from soft_continuum.mechanics.arm import Arm, Array, PLANAR_AXES
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
 from soft_continuum.nodes.entries import subscribe
@@ -211,7 +211,8 @@ class SteeredArm:
     def _velocity(self, stick: tuple[float, float, float]) -> Array:
         """Return the velocity of the target (3,), rad/s of bending or m/s of the tip."""
         x, y, z = stick
-        along = PLANAR_AXES[:3] if self._arm is None else self._arm.pose_axes[:3]
+        assert self._arm is not None  # else problem() says so
+        along = self._arm.pose_axes[:3]
         if self.mode == BENDING:
             return float(self._parameters['teleop.bending_speed']) * along * [x, y, 0.0]
         if not along[1]:  # then the axis that it would move along y moves it up and down
@@ -220,14 +221,14 @@ class SteeredArm:
 
     def _present(self) -> Array | None:
         """Return the bending of the segment (x, y, 0), rad, or the tip, m; None if not known."""
-        state = self._observed.snapshot()
         if self.mode == TIP:
-            return None if state.tip is None else np.array(state.tip.position)
-        angles, at = state.bending_angles, self.segment - 1
-        if angles is None or at >= len(angles):
+            poses = self._observed.poses('disc_poses')
+            return np.array(poses[-1].position) if poses else None
+        bending = self._observed.bending()
+        if bending is None or self.segment > len(bending):
             return None
-        direction = state.bending_directions[at] if state.bending_directions else 0.0
-        return angles[at] * np.array([cos(direction), sin(direction), 0.0])
+        about_x, about_y = bending[self.segment - 1]
+        return np.array([about_y, -about_x, 0.0])
 
     def _advance(self, present: Array, velocity: Array) -> None:
         """Publish a target that goes on at this velocity, not too far ahead of the arm."""
