@@ -18,7 +18,7 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
-from soft_continuum.nodes.arm_observer import Estimate, EstimateObserver
+from soft_continuum.nodes.arm_observer import ArmObserver, Estimate
 from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
@@ -85,7 +85,7 @@ class Servo(Node):
         self._estimate: Estimate | None = None  # that was taken in last
         self._sequence, self._sequence_age = False, Age()
         self._commander = MotionCommander(self, arm)
-        self._observed = EstimateObserver(self, arm, self.parameters, self._on_tendon_state)
+        self._observed = ArmObserver(self, arm, self.parameters, self._on_tendon_state)
         subscribe(self, ShapeSequencerState, f'{SHAPE_SEQUENCER}/state', self._on_sequencer,
                   EVERY_STATE)
         self._receive(Float64, '~/target_angle')

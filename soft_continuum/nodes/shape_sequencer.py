@@ -22,9 +22,13 @@ from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.plan_guard import PlanGuard
-from soft_continuum.nodes.plan_service import PlanService
-from soft_continuum.nodes.planning import Planning, tip_aim
+from soft_continuum.nodes.planning import (
+    failure_text,
+    PlanGuard,
+    Planning,
+    PlanService,
+    tip_aim,
+)
 from soft_continuum.nodes.sequence_server import (
     error_code,
     GoalRequest,
@@ -208,7 +212,7 @@ class ShapeSequencer(Node):
             if not check.plans.done():
                 return
             if error := check.plans.exception():
-                problem = _text(error)
+                problem = failure_text(error)
         self._check = None
         if problem:
             self._planning.abandon()
@@ -412,8 +416,3 @@ class ShapeSequencer(Node):
         if self._warning:
             text += f'; {self._warning}'
         self.status.set(WARN if self._warning else OK, text, **values)
-
-
-
-def _text(error: BaseException) -> str:
-    return str(error) if isinstance(error, PlanError) else f'{type(error).__name__}: {error}'
