@@ -29,16 +29,17 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
-from soft_continuum.nodes.entries import repeat, serve, subscribe
-from soft_continuum.nodes.jam_vacuum import JamVacuum
+from soft_continuum.nodes.entries import Question, repeat, serve, subscribe
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
-from soft_continuum.nodes.measured_poses import MeasuredPoses
-from soft_continuum.nodes.measured_tensions import MeasuredTensions
+from soft_continuum.nodes.measurements import (
+    JamVacuum,
+    MeasuredPoses,
+    MeasuredTensions,
+    Refusals,
+)
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.question import Question
-from soft_continuum.nodes.refusals import Refusals
 from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
 from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
 from soft_continuum.parameters.arm import arm_from_parameters

@@ -14,7 +14,7 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.question import Question
+from soft_continuum.nodes.entries import Question
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
