@@ -9,7 +9,6 @@ from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
-from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -38,10 +37,9 @@ from soft_continuum.nodes.measurements import (
     Refusals,
 )
 from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
-from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
+from soft_continuum.nodes.status import ERROR, OK, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
@@ -53,7 +51,7 @@ from soft_continuum.ros.conversions import (
     tracked_pose_to_ros,
 )
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
-from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
+from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
 from soft_continuum.ros.ros_time import FRESH
 from soft_continuum.ros.urdf import arm_urdf, joint_names
@@ -77,7 +75,7 @@ UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that m
 ESTIMATION = ('scipy.linalg', 'scipy.special')  # what the first measurement needs: 0.4 s
 
 
-class Kinematics(Node):
+class Kinematics(SuiteNode):
     """
     Tracks the arm's shape by the rigid multibody model under gravity, and by measurements.
 
@@ -96,9 +94,7 @@ class Kinematics(Node):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
-        super().__init__('kinematics', **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS['kinematics'])
-        self.status = Status(self, 'rigid multibody model')
+        super().__init__(KINEMATICS, 'rigid multibody model', **options)
         self._arm = arm_from_parameters(self.parameters)
         self._tendons = self._arm.tendon_names
         self._compiled = False
@@ -159,13 +155,6 @@ class Kinematics(Node):
         self._timer = repeat(self, CHECK_PERIOD, self._check)  # only while something waits
         serve(self, Trigger, '~/reset', self._on_reset)
         self.status.set(OK, loading())
-
-    def callback_failed(self, error: Exception) -> None:
-        """Report what a callback raised."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
-
-    def quit(self) -> None:
-        """Nothing to do: this node moves nothing."""
 
     def start(self) -> None:
         """Load the model; the node works once the others publish."""

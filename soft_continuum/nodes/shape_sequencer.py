@@ -10,7 +10,6 @@ from math import nan
 from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovariance
-from rclpy.node import Node
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.arm_commander import ArmCommander
@@ -19,9 +18,7 @@ from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.model import load_model
-from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.obstacles import KnownObstacles
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.planning import (
     failure_text,
     PlanGuard,
@@ -36,7 +33,8 @@ from soft_continuum.nodes.sequence_server import (
     Reached,
     SequenceServer,
 )
-from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
+from soft_continuum.nodes.status import OK, StatePublisher, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.conversions import poses_to_ros
@@ -85,7 +83,7 @@ class Check:
     stops: int | None = None
 
 
-class ShapeSequencer(Node):
+class ShapeSequencer(SuiteNode):
     """
     Sets the arm to one shape after another.
 
@@ -101,13 +99,11 @@ class ShapeSequencer(Node):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and the action."""
-        super().__init__(SHAPE_SEQUENCER, **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS[SHAPE_SEQUENCER])
+        super().__init__(SHAPE_SEQUENCER, 'shape sequencer', **options)
         for name in self.parameters['shape_names']:
             self.parameters.declare_numbers(shape_parameter(name))
             self.parameters.declare_numbers(direction_parameter(name))
             self.parameters.declare_numbers(vacuum_parameter(name))
-        self.status = Status(self, 'shape sequencer')
         self._arm = arm_from_parameters(self.parameters)
         check_actuation(self._arm, self.parameters)
         self._library = shape_library(self.parameters, self._arm)
@@ -158,24 +154,23 @@ class ShapeSequencer(Node):
 
     def callback_failed(self, error: Exception) -> None:
         """Hold, end the goal and report what a callback raised."""
-        text = f'{type(error).__name__}: {error}'
-        self.status.alarm('callback', text, FAILURE_PERIOD)
+        super().callback_failed(error)
+        text = f'shape_sequencer failed: {type(error).__name__}: {error}'
         self._commander.hold()
         if self._check is not None:
             check, self._check = self._check, None
-            self._reject(check.request, f'shape_sequencer failed: {text}')
+            self._reject(check.request, text)
         runner = self._runner
         if runner is None:
             return
         if not self._failed:  # wind down, which may fail as well
             self._failed = True
-            runner.cancel(Code.HARDWARE_FAULT, f'shape_sequencer failed: {text}')
+            runner.cancel(Code.HARDWARE_FAULT, text)
         else:
             self._runner = None
             self._commander.end()
             self._planning.abandon()
-            self._end(self._handle, Outcome(
-                Code.HARDWARE_FAULT, f'shape_sequencer failed: {text}', 0))
+            self._end(self._handle, Outcome(Code.HARDWARE_FAULT, text, 0))
 
     # Goals before they run.
 
