@@ -19,10 +19,11 @@ from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve
 from soft_continuum.nodes.jamming_control import Driver, JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
-from soft_continuum.nodes.parameter_table import jamming_settings, NODE_PARAMETERS
+from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
+from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 from soft_continuum_interfaces.srv import SetVacuum
@@ -48,7 +49,7 @@ class JammingValves(ManagedNode):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
-        super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
+        super().__init__(JAMMING_VALVES, '{jamming_driver} jamming valves', **options)
         check_jamming(self.parameters)
         self._settings = jamming_settings(self.parameters)
         self._jams = [s.jam for s in arm_from_parameters(self.parameters).segments]
@@ -74,10 +75,6 @@ class JammingValves(ManagedNode):
         for publisher in self._stiff:
             publisher.publish(Bool(data=False))
         self._publish(self._control.snapshot())
-
-    def hardware_id(self) -> str:
-        """Name the driver."""
-        return f'{self.parameters["jamming_driver"]} jamming valves'
 
     def open_device(self) -> Driver:
         """Connect and read; switch nothing."""

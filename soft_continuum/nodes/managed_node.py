@@ -3,7 +3,7 @@
 """The lifecycle of a node that owns a device, and its threads."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 import traceback
 from typing import Any, Protocol
 
@@ -11,10 +11,9 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.nodes.entries import guarded, repeat
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, Status
+from soft_continuum.nodes.status import ERROR
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.nodes.threads import ControlLoop, on_ros_thread, Worker
-from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.ros.ros_time import RosTime
 
 RETRY = 2.0  # s between attempts to connect to a device
@@ -56,7 +55,7 @@ class DeviceControl(Protocol):
         """Return the state as it is now."""
 
 
-class ManagedNode(LifecycleNode):
+class ManagedNode(SuiteNode, LifecycleNode):
     """
     A lifecycle node that owns a device, on three threads.
 
@@ -72,11 +71,9 @@ class ManagedNode(LifecycleNode):
     loop: ControlLoop
     _control: DeviceControl
 
-    def __init__(self, name: str, table: Sequence[Parameter], **options: Any) -> None:
-        """Declare the parameters of ``table``."""
-        super().__init__(name, **options)
-        self.parameters = NodeParameters(self, table)
-        self.status = Status(self, self.hardware_id())
+    def __init__(self, name: str, hardware_id: str, **options: Any) -> None:
+        """Connect to nothing yet; arguments: of SuiteNode."""
+        super().__init__(name, hardware_id, **options)
         self.ros_time = RosTime(self.get_clock())
         self.active = False
         self.connecting = Worker('connecting', self._on_thread_failure)
@@ -93,10 +90,6 @@ class ManagedNode(LifecycleNode):
                                 self._on_control_failure)
 
     # What a subclass does, besides.
-
-    @abstractmethod
-    def hardware_id(self) -> str:
-        """Name the device for diagnostics (REP-107)."""
 
     @abstractmethod
     def open_device(self) -> Any:
@@ -158,10 +151,6 @@ class ManagedNode(LifecycleNode):
         self._on_thread_failure(error)
         self._control.failed(error)
 
-    def callback_failed(self, error: Exception) -> None:
-        """Report what a callback raised, on the thread of ROS."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
-
     def on_ros_thread(self, function: Callable[..., None], *arguments: Any) -> bool:
         """Call ``function`` on the ROS thread; return False after its end."""
         # An executor would keep the task, and this node with it.
@@ -193,7 +182,7 @@ class ManagedNode(LifecycleNode):
             try:
                 self.connecting.call(CONNECT_TIMEOUT, self._open_now)
             except TimeoutError:  # what it finds later is there for the next attempt
-                raise HardwareError(f'{self.hardware_id()} has not connected within '
+                raise HardwareError(f'{self.hardware_id} has not connected within '
                                     f'{CONNECT_TIMEOUT:g} s; check its cables and its power, then '
                                     'configure again') from None
         self.loop.call(self._control.attach, self._take())

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes have in common that own no device."""
+"""What all nodes have in common."""
 
 from typing import Any
 
@@ -19,10 +19,15 @@ class SuiteNode(Node):
     """
 
     def __init__(self, name: str, hardware_id: str, **options: Any) -> None:
-        """Declare the parameters of ``name``; raises ParameterError.  hardware_id: see REP-107."""
+        """
+        Declare the parameters of ``name``; raises ParameterError.
+
+        hardware_id: for diagnostics (REP-107); {parameter} in it stands for the value of one.
+        """
         super().__init__(name, **options)
         self.parameters = NodeParameters(self, NODE_PARAMETERS[name])
-        self.status = Status(self, hardware_id)
+        self.hardware_id = hardware_id.format_map(self.parameters)
+        self.status = Status(self, self.hardware_id)
 
     def callback_failed(self, error: Exception) -> None:
         """Report what a callback raised, on the thread of ROS."""

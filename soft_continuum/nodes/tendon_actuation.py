@@ -29,7 +29,6 @@ from soft_continuum.nodes.entries import guarded, serve
 from soft_continuum.nodes.load_cells import LoadCells
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
@@ -38,6 +37,7 @@ from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
 from soft_continuum.ros.entry import LOG_PERIOD, MAX_BYTES
+from soft_continuum.ros.names import TENDON_ACTUATION
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import name_problem, plain
@@ -76,7 +76,7 @@ class TendonActuation(ManagedNode):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
-        super().__init__('tendon_actuation', NODE_PARAMETERS['tendon_actuation'], **options)
+        super().__init__(TENDON_ACTUATION, '{tendon_driver} tendon motors', **options)
         arm = arm_from_parameters(self.parameters)
         self._tendons = arm.tendon_names
         self._prediction = TensionPrediction(arm)
@@ -124,10 +124,6 @@ class TendonActuation(ManagedNode):
         return True
 
     # The device.
-
-    def hardware_id(self) -> str:
-        """Name the driver."""
-        return f'{self.parameters["tendon_driver"]} tendon motors'
 
     def open_device(self) -> TendonController:
         """Connect and read; move nothing."""
