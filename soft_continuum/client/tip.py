@@ -4,11 +4,8 @@
 
 from dataclasses import dataclass
 from math import cos, hypot, isfinite, sin
-from typing import Literal
 
-Kind = Literal['position', 'direction', 'pose']
-KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
-"""Constrained parts of a goal; the values of kind in TipGoal, from 0."""
+from soft_continuum.sequencing.progress import Kind
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from soft_continuum.parameters.shapes import (
     vacuums_problem,
 )
 from soft_continuum.ros.conversions import MAX_QUATERNION_ERROR, pose_from_ros, seconds
-from soft_continuum.sequencing.plans import KINDS, PlanError, Shape
+from soft_continuum.sequencing.plans import PlanError, Shape
+from soft_continuum.sequencing.progress import KINDS
 from soft_continuum.sequencing.reach import TipGoal
 from soft_continuum.text import MAX_NAME, name_problem, printable
 from soft_continuum_interfaces.action import RunShapeSequence

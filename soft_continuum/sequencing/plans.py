@@ -5,16 +5,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import degrees, inf, isfinite, pi, radians
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.sequencing.progress import Kind, KINDS
 
 WHOLE_ARM = -1
 """In place of a segment (0-based): the whole arm without jamming, set at once."""
-Kind = Literal['position', 'direction', 'pose']
-KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
 FINEST, FINEST_TURN = 1e-5, 1e-4  # m, rad: tolerances below what friction and springs allow
 ORTHONORMAL = 1e-6
 

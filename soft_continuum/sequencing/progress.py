@@ -4,9 +4,13 @@
 
 from dataclasses import dataclass
 from enum import auto, Enum, StrEnum
+from typing import Literal
 
 AIMS = ('angles', 'tip')
 """The controlled quantity; the values of aim in the goal of RunShapeSequence, from 0."""
+Kind = Literal['position', 'direction', 'pose']
+KINDS: tuple[Kind, ...] = ('position', 'direction', 'pose')
+"""Constrained parts of a tip goal; the values of kind in TipGoal, from 0."""
 
 
 class Phase(StrEnum):
