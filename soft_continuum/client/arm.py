@@ -14,8 +14,7 @@ from typing import Any, TYPE_CHECKING, TypeVar
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError, NoAnswerError
 from soft_continuum.client.tasks import until
-from soft_continuum.ros.graph import running_nodes
-from soft_continuum.ros.names import SHAPE_SEQUENCER, TWIN
+from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER, TWIN
 from soft_continuum.sequencing.progress import AIMS
 
 if TYPE_CHECKING:  # stop must not wait for any of these

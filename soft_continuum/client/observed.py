@@ -30,13 +30,13 @@ from soft_continuum.mechanics.directions import bending_directions
 from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
 from soft_continuum.ros.entry import subscribe
-from soft_continuum.ros.graph import running_nodes
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
     MEASURED_POSE,
     NODES,
     RECORDER,
+    running_nodes,
     SENSORS,
     SHAPE_SEQUENCER,
     TELEOP,

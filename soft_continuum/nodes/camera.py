@@ -24,9 +24,14 @@ from soft_continuum.nodes.status import ERROR, OK, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import poses_from_ros, seconds, tracked_pose_to_ros
+from soft_continuum.ros.conversions import (
+    grey_picture,
+    MAX_PICTURE_BYTES,
+    poses_from_ros,
+    seconds,
+    tracked_pose_to_ros,
+)
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
-from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sensing.lens import Lens, LensError

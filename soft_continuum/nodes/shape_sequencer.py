@@ -39,8 +39,7 @@ from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.entry import LOG_PERIOD
-from soft_continuum.ros.graph import running_nodes
-from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
