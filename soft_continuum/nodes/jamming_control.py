@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Control thread of jamming_valves: pump, valves or regulators, and pressure sensors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from soft_continuum.hardware.clock import STEADY
@@ -101,27 +101,13 @@ class JammingControl:
         if self._stream.due(time, state, self._pressures) or changed:
             self.report()
 
-    def set_stiff(self, segments: Sequence[int], stiff: bool) -> None:
+    def command(self, command: Callable[[JammingController], None]) -> None:
         """
-        Evacuate or vent segments (0-based).
+        Switch segments; command: does so by a controller.
 
-        Raises ValueError when the node is not active, HardwareError when the device fails.
+        Raises ValueError when the node is not active or for what cannot be set, HardwareError when
+        the device fails.
         """
-        def switch(controller: JammingController) -> None:
-            for segment in segments:
-                controller.set_stiff(segment, stiff)
-
-        self._command(switch)
-
-    def set_vacuum(self, segment: int, vacuum: float) -> None:
-        """
-        Set the vacuum (Pa below ambient) of a segment (0-based).
-
-        Raises ValueError where it cannot be set, HardwareError when the device fails.
-        """
-        self._command(lambda controller: controller.set_vacuum(segment, vacuum))
-
-    def _command(self, command: Callable[[JammingController], None]) -> None:
         if not self._active or self._controller is None:
             raise ValueError('not switched: the node is not active')
         try:

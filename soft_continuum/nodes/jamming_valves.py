@@ -13,6 +13,7 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
+from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
@@ -114,8 +115,12 @@ class JammingValves(ManagedNode):
                    response: SetBool.Response) -> SetBool.Response:
         names = ', '.join(f'segment {i + 1}' for i in segments)
         doing = f'{"evacuating" if request.data else "venting"} {names}'
-        self._command(names, doing, 'segment_N/stiff', not request.data, response,
-                      self._control.set_stiff, segments, request.data)
+
+        def switch(controller: JammingController) -> None:
+            for segment in segments:
+                controller.set_stiff(segment, request.data)
+
+        self._command(names, doing, 'segment_N/stiff', not request.data, response, switch)
         return response
 
     def _set_vacuum(self, segment: int, request: SetVacuum.Request,
@@ -129,11 +134,12 @@ class JammingValves(ManagedNode):
                 'Give arm.stiffness_ratios, and arm.yield_moments, for values in between')
             return response
         self._command(name, f'{name} to {vacuum / 1e3:g} kPa of vacuum', 'segment_N/pressure',
-                      vacuum < full, response, self._control.set_vacuum, segment, vacuum)
+                      vacuum < full, response,
+                      lambda controller: controller.set_vacuum(segment, vacuum))
         return response
 
     def _command(self, names: str, doing: str, topic: str, softens: bool, response: Any,
-                 command: Callable[..., Any], *arguments: Any) -> None:
+                 command: Callable[[JammingController], None]) -> None:
         """Execute a command on the control thread, unless it is refused; fill in the response."""
         if self._emergency.on:
             response.message = (f'{names}: not switched: emergency_stop is on; valves and '
@@ -143,7 +149,7 @@ class JammingValves(ManagedNode):
             response.message = f'{names}: not softened: {self._conflicts.problem}'
             return
         try:
-            self.loop.call(command, *arguments)
+            self.loop.call(self._control.command, command)
         except (HardwareError, ValueError) as error:
             response.message = f'{names}: {error}'
             return
