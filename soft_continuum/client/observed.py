@@ -184,6 +184,13 @@ class ObservedArm:
         """State of jamming_valves; None while that is stale."""
         return self._fresh(JAMMING_STATE, JAMMING_VALVES)
 
+    def stopped(self) -> str | None:
+        """Return why motion is stopped, empty if it is not; None if unknown."""
+        state = self.tendon_actuation
+        if state is None or state.stopped == TendonActuationState.NOT_STOPPED:
+            return None if state is None else ''
+        return printable(state.stop_message) or 'no reason given'
+
     @property
     def shape_sequencer(self) -> ShapeSequencerState | None:
         """State of shape_sequencer; None while that is stale."""
@@ -354,7 +361,7 @@ class ObservedArm:
             speeds=self._of_tendons('tendon_states', 'velocity'),
             tensions=self.tensions(),
             measured_tensions=self._of_tendons('tendon_states', 'effort'),
-            stopped=None if tendons is None else _stopped(tendons),
+            stopped=self.stopped(),
             emergency_stop=None if tendons is None else tendons.emergency_stop,
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
@@ -381,13 +388,6 @@ class ObservedArm:
             {printable(pair.key, MAX_NAME): printable(pair.value)
              for pair in status.values[:MAX_VALUES]} if status else {},
             seconds, seconds is None or seconds >= STALE_AFTER)
-
-
-def _stopped(state: TendonActuationState) -> str:
-    """Return why motion is stopped; empty if it is not."""
-    if state.stopped == TendonActuationState.NOT_STOPPED:
-        return ''
-    return printable(state.stop_message) or 'no reason given'
 
 
 def estimate_of(message: KinematicsState, received: float, predicted_tip_error: float | None

@@ -326,9 +326,10 @@ class Kinematics(SuiteNode):
         for message in (self._segment_message, self._disc_message, self._predicted_message,
                         self._joint_message, self._tension_message):
             message.header.stamp = stamp
-        poses = state.poses
-        self._segment_poses.publish(poses_to_ros(poses[2::2], self._segment_message))
-        self._disc_poses.publish(poses_to_ros(poses, self._disc_message))
+        discs = poses_to_ros(state.poses, self._disc_message)
+        self._segment_message.poses = discs.poses[2::2]
+        self._segment_poses.publish(self._segment_message)
+        self._disc_poses.publish(discs)
         self._joint_message.position = state.joint_positions.tolist()
         self._shared_joints.sent(self._joint_message)
         self._joint_states.publish(self._joint_message)

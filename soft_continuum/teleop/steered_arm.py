@@ -38,7 +38,7 @@ from soft_continuum.ros.names import (
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.teleop.enable_button import MOVE
 from soft_continuum.text import plain
-from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
+from soft_continuum_interfaces.msg import TeleopState
 
 PREPARING = 'the servo is being prepared'
 NO_SERVO = ('servo does not run: start the nodes with `up --teleop`, or it alone with: ros2 run '
@@ -133,8 +133,7 @@ class SteeredArm:
     @property
     def stopped(self) -> bool:
         """Whether motion is stopped, by any node."""
-        tendons = self._observed.tendon_actuation
-        return tendons is not None and tendons.stopped != TendonActuationState.NOT_STOPPED
+        return bool(self._observed.stopped())
 
     @property
     def servo_text(self) -> str:
