@@ -274,9 +274,7 @@ class ObservedArm:
         if before is not None and age.seconds < STALE_AFTER and not known.all() and all(
                 map(isfinite, (*before.position, *before.orientation))):
             return
-        age = Age()
-        age.refresh()
-        self._measured[topic] = age, Pose(
+        self._measured[topic] = Age.now(), Pose(
             tuple(measured[:3].tolist()) if place.all() else (nan,) * 3,
             tuple(measured[3:].tolist()) if turn.all() else (nan,) * 4)
 

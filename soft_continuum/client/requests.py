@@ -460,8 +460,7 @@ class Requests(Tasks):
         again when the goal has not run for 1 s, then 2 s and so on, ``ATTEMPTS * timeout`` s in
         all.
         """
-        observed, accepted, runs, asked = self.observed, Age(), Age(), list[Any]()
-        accepted.refresh()
+        observed, accepted, runs, asked = self.observed, Age.now(), Age(), list[Any]()
         began = False
 
         def answers() -> list[Any]:

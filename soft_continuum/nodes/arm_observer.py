@@ -115,14 +115,11 @@ class ArmObserver(ReportedArm):
         self._note_fault(JAMMING_VALVES, '; '.join(fault for fault in faults if fault))
 
     def _note_fault(self, node: str, fault: str) -> None:
-        if not fault:
+        _, age = self._faults.get(node, ('', Age.now()))
+        if fault:
+            self._faults[node] = fault, age
+        else:
             self._faults.pop(node, None)
-            return
-        _, age = self._faults.get(node, ('', None))
-        if age is None:
-            age = Age()
-            age.refresh()
-        self._faults[node] = fault, age
 
     # The arm.
 

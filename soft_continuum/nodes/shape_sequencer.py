@@ -184,9 +184,7 @@ class ShapeSequencer(SuiteNode):
         except PlanError as error:
             self._reject(request, str(error))
             return
-        age = Age()
-        age.refresh()
-        self._check = Check(request, shapes, age)
+        self._check = Check(request, shapes, Age.now())
         self._go_on_checking(self._check)
 
     def _go_on_checking(self, check: Check) -> None:
@@ -212,7 +210,8 @@ class ShapeSequencer(SuiteNode):
             self._planning.abandon()
             self._reject(check.request, problem)
         else:
-            self._accept(check.request)
+            self._rejected = ''
+            check.request.answer(True)
 
     def _waits(self, check: Check) -> bool:
         """Whether nothing is wrong but that the other nodes have only been started."""
@@ -248,10 +247,6 @@ class ShapeSequencer(SuiteNode):
     def _may_plan(self) -> bool:
         """Whether the arm is as it will be when a goal that came now begins."""
         return self._runner is None and self._next is None and self._observed.all_stiff
-
-    def _accept(self, request: GoalRequest) -> None:
-        self._rejected = ''
-        request.answer(True)
 
     def _reject(self, request: GoalRequest, reason: str) -> None:
         """Publish why, then answer: ROS 2 has no reason in its answer."""

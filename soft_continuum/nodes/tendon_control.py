@@ -93,8 +93,7 @@ class TendonControl:
         self._guard = TensionGuard(tendons)
         self._stream = RestingStream(REST_CHANGE)
         self._stops = 0
-        self._path = 0, 0.0  # stamp and start of the trajectory that was accepted last, ns and s
-        self._stamped = False  # whether the trajectory that is followed was to begin by ROS time
+        self._path = 0, 0.0  # stamp (ns) and start (s) of the accepted trajectory; 0: no stamp
         self._time = STEADY()  # of the last reading, s
         self._controller: TendonController | None = None
         self._active = False
@@ -206,7 +205,7 @@ class TendonControl:
             self.report()
         self._accepted = MotionRequest(id=request.id, status=MotionRequest.FOLLOWING)
         self._start = trajectory[3]
-        self._stiffness_at_start, self._stamped = stiffness, request.start is not None
+        self._stiffness_at_start = stiffness
         self._ended = self._refusal = ''
         self.report()
 
@@ -435,7 +434,7 @@ class TendonControl:
             return Interlock(
                 Reason.LATE, f'the control cycle came {late:.3f} s late; allowed: '
                 f'{MAX_LATENESS:g} s; the computer is too busy')
-        if controller.following and self._stamped and abs(jump) > MAX_JUMP:
+        if controller.following and self._path[0] and abs(jump) > MAX_JUMP:
             return Interlock(
                 Reason.CLOCK, f'ROS time jumped by {jump:.3f} s while a trajectory with a '
                 f'header.stamp was followed; allowed: {MAX_JUMP:g} s; send it again')

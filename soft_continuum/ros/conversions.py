@@ -6,7 +6,6 @@ import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 from geometry_msgs.msg import Pose, PoseArray, PoseWithCovarianceStamped
 import numpy as np
@@ -210,7 +209,7 @@ def equilibrium_to_ros(state: Equilibrium) -> KinematicsState:
         stiff=list(state.stiff), vacuum=list(state.vacuum or [1.0] * len(state.stiff)))
 
 
-def equilibrium_from_ros(message: KinematicsState, chain: Chain) -> Any:
+def equilibrium_from_ros(message: KinematicsState, chain: Chain) -> Equilibrium | None:
     """Return the state of the model in a message, None if it does not fit this arm."""
     angles, held = np.array(message.joint_angles), np.array(message.held_angles)
     vacuum = np.array(message.vacuum)
