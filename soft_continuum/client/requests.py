@@ -94,20 +94,25 @@ class Requests(Tasks):
         await until(lambda: observed.complete, SETTLING_TIMEOUT)
         return observed
 
-    async def trigger(self, service: str, attempts: int = 1) -> str:
-        """Call a std_srvs/Trigger; return its message, or raise RefusedError with it."""
-        answer = await self.call(Trigger, service, attempts=attempts)
+    async def ask(self, service: str, kind: Any = Trigger, *, who: str = '', attempts: int = 1,
+                  **request: Any) -> str:
+        """
+        Call a service with a success; return its message, or raise RefusedError with it.
+
+        who: refuses, by default the service.
+        """
+        answer = await self.call(kind, service, attempts=attempts, **request)
         if not answer.success:
-            raise RefusedError(f'{service}: {answer.message}')
+            raise RefusedError(f'{who or service}: {answer.message}')
         return printable(answer.message)
 
     async def stop(self) -> str:
         """Stop all motion, holding tension; nothing moves until ``resume``."""
-        return await self.trigger(f'{TENDON_ACTUATION}/stop', ATTEMPTS)
+        return await self.ask(f'{TENDON_ACTUATION}/stop', attempts=ATTEMPTS)
 
     async def resume(self) -> str:
         """Allow motion after a stop, from where the tendons are."""
-        return await self.trigger(f'{TENDON_ACTUATION}/resume')
+        return await self.ask(f'{TENDON_ACTUATION}/resume')
 
     async def reference(self, sure: bool = False) -> str:
         """Set the present pulls as the zero of the straight arm; sure: as in ``_say``."""
@@ -120,22 +125,18 @@ class Requests(Tasks):
     async def _say(self, service: str, sure: bool) -> str:
         """Call a service that refuses with a question; sure: confirm by calling it again."""
         try:
-            return await self.trigger(service)
+            return await self.ask(service)
         except RefusedError:
             if not sure:
                 raise
-        return await self.trigger(service)
+        return await self.ask(service)
 
     async def record(self, begin: bool) -> str:
         """Start or end a recording of the recorder; return its message."""
-        service = f'{RECORDER}/record'
         if self.observed.recorder is None:
             raise NodesMissingError('the recorder does not run; start it with: ros2 run '
                                     'soft_continuum recorder')
-        answer = await self.call(SetBool, service, data=begin)
-        if not answer.success:
-            raise RefusedError(f'{RECORDER}: {answer.message}')
-        return printable(answer.message)
+        return await self.ask(f'{RECORDER}/record', SetBool, who=RECORDER, data=begin)
 
     async def tare(self) -> dict[str, str]:
         """Call ~/tare of every node that has it; return the responses by node, as Arm.tare."""
@@ -150,7 +151,7 @@ class Requests(Tasks):
         if not await until(nodes, self.discovery_timeout):
             raise NodesMissingError(f'no node that can be tared runs in namespace {space}: '
                                     'neither a camera nor disc_sensors')
-        return {name: await self.trigger(f'{name}/{TARE}') for name in nodes()}
+        return {name: await self.ask(f'{name}/{TARE}') for name in nodes()}
 
     # Parameters of the nodes.
 
@@ -223,9 +224,7 @@ class Requests(Tasks):
             limit = values['ambient_pressure'] - values['soft_vacuum']
             timeout = max(timeout, values['jamming_timeout'])
         name = 'set_all_stiff' if segment is None else f'segment_{segment}/set_stiff'
-        answer = await self.call(SetBool, f'{JAMMING_VALVES}/{name}', data=stiff)
-        if not answer.success:
-            raise RefusedError(f'{JAMMING_VALVES}: {answer.message}')
+        await self.ask(f'{JAMMING_VALVES}/{name}', SetBool, who=JAMMING_VALVES, data=stiff)
 
         def missing() -> list[int]:
             return [n for n in numbers if observed.stiff(n) is not stiff
@@ -247,10 +246,8 @@ class Requests(Tasks):
         await self._refuse_during_sequence()
         await self._check_segment(segment)
         values = await self.parameters(JAMMING_VALVES, ['ambient_pressure', 'vacuum_tolerance'])
-        answer = await self.call(
-            SetVacuum, f'{JAMMING_VALVES}/segment_{segment}/set_vacuum', vacuum=float(vacuum))
-        if not answer.success:
-            raise RefusedError(f'{JAMMING_VALVES}: {answer.message}')
+        await self.ask(f'{JAMMING_VALVES}/segment_{segment}/set_vacuum', SetVacuum,
+                       who=JAMMING_VALVES, vacuum=float(vacuum))
         wanted = values['ambient_pressure'] - vacuum
 
         def followed() -> bool:
