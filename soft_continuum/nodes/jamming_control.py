@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
-from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
+from soft_continuum.hardware.jamming_controller import JammingController
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum_interfaces.msg import JammingValvesState
 
@@ -28,56 +29,32 @@ class Report:
     time: float
 
 
-Driver = JammingDriver | RegulatorDriver
-
-
-class JammingControl:
+class JammingControl(DeviceControl):
     """
-    Switches segments and watches their pressures.
+    Switches segments and watches their pressures; its snapshots are Reports.
 
-    Every method is called on the control thread; a Report follows every change.
+    No device is ``lost``: the driver itself reconnects to boards that did not reply.
     """
 
-    lost = False  # the driver itself reconnects to boards that did not reply
+    _controller: JammingController | None
 
-    def __init__(self, segments: int, settings: JammingSettings,
-                 report: Callable[[Report], None]) -> None:
+    def __init__(self, segments: int, report: Callable[[Report], None]) -> None:
         """Start without a device."""
-        self._segments, self._settings, self._report = segments, settings, report
-        self._driver: Driver | None = None
-        self._controller: JammingController | None = None
-        self._active = False
+        super().__init__(report)
+        self._segments = segments
         self._pressures: tuple[float, ...] | None = None
         self._time = 0.0
-        self._fault = ''
         self._stream = RestingStream(REST_CHANGE)
 
-    def attach(self, driver: Driver) -> None:
-        """Control an open ``driver`` from now on."""
-        self._driver = driver
-        self._controller = JammingController(driver, self._segments, self._settings)
-        self._fault, self._pressures = '', None
+    def attach(self, device: JammingController) -> None:
+        """Control a connected device from now on."""
+        super().attach(device)
+        self._pressures = None
         self.report()
-
-    def detach(self) -> Driver | None:
-        """Return the driver, if any, and continue without it."""
-        driver, self._driver, self._controller = self._driver, None, None
-        self._active, self._fault = False, ''
-        self.report()
-        return driver
-
-    def activate(self) -> None:
-        """Begin to read and to switch."""
-        self._active = True
 
     def deactivate(self) -> None:
         """Leave pump and valves as they are."""
-        self._active, self._fault = False, ''
-        self.report()
-
-    def not_connected(self, error: str) -> None:
-        """Note why the device does not reply."""
-        self._fault = error
+        self._active, self._fault, self._pressures = False, '', None  # of then, when active again
         self.report()
 
     def failed(self, error: Exception) -> None:
@@ -133,7 +110,3 @@ class JammingControl:
             state.segment_faults = list(controller.faults)
             state.vacuums = list(controller.reading.vacuums)
         return Report(state, pressures, self._time)
-
-    def report(self) -> None:
-        """Publish a snapshot for the other threads."""
-        self._report(self.snapshot())

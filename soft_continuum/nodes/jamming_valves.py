@@ -14,11 +14,11 @@ from std_srvs.srv import SetBool
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.jamming_controller import JammingController
-from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
+from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve
-from soft_continuum.nodes.jamming_control import Driver, JammingControl, Report
+from soft_continuum.nodes.jamming_control import JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
@@ -56,7 +56,7 @@ class JammingValves(ManagedNode):
         self._jams = [s.jam for s in arm_from_parameters(self.parameters).segments]
         self._segments = len(self._jams)
         self._control = JammingControl(
-            self._segments, self._settings, Newest(self.on_ros_thread, self._publish).put)
+            self._segments, Newest(self.on_ros_thread, self._publish).put)
         self.start_control(self.parameters['jamming_rate'])
         self._published: list[bool] = [False] * self._segments
         self._pressures: tuple[float, ...] | None = None  # that were published
@@ -77,14 +77,14 @@ class JammingValves(ManagedNode):
             publisher.publish(Bool(data=False))
         self._publish(self._control.snapshot())
 
-    def open_device(self) -> Driver:
+    def open_device(self) -> JammingController:
         """Connect and read; switch nothing."""
-        driver: Driver = make_driver(
+        driver: JammingDriver | RegulatorDriver = make_driver(
             JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY, self)
         if isinstance(driver, RegulatorDriver):
             self._settings.check_regulators(driver.max_vacuum)
         driver.open()
-        return driver
+        return JammingController(driver, self._segments, self._settings)
 
     def _publish(self, report: Report) -> None:
         state = report.state

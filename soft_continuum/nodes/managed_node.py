@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lifecycle of a node that owns a device, and its threads."""
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 import traceback
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
@@ -21,38 +21,64 @@ CONNECT_TIMEOUT = 20.0  # s in which a device that is asked for has to connect
 CLOSE_TIMEOUT = 2.0  # s that a device is given to hold and disconnect
 
 
-class DeviceControl(Protocol):
+class DeviceControl(ABC):
     """
-    What controls a device; all but ``lost`` is used on the control thread.
+    What controls a device, by its controller; reports a snapshot after every change.
 
-    lost: whether a device that was attached failed, and has to be connected again.
+    Every method is called on the control thread.  lost: whether a device that was attached failed,
+    and has to be connected again; any thread may read it.
     """
 
-    lost: bool
+    lost = False
 
-    def attach(self, device: Any, /) -> None:
+    def __init__(self, report: Callable[[Any], None]) -> None:
+        """Start without a device; report: called with snapshots."""
+        self._report = report
+        self._controller: Any = None
+        self._active = False
+        self._fault = ''  # why there is no device
+
+    def attach(self, device: Any) -> None:
         """Control a connected device from now on."""
+        self._controller, self._fault, self.lost = device, '', False
 
     def detach(self) -> Any:
-        """Stop controlling the device; return it, to be closed, or None."""
+        """Return the device, if any, and continue without it."""
+        device, self._controller = self._controller, None
+        self._active = self.lost = False
+        self._fault = ''
+        self.report()
+        return device
 
     def activate(self) -> None:
         """Start to work."""
+        self._active = True
+        self.report()
 
+    @abstractmethod
     def deactivate(self) -> None:
         """Hold and stop working."""
 
     def not_connected(self, error: str) -> None:
-        """Note an attempt to connect that failed."""
+        """Note why the device cannot be connected to, or does not reply."""
+        self._fault = error
+        self.report()
 
-    def cycle(self, late: float, /) -> None:
-        """Read, decide and command; late: s."""
-
+    @abstractmethod
     def failed(self, error: Exception) -> None:
         """Treat an error of this program like a failed device."""
 
+    @abstractmethod
+    def cycle(self, late: float) -> None:
+        """Read, decide and command; late: s."""
+
+    @abstractmethod
     def snapshot(self) -> Any:
         """Return the state as it is now."""
+
+    def report(self) -> None:
+        """Publish a snapshot for the other threads."""
+        self._report(self.snapshot())
 
 
 class ManagedNode(SuiteNode, LifecycleNode):

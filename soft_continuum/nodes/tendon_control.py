@@ -15,6 +15,7 @@ from soft_continuum.hardware.tendon_controller import (
 from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.entries import Question
+from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
@@ -69,13 +70,14 @@ class Report:
     start: float
 
 
-class TendonControl:
+class TendonControl(DeviceControl):
     """
-    Moves the tendons, within limits and interlocks.
+    Moves the tendons, within limits and interlocks; its snapshots are Reports.
 
-    Every method is called on the control thread.  Other threads only read ``revocations`` and
-    ``lost``, and receive a Report after every change.
+    Other threads only read ``revocations`` and ``lost``.
     """
+
+    _controller: TendonController | None
 
     def __init__(self, tendons: tuple[str, ...], arm: ReportedArm, period: float,
                  jump: Callable[[], float], tension_limit: Callable[[], float],
@@ -88,27 +90,24 @@ class TendonControl:
         s.  tension_limit: N, of measured tensions.  release: called with a device that failed,
         to close it elsewhere.
         """
+        super().__init__(report)
         self._tendons, self._arm, self._period, self._jump = tendons, arm, period, jump
-        self._tension_limit, self._publish, self._release = tension_limit, report, release
+        self._tension_limit, self._release = tension_limit, release
         self._guard = TensionGuard(tendons)
         self._stream = RestingStream(REST_CHANGE)
         self._stops = 0
         self._path = 0, 0.0  # stamp (ns) and start (s) of the accepted trajectory; 0: no stamp
         self._time = STEADY()  # of the last reading, s
-        self._controller: TendonController | None = None
-        self._active = False
         self._accepted, self._refused = MotionRequest(), MotionRequest()
         self._start = 0.0  # of the accepted trajectory, s (steady)
         self._stiffness_at_start = Stiffness(())
         self._stopped, self._stop_message = TendonActuationState.NOT_STOPPED, ''
         self._emergency = False  # whether emergency_stop is on
-        self._fault = ''  # why there is no device
         self._ended = self._refusal = ''  # why the last motion was ended, refused, for people
         self._known_pulls = (0.0,) * len(tendons)  # the last ones that were referenced, m
         self._question = Question()
         self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
         self._over: dict[str, tuple[Reason, str]] = {}  # motions that were revoked, by their id
-        self.lost = False  # a device that was attached
 
     @property
     def revocations(self) -> int:
@@ -119,23 +118,10 @@ class TendonControl:
 
     def attach(self, device: TendonController) -> None:
         """Control a device from now on; a stop remains in force."""
-        self._controller = device
-        self._fault, self.lost, self._time = '', False, STEADY()
+        super().attach(device)
+        self._time = STEADY()
         if self._stop_message:
             device.stop(self._stop_message)
-        self.report()
-
-    def detach(self) -> TendonController | None:
-        """Return the device, if any, and continue without it."""
-        device, self._controller = self._controller, None
-        self._active = self.lost = False
-        self._fault = ''
-        self.report()
-        return device
-
-    def activate(self) -> None:
-        """Accept trajectories."""
-        self._active = True
         self.report()
 
     def deactivate(self) -> None:
@@ -143,11 +129,6 @@ class TendonControl:
         self._active = False
         self._stops += 1
         self.hold(Reason.INACTIVE, 'the node was deactivated')
-
-    def not_connected(self, error: str) -> None:
-        """Note why the device cannot be connected to."""
-        self._fault = error
-        self.report()
 
     def _lose(self, error: HardwareError) -> None:
         """Let go of a device that failed; nothing moves before it is back and resumed."""
@@ -459,10 +440,6 @@ class TendonControl:
         unmeasured = self._guard.unmeasured(reading, self._tension_limit()) if reading else ''
         return Report(state, self._ended, self._refusal, unmeasured, reading, self._time,
                       self._start)
-
-    def report(self) -> None:
-        """Publish a snapshot for the other threads."""
-        self._publish(self.snapshot())
 
 
 def _early(request_id: str, status: int, reason: Reason, message: str) -> MotionRequest:
