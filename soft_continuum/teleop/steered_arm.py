@@ -196,7 +196,9 @@ class SteeredArm:
 
     def move(self, stick: tuple[float, float, float]) -> None:
         """Move by the stick once the servo is ready; each component -1 to 1."""
-        velocity = self._velocity(stick)
+        arm = self._arm
+        assert arm is not None  # else problem() says so
+        velocity = self._velocity(arm, stick)
         if not self._ready:
             self._prepare()
         elif not velocity.any():
@@ -205,13 +207,12 @@ class SteeredArm:
             self.rest()
             self.note = 'kinematics reports no shape of the arm: see its status'
         else:
-            self._advance(present, velocity)
+            self._advance(arm, present, velocity)
 
-    def _velocity(self, stick: tuple[float, float, float]) -> Array:
+    def _velocity(self, arm: Arm, stick: tuple[float, float, float]) -> Array:
         """Return the velocity of the target (3,), rad/s of bending or m/s of the tip."""
         x, y, z = stick
-        assert self._arm is not None  # else problem() says so
-        along = self._arm.pose_axes[:3]
+        along = arm.pose_axes[:3]
         if self.mode == BENDING:
             return float(self._parameters['teleop.bending_speed']) * along * [x, y, 0.0]
         if not along[1]:  # then the axis that it would move along y moves it up and down
@@ -229,17 +230,17 @@ class SteeredArm:
         about_x, about_y = bending[self.segment - 1]
         return np.array([about_y, -about_x, 0.0])
 
-    def _advance(self, present: Array, velocity: Array) -> None:
+    def _advance(self, arm: Arm, present: Array, velocity: Array) -> None:
         """Publish a target that goes on at this velocity, not too far ahead of the arm."""
-        now, arm = monotonic(), self._arm
-        if self._target is None or arm is None:
+        now = monotonic()
+        if self._target is None:
             self._target, self._target_time, self.note = present, now, ''
         step, self._target_time = min(now - self._target_time, MAX_STEP), now
         bends = self.mode == BENDING
         speed = self._parameters['teleop.bending_speed' if bends else 'teleop.tip_speed']
         target = present + _limited(
             self._target + velocity * step - present, LEAD_TIME * speed)
-        if bends and arm is not None:
+        if bends:
             target = _limited(target, arm.segments[self.segment - 1].bending_angle_limit)
         self._target = target
         x, y, z = target.tolist()
