@@ -25,7 +25,7 @@ from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.measured_tensions import MeasuredTensions
+from soft_continuum.nodes.measurements import MeasuredTensions
 from soft_continuum.parameters.files import load_description
 from soft_continuum.sensing.mounted_imus import MountedImus
 from soft_continuum.sensing.rigid import displacement, IDENTITY

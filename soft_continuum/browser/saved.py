@@ -7,8 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
 from soft_continuum.browser.log import LOG
-from soft_continuum.client.own_file import read_saved
-from soft_continuum.client.own_shapes import OwnShapesError, Saved
+from soft_continuum.client.own_file import OwnShapesError, read_saved, Saved
 from soft_continuum.user_files import saved_shapes
 
 if TYPE_CHECKING:

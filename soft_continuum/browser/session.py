@@ -28,8 +28,7 @@ from soft_continuum.client.errors import (
     SequenceError,
 )
 from soft_continuum.client.estimate import anomaly_text
-from soft_continuum.client.estimate_messages import anomaly_of
-from soft_continuum.client.observed import KINEMATICS_STATE, TENDON_STATE
+from soft_continuum.client.observed import anomaly_of, KINEMATICS_STATE, TENDON_STATE
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.state import ArmState, reached_text, SequenceResult
 from soft_continuum.client.tasks import until

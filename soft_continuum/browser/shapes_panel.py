@@ -16,7 +16,7 @@ from soft_continuum.browser.html import own_shape_html
 from soft_continuum.browser.points import Points, points_of
 from soft_continuum.browser.session import Description, SEQUENCE_HOLD, Session
 from soft_continuum.client import own_file
-from soft_continuum.client.own_shapes import (
+from soft_continuum.client.own_file import (
     Kind,
     MAX_ROUNDS,
     OwnShapesError,

@@ -210,8 +210,7 @@ def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
 
 
 def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
-    from soft_continuum.client.own_file import read_saved
-    from soft_continuum.client.own_shapes import sequence_text
+    from soft_continuum.client.own_file import read_saved, sequence_text
     from soft_continuum.client.state import angles_text
     library = {printable(name, MAX_NAME): angles for name, angles in arm.shapes.items()}
     directions = {printable(name, MAX_NAME): values

@@ -106,7 +106,7 @@ def _steering(connection: 'Connection', files: Sequence[Path]) -> Iterator[Path]
     Yield the file of their output.  Raises ParameterError, and ClientError.
     """
     from soft_continuum.cli.processes import NodeProcesses
-    from soft_continuum.ros.graph import running_nodes
+    from soft_continuum.ros.names import running_nodes
     running = running_nodes(connection.node, (SERVO, TELEOP, SHAPE_SEQUENCER))
     requests, missing = connection.requests, [n for n in (SERVO, TELEOP) if not running[n]]
     space = connection.node.get_namespace()

@@ -14,8 +14,7 @@ from typing import Any, TYPE_CHECKING, TypeVar
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError, NoAnswerError
 from soft_continuum.client.tasks import until
-from soft_continuum.ros.graph import running_nodes
-from soft_continuum.ros.names import SHAPE_SEQUENCER, TWIN
+from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER, TWIN
 from soft_continuum.sequencing.progress import AIMS
 
 if TYPE_CHECKING:  # stop must not wait for any of these
@@ -385,5 +384,4 @@ class Arm:
         restart.  Raises RefusedError with the reason of a node that refuses, NodesMissingError
         without any node.
         """
-        from soft_continuum.client.tare import tare
-        return self._do(tare(self._requests))
+        return self._do(self._requests.tare())

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm observed over ROS: the latest message of every topic, and its age."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from math import dist, isfinite, nan
 from typing import Any
@@ -10,11 +10,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 
-from soft_continuum.client.estimate import Estimate
-from soft_continuum.client.estimate_messages import estimate_of
+from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.sequence import sequence_result
 from soft_continuum.client.state import (
     ArmState,
@@ -25,21 +25,18 @@ from soft_continuum.client.state import (
     progress_of,
     SequenceResult,
 )
-from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_directions
 from soft_continuum.mechanics.orientations import bending_between, matrices
-from soft_continuum.ros.conversions import (
-    MAX_VARIANCE,
-    measured_pose_from_ros,
-)
+from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
 from soft_continuum.ros.entry import subscribe
-from soft_continuum.ros.graph import running_nodes
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
     MEASURED_POSE,
     NODES,
     RECORDER,
+    running_nodes,
     SENSORS,
     SHAPE_SEQUENCER,
     TELEOP,
@@ -47,8 +44,10 @@ from soft_continuum.ros.names import (
 )
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age
-from soft_continuum.text import MAX_NAME, printable
+from soft_continuum.ros.urdf import pose_axes_of
+from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable
 from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
     KinematicsState,
@@ -61,6 +60,9 @@ from soft_continuum_interfaces.msg import (
 STALE_AFTER = 3.0  # s: every node publishes /diagnostics once a second
 LEVELS = {DiagnosticStatus.OK: 'ok', DiagnosticStatus.WARN: 'warn'}  # others: error
 MAX_SEGMENTS = MAX_TENDONS = MAX_VALUES = 100  # shown, whatever is published
+CAUSES = {getattr(AnomalyMessage, name): name.lower().replace('_', ' ') for name in (
+    'UNKNOWN', 'TENDON_SLIPPED', 'STEPS_LOST', 'NOT_STIFF', 'NOT_SOFT', 'LOAD', 'SENSOR_MOVED',
+    'CAMERA_MOVED')}
 UNTURNED = 0.0, 0.0, 0.0, 1.0  # orientation of the base
 FEEDBACK = 'run_shape_sequence/_action/feedback'
 TENDON_STATE = f'{TENDON_ACTUATION}/state'
@@ -182,6 +184,13 @@ class ObservedArm:
         """State of jamming_valves; None while that is stale."""
         return self._fresh(JAMMING_STATE, JAMMING_VALVES)
 
+    def stopped(self) -> str | None:
+        """Return why motion is stopped, empty if it is not; None if unknown."""
+        state = self.tendon_actuation
+        if state is None or state.stopped == TendonActuationState.NOT_STOPPED:
+            return None if state is None else ''
+        return printable(state.stop_message) or 'no reason given'
+
     @property
     def shape_sequencer(self) -> ShapeSequencerState | None:
         """State of shape_sequencer; None while that is stale."""
@@ -232,10 +241,28 @@ class ObservedArm:
         message = self._fresh(topic)
         return None if message is None else tuple(map(pose_of, message.poses))
 
+    @property
+    def _pose_axes(self) -> NDArray[np.bool_]:
+        """The pose_axes of the arm, by its joints."""
+        joints = self.message('joint_states')
+        return pose_axes_of(joints.name if joints is not None else ())
+
+    def bending(self) -> Array | None:
+        """Return the bending of each segment (segments, 2), rad; None if unknown."""
+        joints, segments = self._fresh('joint_states'), self.poses('segment_poses')
+        if joints is None or not segments:
+            return None
+        if self._pose_axes.all():
+            return bending_between(matrices(
+                np.array([UNTURNED, *(pose.orientation for pose in segments)])))
+        each = len(joints.position) // len(segments)
+        return np.array([(0.0, sum(joints.position[i * each:(i + 1) * each]))
+                         for i in range(len(segments))])
+
     def _on_measured(self, topic: str, message: PoseWithCovarianceStamped) -> None:
         """Store the measurement of a disc; an angle alone does not replace a whole pose."""
         model = self.message('disc_poses')
-        axes = SPATIAL_AXES if _about_three_axes(self.message('joint_states')) else PLANAR_AXES
+        axes = self._pose_axes
         try:
             measured, covariance = measured_pose_from_ros(
                 message, axes, model.header.frame_id if model is not None else '')
@@ -247,9 +274,7 @@ class ObservedArm:
         if before is not None and age.seconds < STALE_AFTER and not known.all() and all(
                 map(isfinite, (*before.position, *before.orientation))):
             return
-        age = Age()
-        age.refresh()
-        self._measured[topic] = age, Pose(
+        self._measured[topic] = Age.now(), Pose(
             tuple(measured[:3].tolist()) if place.all() else (nan,) * 3,
             tuple(measured[3:].tolist()) if turn.all() else (nan,) * 4)
 
@@ -320,8 +345,11 @@ class ObservedArm:
         """Return the present state."""
         joints, tendons = self._fresh('joint_states'), self.tendon_actuation
         angles = None if joints is None else tuple(float(a) for a in joints.position)
-        segment_poses, disc_poses = self.poses('segment_poses'), self.poses('disc_poses')
-        bends, towards = _bending(joints, segment_poses or ())
+        disc_poses, bending, towards = self.poses('disc_poses'), self.bending(), list[float]()
+        bends = None if bending is None else bending[:, 1].tolist()
+        if bending is not None and self._pose_axes.all():
+            bends = np.linalg.norm(bending, axis=1).tolist()
+            towards = bending_directions(bending).tolist()
         numbers = range(1, self._jams + 1)
         running = self.running()
         nodes = [name for name in NODES if name != JAMMING_VALVES or running[name]
@@ -331,15 +359,16 @@ class ObservedArm:
             speeds=self._of_tendons('tendon_states', 'velocity'),
             tensions=self.tensions(),
             measured_tensions=self._of_tendons('tendon_states', 'effort'),
-            stopped=None if tendons is None else _stopped(tendons),
+            stopped=self.stopped(),
             emergency_stop=None if tendons is None else tendons.emergency_stop,
             referenced=None if tendons is None else tendons.referenced,
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),
             set_vacuums=tuple(self.jamming_valves.vacuums[:MAX_SEGMENTS])
             if self.jamming_valves else (),
-            bending_angles=bends, bending_directions=towards,
-            joint_angles=angles, segment_poses=segment_poses, disc_poses=disc_poses,
+            bending_angles=None if bends is None else tuple(bends),
+            bending_directions=tuple(towards), joint_angles=angles,
+            segment_poses=self.poses('segment_poses'), disc_poses=disc_poses,
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
             measured_discs=self._measured_discs(),
             last_result=self._last_result(), estimate=self.estimate(),
@@ -359,32 +388,27 @@ class ObservedArm:
             seconds, seconds is None or seconds >= STALE_AFTER)
 
 
-def _stopped(state: TendonActuationState) -> str:
-    """Return why motion is stopped; empty if it is not."""
-    if state.stopped == TendonActuationState.NOT_STOPPED:
-        return ''
-    return printable(state.stop_message) or 'no reason given'
-
-
-def _about_three_axes(joints: Any) -> bool:
-    """Whether the joints (joint_states or None) are those of a spatial arm: about x, y and z."""
-    return joints is not None and any(name.endswith('_x') for name in joints.name[:1])
-
-
-def _bending(joints: Any, segments: Sequence[Pose]
-             ) -> tuple[tuple[float, ...] | None, tuple[float, ...]]:
+def estimate_of(message: KinematicsState, received: float, predicted_tip_error: float | None
+                ) -> Estimate:
     """
-    Return bending angles and, for spatial arms, directions, rad; None and none if unknown.
+    Return the Estimate in kinematics/state.
 
-    joints: joint_states, or None.  segments: the poses of their upper ends.
+    received: s since the message came.  predicted_tip_error: m, None if unknown.
     """
-    if joints is None or not segments:
-        return None, ()
-    if _about_three_axes(joints):
-        turned = matrices(np.array([UNTURNED, *(pose.orientation for pose in segments)]))
-        bending = bending_between(turned)
-        return (tuple(np.linalg.norm(bending, axis=1).tolist()),
-                tuple(bending_directions(bending).tolist()))
-    each = len(joints.position) // len(segments)
-    return tuple(float(sum(joints.position[i * each:(i + 1) * each]))
-                 for i in range(len(segments))), ()
+    measured = seconds(message.measured)
+    return Estimate(
+        message.source == KinematicsState.ESTIMATED,
+        max(0.0, seconds(message.stamp) - measured) + received if measured > 0.0 else None,
+        tuple(message.angle_stddevs[:MAX_ITEMS]), tuple(message.tip_covariance[:36]),
+        predicted_tip_error,
+        tuple(LearnedParameter(printable(p.name, MAX_NAME), float(p.value), float(p.stddev),
+                               bool(p.determined), printable(p.problem))
+              for p in message.parameters[:MAX_ITEMS]),
+        tuple(map(anomaly_of, message.anomalies[:MAX_ITEMS])))
+
+
+def anomaly_of(message: AnomalyMessage) -> Anomaly:
+    """Return the Anomaly from its message."""
+    return Anomaly(CAUSES.get(message.cause, CAUSES[AnomalyMessage.UNKNOWN]), message.segment,
+                   message.disc, printable(message.tendon, MAX_NAME), float(message.size),
+                   printable(message.message))

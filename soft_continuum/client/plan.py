@@ -8,7 +8,7 @@ from math import inf
 
 from soft_continuum.client.requests import PLANNING_TIMEOUT, Requests, TIP_TIMEOUT
 from soft_continuum.client.sequence import goal, ShapeLike
-from soft_continuum.client.state import Pose
+from soft_continuum.client.state import Pose, pose_of
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable
 from soft_continuum_interfaces import msg
@@ -105,10 +105,8 @@ def plan_from_ros(response: PlanShapes.Response) -> Plan:
 
 
 def _step(step: msg.PlanStep) -> PlanStep:
-    from soft_continuum.ros.conversions import pose_from_ros  # it loads mechanics
-    poses = (pose_from_ros(pose) for pose in step.tip_path[:MAX_POSES])
     return PlanStep(
         step.shape_index, step.segment, tuple(step.bending_angles[:MAX_ITEMS]),
         tuple(step.bending_directions[:MAX_ITEMS]), step.duration, step.largest_tension,
         step.smallest_clearance, printable(step.nearest_obstacle, MAX_NAME),
-        tuple(Pose(pose[:3], pose[3:]) for pose in poses))  # type: ignore[arg-type]
+        tuple(map(pose_of, step.tip_path[:MAX_POSES])))

@@ -23,8 +23,13 @@ from soft_continuum.client.errors import (
     NodesMissingError,
     RefusedError,
 )
-from soft_continuum.ros.graph import running_nodes
-from soft_continuum.ros.names import JAMMING_VALVES, NODES, RECORDER, SHAPE_SEQUENCER
+from soft_continuum.ros.names import (
+    JAMMING_VALVES,
+    NODES,
+    RECORDER,
+    running_nodes,
+    SHAPE_SEQUENCER,
+)
 
 T = TypeVar('T')
 

@@ -186,6 +186,10 @@ class JammingController:
         self.stiff = [False] * segments
         self.faults = ('',) * segments
 
+    def close(self) -> None:
+        """Disconnect; everything stays as it is."""
+        self._driver.close()
+
     @property
     def reading(self) -> JammingReading:
         """The last reading; raises HardwareError before the first."""

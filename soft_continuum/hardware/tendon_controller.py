@@ -83,7 +83,7 @@ class TendonController:
 
         tensions: N, of load cells that are not the driver's; None where there are none.
         """
-        self._driver, self._tensions = driver, tensions
+        self.driver, self._tensions = driver, tensions
         self.limits = limits
         self.reading = self._read()
         self.stopped = False
@@ -99,7 +99,7 @@ class TendonController:
         self._setpoint_time = -np.inf
 
     def _read(self) -> TendonReading:
-        reading, tensions = self._driver.read(), self._tensions()
+        reading, tensions = self.driver.read(), self._tensions()
         if tensions is None:
             return reading
         # The accuracy of the driver's tensions does not apply to load cells.
@@ -208,13 +208,17 @@ class TendonController:
         """End the present trajectory: brake and hold, ready for the next one."""
         self._times = np.zeros(0)
         if self.busy:
-            self._driver.stop()
+            self.driver.stop()
+
+    def close(self) -> None:
+        """Hold and disconnect."""
+        self.driver.close()
 
     def stop(self, reason: str) -> None:
         """Brake and hold; accept no motion before resume."""
         self.stopped, self.stopped_because = True, reason
         self._times = np.zeros(0)
-        self._driver.stop()
+        self.driver.stop()
 
     def resume(self) -> None:
         """Accept motion again, from where the tendons are."""
@@ -226,7 +230,7 @@ class TendonController:
         if self.following or self.reading.moving:
             raise MotionRefusedError(
                 Reason.INVALID, 'the tendons are moving; wait until they rest')
-        if self._driver.reference_moves and self.stopped:
+        if self.driver.reference_moves and self.stopped:
             raise MotionRefusedError(
                 Reason.STOPPED, f'stopped ({self.stopped_because}); call ~/resume before homing')
 
@@ -237,8 +241,8 @@ class TendonController:
         Raises as check_reference does.
         """
         self.check_reference()
-        self._driver.reference()
-        self._busy = self.homing = self._driver.reference_moves
+        self.driver.reference()
+        self._busy = self.homing = self.driver.reference_moves
         self.update(0.0, 0.0)
 
     def postpone(self, now: float) -> None:
@@ -267,7 +271,7 @@ class TendonController:
             ahead = self._setpoint_time = now + interval
             self._setpoint = self._planned(ahead)
             try:
-                self._driver.move(tuple(float(pull) for pull in self._setpoint), interval)
+                self.driver.move(tuple(float(pull) for pull in self._setpoint), interval)
             except HardwareError:
                 self._times = np.zeros(0)  # nothing moves automatically when the device is back
                 raise

@@ -15,6 +15,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.ros.conversions import trajectory_to_ros
+from soft_continuum.ros.motion_tracker import MotionTracker
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import COMMAND
 from soft_continuum.ros.ros_time import RosTime
@@ -34,6 +35,8 @@ CODES = {
 }
 """Codes by which refused or ended motions end a sequence; other reasons: HARDWARE_FAULT."""
 
+ENDS = {MotionRequest.REFUSED: 'refused', MotionRequest.ENDED: 'ended'}
+
 
 class MotionCommander:
     """
@@ -49,8 +52,7 @@ class MotionCommander:
         self._name = node.get_name()
         self._process = uuid4().hex[:8]
         self._run = 0
-        self._motion_id = ''
-        self._followed = False
+        self._motion: MotionTracker | None = None  # the present one
         self._start, self._stamp = 0.0, Time()  # of the pieces that were sent last
         self._ros_time = RosTime(node.get_clock())
         self._trajectory = node.create_publisher(
@@ -59,14 +61,13 @@ class MotionCommander:
     def begin(self) -> None:
         """Begin a run: failures of earlier requests no longer count."""
         self._run += 1
-        self._motion_id = ''
-        self.motion_failure = None
+        self._motion = self.motion_failure = None
 
     def follow(self, motion: int, start: float, times: Array, pulls: Array) -> None:
         """Send the next piece of a motion; all pieces of one motion have the same id."""
         motion_id = f'{self._name}/{self._process}/{self._run}.{motion}'
-        if motion_id != self._motion_id:
-            self._motion_id, self._followed, self.motion_failure = motion_id, False, None
+        if self._motion is None or motion_id != self._motion.id:
+            self._motion, self.motion_failure = MotionTracker(motion_id), None
             self._start = 0.0
         if start != self._start:  # parts of one path share their stamp
             self._start, self._stamp = start, self._ros_time.stamp(start)
@@ -81,28 +82,13 @@ class MotionCommander:
 
     def on_tendon_state(self, state: TendonActuationState) -> None:
         """Note what happened to the present motion."""
-        accepted, refused = state.accepted, state.refused
-        if not self._motion_id or self.motion_failure is not None:
+        if self._motion is None or self.motion_failure is not None:
             return
-        # Of a motion that is done, the network may bring a piece once more, or late.
-        done = accepted.id == self._motion_id and accepted.status == MotionRequest.DONE
-        if refused.id == self._motion_id and not (done and refused.reason == MotionRequest.LATE):
-            self._fail(refused, 'was refused')
-        elif accepted.id == self._motion_id:
-            self._followed = True
-            # A newer piece of the same motion may be what replaced it.
-            if (accepted.status == MotionRequest.ENDED
-                    and accepted.reason != MotionRequest.REPLACED):
-                self._fail(accepted, 'was ended')
-        elif self._followed:
+        outcome = self._motion.outcome(state)
+        if outcome is not None and outcome.status in ENDS:
             self.motion_failure = Failure(
-                Code.HARDWARE_FAULT, 'the tendon motion was replaced by another trajectory '
-                f'({accepted.id or "without an id"})')
-
-    def _fail(self, request: MotionRequest, what: str) -> None:
-        self.motion_failure = Failure(
-            CODES.get(request.reason, Code.HARDWARE_FAULT),
-            f'the tendon motion {what}: {request.message}')
+                CODES.get(outcome.reason, Code.HARDWARE_FAULT),
+                f'the tendon motion was {ENDS[outcome.status]}: {outcome.message}')
 
 
 class ArmCommander(MotionCommander):
@@ -141,7 +127,7 @@ class ArmCommander(MotionCommander):
     def hold(self) -> None:
         """Request that the tendons brake and hold; ending the motion this way is no failure."""
         super().hold()
-        self._motion_id, self.motion_failure = '', None
+        self._motion = self.motion_failure = None
 
     def set_stiff(self, segment: int, stiff: bool) -> None:
         """Request that jamming_valves evacuates or vents a segment (0-based)."""

@@ -35,17 +35,27 @@ becomes soft, some solves take 0.3 s each, more on a busy computer.
 """
 
 
+@dataclass(frozen=True)
+class Estimate:
+    """A shape of the arm, its time, and the time of the last measurement, s (steady) or None."""
+
+    shape: Equilibrium
+    time: float
+    measured_time: float | None
+
+
 class ArmObserver(ReportedArm):
     """
     Adds pulls, stops and faults to stiffness, vacuum and shape; stale after stale_timeout.
 
-    A fault counts once it has lasted for stale_timeout.
+    A fault counts once it has lasted for stale_timeout.  estimate: with the last shape.
     """
 
     def __init__(self, node: Any, arm: Arm, parameters: Mapping[str, Any],
                  on_tendon_state: Callable[[TendonActuationState], None]) -> None:
         """Subscribe; call ``on_tendon_state`` with every state of tendon_actuation."""
         self._faults: dict[str, tuple[str, Age]] = {}  # by node: its fault, and for how long
+        self.estimate: Estimate | None = None
         super().__init__(node, Chain(arm), parameters)
         self.tendons = TendonActuationState()
         self.pulls = (0.0,) * len(arm.tendon_names)
@@ -89,20 +99,27 @@ class ArmObserver(ReportedArm):
         self._note_fault(TENDON_ACTUATION, state.fault or NOT_REFERENCED * lost)
         self._on_tendon_state(state)
 
+    def _on_shape(self, message: KinematicsState) -> None:
+        before = self._reported
+        super()._on_shape(message)
+        if self._reported is None or self._reported is before:
+            return
+        now = STEADY()
+        time, measured = self._ros_time.steady(message.stamp), self.measured
+        self.estimate = Estimate(self._reported[0], now if time is None else min(time, now),
+                                 None if measured is None else min(measured, now))
+
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
         super()._on_jamming_valves(state)
         faults = [state.fault, *state.segment_faults]
         self._note_fault(JAMMING_VALVES, '; '.join(fault for fault in faults if fault))
 
     def _note_fault(self, node: str, fault: str) -> None:
-        if not fault:
+        _, age = self._faults.get(node, ('', Age.now()))
+        if fault:
+            self._faults[node] = fault, age
+        else:
             self._faults.pop(node, None)
-            return
-        _, age = self._faults.get(node, ('', None))
-        if age is None:
-            age = Age()
-            age.refresh()
-        self._faults[node] = fault, age
 
     # The arm.
 
@@ -216,31 +233,3 @@ class ArmObserver(ReportedArm):
             lost_tendons=self._lost(TENDON_ACTUATION, self._tendon_age),
             lost_valves=self._lost(JAMMING_VALVES, self.jamming_age),
             agreed=self.agreed and self._vacuums_agreed)
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A shape of the arm, its time, and the time of the last measurement, s (steady) or None."""
-
-    shape: Equilibrium
-    time: float
-    measured_time: float | None
-
-
-class EstimateObserver(ArmObserver):
-    """ArmObserver with the times of shape and measurements."""
-
-    def __init__(self, node: Any, *arguments: Any) -> None:
-        """Subscribe."""
-        self.estimate: Estimate | None = None
-        super().__init__(node, *arguments)
-
-    def _on_shape(self, message: KinematicsState) -> None:
-        before = self._reported
-        super()._on_shape(message)
-        if self._reported is None or self._reported is before:
-            return
-        now = STEADY()
-        time, measured = self._ros_time.steady(message.stamp), self.measured
-        self.estimate = Estimate(self._reported[0], now if time is None else min(time, now),
-                                 None if measured is None else min(measured, now))

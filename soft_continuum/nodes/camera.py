@@ -13,7 +13,6 @@ import zlib
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
@@ -21,14 +20,18 @@ from std_srvs.srv import Trigger
 from soft_continuum.extras import require
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_info import NodeInfoPublisher
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
+from soft_continuum.nodes.status import ERROR, OK, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import poses_from_ros, seconds, tracked_pose_to_ros
+from soft_continuum.ros.conversions import (
+    grey_picture,
+    MAX_PICTURE_BYTES,
+    poses_from_ros,
+    seconds,
+    tracked_pose_to_ros,
+)
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
-from soft_continuum.ros.pictures import grey_picture, MAX_PICTURE_BYTES
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sensing.layout import layout_of
@@ -52,7 +55,7 @@ RETRY = 2.0  # s until a device that failed is opened again
 CLOSE_TIMEOUT = 2.0  # s
 
 
-class Camera(Node):
+class Camera(SuiteNode):
     """
     Measures poses of the discs in the images of one camera.
 
@@ -69,10 +72,8 @@ class Camera(Node):
     def __init__(self, **options: Any) -> None:
         """Declare parameters and topics; raises ParameterError, ImportError without OpenCV."""
         require('cv2')
-        super().__init__(CAMERA, **options)
+        super().__init__(CAMERA, 'camera and printed tags', **options)
         from soft_continuum.sensing.overlay import overlay
-        self.parameters = NodeParameters(self, NODE_PARAMETERS[CAMERA])
-        self.status = Status(self, 'camera and printed tags')
         self._node_info = NodeInfoPublisher(self, self.parameters)
         self._layout = layout_of(self.parameters)
         self._draw = overlay
@@ -103,10 +104,6 @@ class Camera(Node):
         self._age, self._taken = Age(), 0.0  # of the last picture; when one was looked at, s
         self._last, self._changed = 0, monotonic()  # checksum of the last picture, s
         self._ending = threading.Event()
-
-    def callback_failed(self, error: Exception) -> None:
-        """Report what a callback raised."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
 
     def _on_failure(self, error: Exception) -> None:
         on_ros_thread(self, self.callback_failed, error)

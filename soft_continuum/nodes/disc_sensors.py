@@ -10,15 +10,13 @@ from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseStamped, PoseWithCovarianceStamped
 import numpy as np
-from rclpy.node import Node
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.node_info import NodeInfoPublisher
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
+from soft_continuum.nodes.status import ERROR, OK, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_to_ros
@@ -39,7 +37,7 @@ MAX_READING = 1e4  # m/s^2 and rad/s, beyond any IMU
 MAX_PROBLEMS = 4  # that the status lists
 
 
-class DiscSensors(Node):
+class DiscSensors(SuiteNode):
     """
     Converts data of other sensors on the discs into measured poses.
 
@@ -51,9 +49,8 @@ class DiscSensors(Node):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and the service; raises ParameterError."""
-        super().__init__(DISC_SENSORS, **options)
-        self.parameters = values = NodeParameters(self, NODE_PARAMETERS[DISC_SENSORS])
-        self.status = Status(self, 'trackers and IMUs')
+        super().__init__(DISC_SENSORS, 'trackers and IMUs', **options)
+        values = self.parameters
         self._node_info = NodeInfoPublisher(self, values)
         arm = arm_from_parameters(values)
         self._heights = straight_heights(arm)
@@ -71,10 +68,6 @@ class DiscSensors(Node):
         self._feeds: dict[str, _Feed] = {}
         self._all_poses = self._feed(ALL_POSES)
 
-    def callback_failed(self, error: Exception) -> None:
-        """Report what a callback raised."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
-
     def start(self) -> None:
         """Create the subscriptions."""
         subscribe(self, PoseArray, ALL_POSES, self._on_all_poses, SENSOR)
@@ -84,9 +77,6 @@ class DiscSensors(Node):
         serve(self, Trigger, '~/tare', self._on_tare)
         repeat(self, REPORT_PERIOD, self._report)
         self._report()
-
-    def quit(self) -> None:
-        """End; this node moves nothing."""
 
     def _feed(self, name: str) -> '_Feed':
         if name not in self._feeds:

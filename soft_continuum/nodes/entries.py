@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Guarded entry points of a node: bounded messages, services and timers."""
+"""Guarded entry points of a node: bounded messages, services, which may ask, and timers."""
 
 from collections.abc import Callable
 import traceback
@@ -14,7 +14,9 @@ from rclpy.timer import Timer
 
 from soft_continuum.ros import entry
 from soft_continuum.ros.entry import LOG_PERIOD
+from soft_continuum.ros.ros_time import Age
 
+ANSWER_TIMEOUT = 30.0  # s within which the same request, made again, is the answer
 FAILED = 'this request failed in the node; see its log'
 
 
@@ -73,6 +75,32 @@ def serve_later(node: Any, kind: Any, name: str,
             send(kind.Response(success=False, message=FAILED), header)
 
     service.send_response = on_request
+
+
+class Question:
+    """
+    Asks for confirmation of a request that contradicts the known state.
+
+    Repeating the request within ANSWER_TIMEOUT confirms it: std_srvs/Trigger has no fields.
+    """
+
+    def __init__(self) -> None:
+        """Start without a question."""
+        self._asked = Age()
+
+    def ask(self, doubt: str, effect: str) -> str:
+        """
+        Return the question; empty without a doubt, or after confirmation.
+
+        doubt: why it may be wrong.  effect: consequence of the request, and what to do first.
+        """
+        answered = self._asked.seconds <= ANSWER_TIMEOUT
+        self._asked.clear()
+        if answered or not doubt:
+            return ''
+        self._asked.refresh()
+        return (f'nothing was done: as last known, {doubt}; {effect}, then call this again within '
+                f'{ANSWER_TIMEOUT:g} s')
 
 
 def repeat(node: Node, period: float, callback: Callable[[], None]) -> Timer:

@@ -22,11 +22,12 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from soft_continuum.hardware.clock import STEADY
+from soft_continuum.hardware.protocols import TendonReading
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.entries import guarded
-from soft_continuum.nodes.motion_requests import MAX_POINTS
-from soft_continuum.nodes.tendon_control import Report
+from soft_continuum.nodes.tendon_control import MAX_POINTS, Report
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
+from soft_continuum.ros.motion_tracker import MotionTracker
 from soft_continuum.ros.ros_time import duration_to_ros, RosTime
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import MotionRequest, TendonTrajectory
@@ -72,6 +73,7 @@ class _Goal:
     """A goal that was accepted as such; since: when it came, s (steady)."""
 
     handle: Any
+    motion: MotionTracker
     times: Array
     pulls: Array
     path: Tolerances
@@ -79,8 +81,7 @@ class _Goal:
     late: float  # s after its end by which it has to be reached; inf for any time
     since: float
     stamped: bool
-    followed: bool = False  # tendon_actuation has accepted it
-    first: Array | None = None  # (tendons,) m, the pulls when that was so
+    first: Array | None = None  # (tendons,) m, the pulls when tendon_actuation had accepted it
 
     def desired(self, time: float) -> tuple[Array, Array]:
         """Return pulls (m) and speeds (m/s) at a time from the start, s."""
@@ -141,7 +142,7 @@ class FollowServer(ActionServer):
         except GoalError as error:
             self._end(handle, error.code, str(error))
             return
-        name = f'follow_joint_trajectory/{uuid4().hex}'
+        name = goal.motion.id
         self._goals[name] = goal
         self._take(serialize_message(
             TendonTrajectory(id=name, trajectory=request.trajectory)), name)
@@ -173,7 +174,8 @@ class FollowServer(ActionServer):
                 Result.OLD_HEADER_TIMESTAMP, f'the trajectory ended {now - start - times[-1]:.3f} '
                 's ago; check header.stamp (zero: start now) and the clocks')
         late = seconds(request.goal_time_tolerance)
-        return _Goal(handle, times, pulls, self._tolerances(request.path_tolerance),
+        return _Goal(handle, MotionTracker(f'follow_joint_trajectory/{uuid4().hex}'), times, pulls,
+                     self._tolerances(request.path_tolerance),
                      self._tolerances(request.goal_tolerance), late if late > 0.0 else inf, now,
                      start is not None)
 
@@ -200,32 +202,28 @@ class FollowServer(ActionServer):
 
     def report(self, report: Report) -> None:
         """Process a report of tendon_actuation: after every cycle and every change."""
-        accepted, refused = report.state.accepted, report.state.refused
         for name, goal in list(self._goals.items()):
-            if accepted.id == name:
-                self._follow(name, goal, report)
-            elif goal.followed:
-                self._finish(name, Result.PATH_TOLERANCE_VIOLATED,
-                             'another trajectory took its place')
-            elif refused.id == name:
-                old = goal.stamped and refused.reason in STARTING
+            outcome = goal.motion.outcome(report.state)
+            if outcome is None:
+                if not goal.motion.followed and STEADY() - goal.since > JUDGING_TIMEOUT:
+                    self._give_up(name)  # it may still be judged
+                    self._finish(name, Result.INVALID_GOAL,
+                                 'the trajectory was not validated in time')
+            elif outcome.status == MotionRequest.REFUSED:
+                old = goal.stamped and outcome.reason in STARTING
                 self._finish(name, Result.OLD_HEADER_TIMESTAMP if old else Result.INVALID_GOAL,
-                             refused.message)
-            elif STEADY() - goal.since > JUDGING_TIMEOUT:
-                self._give_up(name)  # it may still be judged
-                self._finish(name, Result.INVALID_GOAL, 'the trajectory was not validated in time')
+                             outcome.message)
+            elif outcome.status == MotionRequest.ENDED:
+                self._finish(name, Result.PATH_TOLERANCE_VIOLATED, outcome.message)
+            elif report.reading is not None:
+                self._follow(name, goal, report, report.reading,
+                             outcome.status == MotionRequest.DONE)
 
-    def _follow(self, name: str, goal: _Goal, report: Report) -> None:
-        accepted, reading = report.state.accepted, report.reading
-        if accepted.status == MotionRequest.ENDED:
-            self._finish(name, Result.PATH_TOLERANCE_VIOLATED, accepted.message)
-            return
-        if reading is None:
-            return
+    def _follow(self, name: str, goal: _Goal, report: Report, reading: TendonReading, done: bool
+                ) -> None:
         pulls, speeds = np.array(reading.pulls), np.array(reading.speeds)
-        if not goal.followed:
-            goal.followed, goal.first = True, pulls
-        done = accepted.status == MotionRequest.DONE
+        if goal.first is None:
+            goal.first = pulls
         time = report.time - report.start
         wanted, moves = goal.desired(goal.times[-1] if done else time)
         self._send_feedback(goal, time, (wanted, moves), (pulls, speeds))

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Control thread of jamming_valves: pump, valves or regulators, and pressure sensors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
-from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
+from soft_continuum.hardware.jamming_controller import JammingController
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum_interfaces.msg import JammingValvesState
 
@@ -28,54 +29,32 @@ class Report:
     time: float
 
 
-Driver = JammingDriver | RegulatorDriver
-
-
-class JammingControl:
+class JammingControl(DeviceControl):
     """
-    Switches segments and watches their pressures.
+    Switches segments and watches their pressures; its snapshots are Reports.
 
-    Every method is called on the control thread; a Report follows every change.
+    No device is ``lost``: the driver itself reconnects to boards that did not reply.
     """
 
-    def __init__(self, segments: int, settings: JammingSettings,
-                 report: Callable[[Report], None]) -> None:
+    _controller: JammingController | None
+
+    def __init__(self, segments: int, report: Callable[[Report], None]) -> None:
         """Start without a device."""
-        self._segments, self._settings, self._report = segments, settings, report
-        self._driver: Driver | None = None
-        self._controller: JammingController | None = None
-        self._active = False
+        super().__init__(report)
+        self._segments = segments
         self._pressures: tuple[float, ...] | None = None
         self._time = 0.0
-        self._fault = ''
         self._stream = RestingStream(REST_CHANGE)
 
-    def attach(self, driver: Driver) -> None:
-        """Control an open ``driver`` from now on."""
-        self._driver = driver
-        self._controller = JammingController(driver, self._segments, self._settings)
-        self._fault, self._pressures = '', None
+    def attach(self, device: JammingController) -> None:
+        """Control a connected device from now on."""
+        super().attach(device)
+        self._pressures = None
         self.report()
-
-    def detach(self) -> Driver | None:
-        """Return the driver, if any, and continue without it."""
-        driver, self._driver, self._controller = self._driver, None, None
-        self._active, self._fault = False, ''
-        self.report()
-        return driver
-
-    def activate(self) -> None:
-        """Begin to read and to switch."""
-        self._active = True
 
     def deactivate(self) -> None:
         """Leave pump and valves as they are."""
-        self._active, self._fault = False, ''
-        self.report()
-
-    def not_connected(self, error: str) -> None:
-        """Note why the device does not reply."""
-        self._fault = error
+        self._active, self._fault, self._pressures = False, '', None  # of then, when active again
         self.report()
 
     def failed(self, error: Exception) -> None:
@@ -99,27 +78,13 @@ class JammingControl:
         if self._stream.due(time, state, self._pressures) or changed:
             self.report()
 
-    def set_stiff(self, segments: Sequence[int], stiff: bool) -> None:
+    def command(self, command: Callable[[JammingController], None]) -> None:
         """
-        Evacuate or vent segments (0-based).
+        Switch segments; command: does so by a controller.
 
-        Raises ValueError when the node is not active, HardwareError when the device fails.
+        Raises ValueError when the node is not active or for what cannot be set, HardwareError when
+        the device fails.
         """
-        def switch(controller: JammingController) -> None:
-            for segment in segments:
-                controller.set_stiff(segment, stiff)
-
-        self._command(switch)
-
-    def set_vacuum(self, segment: int, vacuum: float) -> None:
-        """
-        Set the vacuum (Pa below ambient) of a segment (0-based).
-
-        Raises ValueError where it cannot be set, HardwareError when the device fails.
-        """
-        self._command(lambda controller: controller.set_vacuum(segment, vacuum))
-
-    def _command(self, command: Callable[[JammingController], None]) -> None:
         if not self._active or self._controller is None:
             raise ValueError('not switched: the node is not active')
         try:
@@ -145,7 +110,3 @@ class JammingControl:
             state.segment_faults = list(controller.faults)
             state.vacuums = list(controller.reading.vacuums)
         return Report(state, pressures, self._time)
-
-    def report(self) -> None:
-        """Publish a snapshot for the other threads."""
-        self._report(self.snapshot())

@@ -13,16 +13,18 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
-from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
+from soft_continuum.hardware.jamming_controller import JammingController
+from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve
-from soft_continuum.nodes.jamming_control import Driver, JammingControl, Report
+from soft_continuum.nodes.jamming_control import JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
-from soft_continuum.nodes.parameter_table import jamming_settings, NODE_PARAMETERS
+from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
+from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 from soft_continuum_interfaces.srv import SetVacuum
@@ -44,17 +46,18 @@ class JammingValves(ManagedNode):
     Three threads: those of a ManagedNode; the control thread owns a JammingControl.
     """
 
+    _control: JammingControl
+
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
-        super().__init__('jamming_valves', NODE_PARAMETERS['jamming_valves'], **options)
+        super().__init__(JAMMING_VALVES, '{jamming_driver} jamming valves', **options)
         check_jamming(self.parameters)
         self._settings = jamming_settings(self.parameters)
         self._jams = [s.jam for s in arm_from_parameters(self.parameters).segments]
         self._segments = len(self._jams)
         self._control = JammingControl(
-            self._segments, self._settings, Newest(self.on_ros_thread, self._publish).put)
-        self._loop = self.control(
-            self.parameters['jamming_rate'], self._control.cycle, self._on_control_failure)
+            self._segments, Newest(self.on_ros_thread, self._publish).put)
+        self.start_control(self.parameters['jamming_rate'])
         self._published: list[bool] = [False] * self._segments
         self._pressures: tuple[float, ...] | None = None  # that were published
         numbers = range(1, self._segments + 1)
@@ -72,56 +75,16 @@ class JammingValves(ManagedNode):
         self._state_publisher = StatePublisher(self, JammingValvesState)
         for publisher in self._stiff:
             publisher.publish(Bool(data=False))
-        self.publish_last()
+        self._publish(self._control.snapshot())
 
-    def hardware_id(self) -> str:
-        """Name the driver."""
-        return f'{self.parameters["jamming_driver"]} jamming valves'
-
-    def open_device(self) -> Driver:
+    def open_device(self) -> JammingController:
         """Connect and read; switch nothing."""
-        driver: Driver = make_driver(
+        driver: JammingDriver | RegulatorDriver = make_driver(
             JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY, self)
         if isinstance(driver, RegulatorDriver):
             self._settings.check_regulators(driver.max_vacuum)
         driver.open()
-        return driver
-
-    def close_device(self, device: Driver) -> None:
-        """Disconnect; pump and valves stay as they are."""
-        device.close()
-
-    def attach(self, device: Driver) -> None:
-        """Control a device from now on."""
-        self._control.attach(device)
-
-    def detach(self) -> Driver | None:
-        """Stop controlling the device."""
-        return self._control.detach()
-
-    def activate(self) -> None:
-        """Begin to read and to switch."""
-        self._control.activate()
-
-    def deactivate(self) -> None:
-        """Leave pump and valves as they are."""
-        self._control.deactivate()
-
-    def lost(self) -> bool:
-        """Return False: the driver itself reconnects to boards that did not reply."""
-        return False
-
-    def not_connected(self, error: str) -> None:
-        """Note an attempt to connect that failed."""
-        self._loop.post(self._control.not_connected, error)
-
-    def publish_last(self) -> None:
-        """Publish the state in which the process ends."""
-        self._publish(self._control.snapshot())
-
-    def _on_control_failure(self, error: Exception) -> None:
-        self._on_thread_failure(error)
-        self._control.failed(error)
+        return JammingController(driver, self._segments, self._settings)
 
     def _publish(self, report: Report) -> None:
         state = report.state
@@ -152,8 +115,12 @@ class JammingValves(ManagedNode):
                    response: SetBool.Response) -> SetBool.Response:
         names = ', '.join(f'segment {i + 1}' for i in segments)
         doing = f'{"evacuating" if request.data else "venting"} {names}'
-        self._command(names, doing, 'segment_N/stiff', not request.data, response,
-                      self._control.set_stiff, segments, request.data)
+
+        def switch(controller: JammingController) -> None:
+            for segment in segments:
+                controller.set_stiff(segment, request.data)
+
+        self._command(names, doing, 'segment_N/stiff', not request.data, response, switch)
         return response
 
     def _set_vacuum(self, segment: int, request: SetVacuum.Request,
@@ -167,11 +134,12 @@ class JammingValves(ManagedNode):
                 'Give arm.stiffness_ratios, and arm.yield_moments, for values in between')
             return response
         self._command(name, f'{name} to {vacuum / 1e3:g} kPa of vacuum', 'segment_N/pressure',
-                      vacuum < full, response, self._control.set_vacuum, segment, vacuum)
+                      vacuum < full, response,
+                      lambda controller: controller.set_vacuum(segment, vacuum))
         return response
 
     def _command(self, names: str, doing: str, topic: str, softens: bool, response: Any,
-                 command: Callable[..., Any], *arguments: Any) -> None:
+                 command: Callable[[JammingController], None]) -> None:
         """Execute a command on the control thread, unless it is refused; fill in the response."""
         if self._emergency.on:
             response.message = (f'{names}: not switched: emergency_stop is on; valves and '
@@ -181,7 +149,7 @@ class JammingValves(ManagedNode):
             response.message = f'{names}: not softened: {self._conflicts.problem}'
             return
         try:
-            self.in_loop(command, *arguments)
+            self.loop.call(self._control.command, command)
         except (HardwareError, ValueError) as error:
             response.message = f'{names}: {error}'
             return

@@ -9,7 +9,6 @@ from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
-from rclpy.node import Node
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -29,18 +28,18 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
-from soft_continuum.nodes.entries import repeat, serve, subscribe
-from soft_continuum.nodes.jam_vacuum import JamVacuum
+from soft_continuum.nodes.entries import Question, repeat, serve, subscribe
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
-from soft_continuum.nodes.measured_poses import MeasuredPoses
-from soft_continuum.nodes.measured_tensions import MeasuredTensions
+from soft_continuum.nodes.measurements import (
+    JamVacuum,
+    MeasuredPoses,
+    MeasuredTensions,
+    Refusals,
+)
 from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.question import Question
-from soft_continuum.nodes.refusals import Refusals
 from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
-from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, Status, WARN
+from soft_continuum.nodes.status import ERROR, OK, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
@@ -52,7 +51,7 @@ from soft_continuum.ros.conversions import (
     tracked_pose_to_ros,
 )
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
-from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
+from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
 from soft_continuum.ros.ros_time import FRESH
 from soft_continuum.ros.urdf import arm_urdf, joint_names
@@ -76,7 +75,7 @@ UNUSED_PERIOD = 3.0  # s after the last measurement for which it is shown that m
 ESTIMATION = ('scipy.linalg', 'scipy.special')  # what the first measurement needs: 0.4 s
 
 
-class Kinematics(Node):
+class Kinematics(SuiteNode):
     """
     Tracks the arm's shape by the rigid multibody model under gravity, and by measurements.
 
@@ -95,9 +94,7 @@ class Kinematics(Node):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
-        super().__init__('kinematics', **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS['kinematics'])
-        self.status = Status(self, 'rigid multibody model')
+        super().__init__(KINEMATICS, 'rigid multibody model', **options)
         self._arm = arm_from_parameters(self.parameters)
         self._tendons = self._arm.tendon_names
         self._compiled = False
@@ -158,13 +155,6 @@ class Kinematics(Node):
         self._timer = repeat(self, CHECK_PERIOD, self._check)  # only while something waits
         serve(self, Trigger, '~/reset', self._on_reset)
         self.status.set(OK, loading())
-
-    def callback_failed(self, error: Exception) -> None:
-        """Report what a callback raised."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
-
-    def quit(self) -> None:
-        """Nothing to do: this node moves nothing."""
 
     def start(self) -> None:
         """Load the model; the node works once the others publish."""
@@ -336,9 +326,10 @@ class Kinematics(Node):
         for message in (self._segment_message, self._disc_message, self._predicted_message,
                         self._joint_message, self._tension_message):
             message.header.stamp = stamp
-        poses = state.poses
-        self._segment_poses.publish(poses_to_ros(poses[2::2], self._segment_message))
-        self._disc_poses.publish(poses_to_ros(poses, self._disc_message))
+        discs = poses_to_ros(state.poses, self._disc_message)
+        self._segment_message.poses = discs.poses[2::2]
+        self._segment_poses.publish(self._segment_message)
+        self._disc_poses.publish(discs)
         self._joint_message.position = state.joint_positions.tolist()
         self._shared_joints.sent(self._joint_message)
         self._joint_states.publish(self._joint_message)

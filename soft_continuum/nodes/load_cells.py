@@ -42,9 +42,7 @@ class LoadCells:
         for name, effort in zip(message.name, message.effort, strict=False):
             if name in self._last:
                 t = self._tendons.index(name)
-                age = Age()
-                age.refresh()
-                self._last[name] = self._scales[t] * (effort - self._zeros[t]), age
+                self._last[name] = self._scales[t] * (effort - self._zeros[t]), Age.now()
 
     def tensions(self) -> tuple[float, ...] | None:
         """Return the tension of each tendon, N, nan for a stale cell; None without load cells."""

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The lifecycle of a node that owns a device, and its threads."""
 
-from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 import traceback
 from typing import Any
 
@@ -11,10 +11,9 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.nodes.entries import guarded, repeat
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, Status
+from soft_continuum.nodes.status import ERROR
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.nodes.threads import ControlLoop, on_ros_thread, Worker
-from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.ros.ros_time import RosTime
 
 RETRY = 2.0  # s between attempts to connect to a device
@@ -22,27 +21,87 @@ CONNECT_TIMEOUT = 20.0  # s in which a device that is asked for has to connect
 CLOSE_TIMEOUT = 2.0  # s that a device is given to hold and disconnect
 
 
-class ManagedNode(LifecycleNode):
+class DeviceControl(ABC):
+    """
+    What controls a device, by its controller; reports a snapshot after every change.
+
+    Every method is called on the control thread.  lost: whether a device that was attached failed,
+    and has to be connected again; any thread may read it.
+    """
+
+    lost = False
+
+    def __init__(self, report: Callable[[Any], None]) -> None:
+        """Start without a device; report: called with snapshots."""
+        self._report = report
+        self._controller: Any = None
+        self._active = False
+        self._fault = ''  # why there is no device
+
+    def attach(self, device: Any) -> None:
+        """Control a connected device from now on."""
+        self._controller, self._fault, self.lost = device, '', False
+
+    def detach(self) -> Any:
+        """Return the device, if any, and continue without it."""
+        device, self._controller = self._controller, None
+        self._active = self.lost = False
+        self._fault = ''
+        self.report()
+        return device
+
+    def activate(self) -> None:
+        """Start to work."""
+        self._active = True
+        self.report()
+
+    @abstractmethod
+    def deactivate(self) -> None:
+        """Hold and stop working."""
+
+    def not_connected(self, error: str) -> None:
+        """Note why the device cannot be connected to, or does not reply."""
+        self._fault = error
+        self.report()
+
+    @abstractmethod
+    def failed(self, error: Exception) -> None:
+        """Treat an error of this program like a failed device."""
+
+    @abstractmethod
+    def cycle(self, late: float) -> None:
+        """Read, decide and command; late: s."""
+
+    @abstractmethod
+    def snapshot(self) -> Any:
+        """Return the state as it is now."""
+
+    def report(self) -> None:
+        """Publish a snapshot for the other threads."""
+        self._report(self.snapshot())
+
+
+class ManagedNode(SuiteNode, LifecycleNode):
     """
     A lifecycle node that owns a device, on three threads.
 
     - The ROS thread runs every callback.  It only waits in a requested transition `configure`,
     whose response in ROS 2 must follow the connection.
-    - ``loop`` controls the device; nothing else uses it.
+    - ``loop`` runs a DeviceControl; nothing else uses the device.
     - ``connecting`` opens and closes devices, which takes up to seconds.
 
     With ``autostart`` the node becomes active automatically once its device is connected.  It
     reconnects to a lost device.
     """
 
-    def __init__(self, name: str, table: Sequence[Parameter], **options: Any) -> None:
-        """Declare the parameters of ``table``."""
-        super().__init__(name, **options)
-        self.parameters = NodeParameters(self, table)
-        self.status = Status(self, self.hardware_id())
+    loop: ControlLoop
+    _control: DeviceControl
+
+    def __init__(self, name: str, hardware_id: str, **options: Any) -> None:
+        """Connect to nothing yet; arguments: of SuiteNode."""
+        super().__init__(name, hardware_id, **options)
         self.ros_time = RosTime(self.get_clock())
         self.active = False
-        self.loop: ControlLoop | None = None
         self.connecting = Worker('connecting', self._on_thread_failure)
         self._opened: Any = None  # a device that is connected and not attached yet
         self._quitting = False
@@ -51,53 +110,20 @@ class ManagedNode(LifecycleNode):
         self._retry = repeat(self, RETRY, self._connect)
         self._answer_invalid_transitions()
 
-    def control(self, rate: float, cycle: Callable[[float], None],
-                failed: Callable[[Exception], None]) -> ControlLoop:
-        """Start the control loop; rate: Hz."""
-        self.loop = ControlLoop(f'{self.get_name()}_control', 1.0 / rate, cycle, failed)
-        return self.loop
+    def start_control(self, rate: float) -> None:
+        """Start the loop of ``_control``; rate: Hz."""
+        self.loop = ControlLoop(f'{self.get_name()}_control', 1.0 / rate, self._control.cycle,
+                                self._on_control_failure)
 
     # What a subclass does, besides.
-
-    @abstractmethod
-    def hardware_id(self) -> str:
-        """Name the device for diagnostics (REP-107)."""
 
     @abstractmethod
     def open_device(self) -> Any:
         """Connect and move nothing, on the thread for it; raises HardwareError or ValueError."""
 
     @abstractmethod
-    def close_device(self, device: Any) -> None:
-        """Hold and disconnect, on the thread for it."""
-
-    @abstractmethod
-    def attach(self, device: Any) -> None:
-        """Control a device from now on, on the thread of control."""
-
-    @abstractmethod
-    def detach(self) -> Any:
-        """Stop controlling the device; return it or None; on the thread of control."""
-
-    @abstractmethod
-    def activate(self) -> None:
-        """Start to work, on the control thread."""
-
-    @abstractmethod
-    def deactivate(self) -> None:
-        """Hold and stop working, on the control thread."""
-
-    @abstractmethod
-    def lost(self) -> bool:
-        """Whether a device that was attached failed."""
-
-    @abstractmethod
-    def not_connected(self, error: str) -> None:
-        """Note an attempt to connect that failed, on the thread of ROS."""
-
-    @abstractmethod
-    def publish_last(self) -> None:
-        """Publish the state in which the process ends, on the thread of ROS."""
+    def _publish(self, snapshot: Any) -> None:
+        """Publish a snapshot of ``_control``, on the thread of ROS."""
 
     # Connecting.
 
@@ -107,7 +133,7 @@ class ManagedNode(LifecycleNode):
 
     def _wants_device(self) -> bool:
         return bool((self.parameters['autostart'] and self._state == 'unconfigured'
-                     and not self._was_configured) or self.lost())
+                     and not self._was_configured) or self._control.lost)
 
     def _connect(self) -> None:
         if not self._attempt and self._wants_device():
@@ -125,7 +151,7 @@ class ManagedNode(LifecycleNode):
         self._attempt = False
         self._retry.reset()  # the attempt itself may have taken longer
         if error:
-            self.not_connected(error)
+            self.loop.post(self._control.not_connected, error)
         elif self._opened is None:
             return  # the node was configured meanwhile
         elif not self._wants_device():
@@ -134,7 +160,7 @@ class ManagedNode(LifecycleNode):
             if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
                 self.trigger_activate()
         else:
-            self.in_loop(self.attach, self._take())
+            self.loop.call(self._control.attach, self._take())
 
     def _take(self) -> Any:
         device, self._opened = self._opened, None
@@ -142,24 +168,19 @@ class ManagedNode(LifecycleNode):
 
     def _release(self, device: Any) -> None:
         if device is not None:
-            self.connecting.submit(self.close_device, device)
+            self.connecting.submit(device.close)
 
     def _on_thread_failure(self, error: Exception) -> None:
         self.get_logger().error(''.join(traceback.format_exception(error)))
 
-    def callback_failed(self, error: Exception) -> None:
-        """Report what a callback raised, on the thread of ROS."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
+    def _on_control_failure(self, error: Exception) -> None:
+        self._on_thread_failure(error)
+        self._control.failed(error)
 
     def on_ros_thread(self, function: Callable[..., None], *arguments: Any) -> bool:
         """Call ``function`` on the ROS thread; return False after its end."""
         # An executor would keep the task, and this node with it.
         return not self._quitting and on_ros_thread(self, function, *arguments)
-
-    def in_loop(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        """Call ``function`` on the control thread; return its result or raise its exception."""
-        assert self.loop is not None
-        return self.loop.call(function, *arguments)
 
     # The lifecycle.
 
@@ -187,10 +208,10 @@ class ManagedNode(LifecycleNode):
             try:
                 self.connecting.call(CONNECT_TIMEOUT, self._open_now)
             except TimeoutError:  # what it finds later is there for the next attempt
-                raise HardwareError(f'{self.hardware_id()} has not connected within '
+                raise HardwareError(f'{self.hardware_id} has not connected within '
                                     f'{CONNECT_TIMEOUT:g} s; check its cables and its power, then '
                                     'configure again') from None
-        self.in_loop(self.attach, self._take())
+        self.loop.call(self._control.attach, self._take())
         self._was_configured = True
 
     def _open_now(self) -> None:
@@ -198,16 +219,16 @@ class ManagedNode(LifecycleNode):
             self._opened = self.open_device()
 
     def _activate(self) -> None:
-        self.in_loop(self.activate)
+        self.loop.call(self._control.activate)
         self.active = True
 
     def _deactivate(self) -> None:
         self.active = False
-        self.in_loop(self.deactivate)
+        self.loop.call(self._control.deactivate)
 
     def _clean_up(self) -> None:
         self.active = False
-        self._release(self.in_loop(self.detach))
+        self._release(self.loop.call(self._control.detach))
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Connect."""
@@ -258,6 +279,5 @@ class ManagedNode(LifecycleNode):
         if self._opened is not None:
             self._release(self._take())
         self.connecting.close(CLOSE_TIMEOUT)
-        if self.loop is not None:
-            self.loop.close()
-        self.publish_last()
+        self.loop.close()
+        self._publish(self._control.snapshot())

@@ -1,65 +1,60 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plans from the present state of the arm, as reported by kinematics, on a separate thread."""
+"""
+Plans from the present state of the arm, as reported by kinematics, on a separate thread.
+
+Also the service that plans without motion, and the guard of the plan that runs.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
-from math import inf
+from math import inf, isfinite
 from threading import Event
+from time import monotonic
 from typing import Any, TypeVar
+
+from geometry_msgs.msg import PoseArray
+import numpy as np
+from rclpy.node import Node
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.entries import serve_later
+from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.obstacles import CollisionScene
+from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting, Step
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans
+from soft_continuum.sequencing.plan_watch import PlanWatch
 from soft_continuum.sequencing.planner import Planner, PlanSettings
-from soft_continuum.sequencing.plans import PlanError, Reach, Shape, ShapePlan
+from soft_continuum.sequencing.plans import (
+    Move,
+    PlanError,
+    PlannedStep,
+    Reach,
+    Shape,
+    ShapePlan,
+)
 from soft_continuum.sequencing.reach import ReachSettings
 from soft_continuum.sequencing.settings import reach_from_parameters
 from soft_continuum.sequencing.shape_plans import plan_shapes, plans_of, plans_to
 from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import PlanStep
+from soft_continuum_interfaces.msg import Shape as ShapeMessage
+from soft_continuum_interfaces.srv import PlanShapes
 
+MAX_TIME_LIMIT = 600.0  # s
 Result = TypeVar('Result')
-
-
-class PlanningThread:
-    """Makes one plan at a time; an abandoned plan ends after a few milliseconds."""
-
-    def __init__(self) -> None:
-        """Start the thread."""
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='planner')
-        self._abandoned = Event()
-
-    def start(self, work: Callable[[Any], Result], arm: Arm, offsets: Sequence[float],
-              settings: PlanSettings) -> 'Future[Result]':
-        """
-        Abandon the present plan and begin the next one.
-
-        work: called with a planner of ``arm``, whose tendons have ``offsets`` (tendons,) m.
-        """
-        self.abandon()
-        abandoned = self._abandoned = Event()
-        return self._thread.submit(
-            lambda: work(Planner(arm, settings, abandoned.is_set, offsets)))
-
-    def abandon(self) -> None:
-        """End the present plan, if there is one, with a PlanError."""
-        self._abandoned.set()
-
-    def close(self) -> None:
-        """Abandon the present plan and end the thread."""
-        self.abandon()
-        self._thread.shutdown()
+Answer = Callable[[PlanShapes.Response], None]
 
 
 class Planning:
-    """Begins to plan; only the newest plan is made."""
+    """Makes one plan at a time, the newest; an abandoned one ends after a few milliseconds."""
 
     def __init__(self, arm: Arm, parameters: Mapping[str, Any], observed: ArmObserver,
                  scene: Callable[[], CollisionScene], warn: Callable[[str], None]) -> None:
@@ -70,8 +65,17 @@ class Planning:
         """
         self._arm, self._parameters, self._observed = arm, parameters, observed
         self._scene, self._warn, self._kept = scene, warn, KeptPlans()
-        self._thread = PlanningThread()
-        self.abandon, self.close = self._thread.abandon, self._thread.close
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='planner')
+        self._abandoned = Event()
+
+    def abandon(self) -> None:
+        """End the present plan, if there is one, with a PlanError."""
+        self._abandoned.set()
+
+    def close(self) -> None:
+        """Abandon the present plan and end the thread."""
+        self.abandon()
+        self._thread.shutdown()
 
     def plan(self, shapes: Sequence[Shape], first: bool = False) -> 'Future[list[ShapePlan]]':
         """
@@ -160,9 +164,118 @@ class Planning:
             failed.set_exception(PlanError('the shape of the arm is no longer known'))
             return failed
         state, model = known
-        return self._thread.start(
-            lambda planner: work(planner, state, pulls), model.chain.arm, model.offsets.tolist(),
-            PlanSettings.of(self._parameters).with_slack_for(model.offset_stddevs))
+        settings = PlanSettings.of(self._parameters).with_slack_for(model.offset_stddevs)
+        self.abandon()
+        abandoned = self._abandoned = Event()
+        return self._thread.submit(lambda: work(
+            Planner(model.chain.arm, settings, abandoned.is_set, model.offsets.tolist()), state,
+            pulls))
+
+
+class PlanService:
+    """Handles one request at a time: a newer one, or a goal of the action, aborts it."""
+
+    def __init__(self, node: Node, planning: Planning, busy: Callable[[], str],
+                 shapes_of: Callable[[Sequence[ShapeMessage]], list[Shape]]) -> None:
+        """
+        Create the service.
+
+        busy: why nothing can be planned now, empty when it can.  shapes_of: reads a request,
+        raises PlanError.
+        """
+        self._node, self._planning, self._busy, self._shapes_of = node, planning, busy, shapes_of
+        serve_later(node, PlanShapes, '~/plan_shapes', self._on_request)
+
+    def _on_request(self, request: PlanShapes.Request, answer: Answer) -> None:
+        limit = request.time_limit
+        problem = self._busy()
+        if not (isfinite(limit) and 0.0 <= limit <= MAX_TIME_LIMIT):
+            problem = (f'time_limit is {limit:g} s; allowed: 0 (use reach.time_limit) to '
+                       f'{MAX_TIME_LIMIT:g} s')
+        try:
+            shapes = self._shapes_of(request.shapes)
+        except PlanError as error:
+            problem = str(error)
+        if problem:
+            answer(PlanShapes.Response(message=problem))
+            return
+        begin = monotonic()
+        plan = self._planning.explain(shapes, limit, request.states)
+        plan.add_done_callback(lambda _: on_ros_thread(
+            self._node, self._reply, plan, shapes, begin, answer))
+
+    def _reply(self, plan: 'Future[list[Reach]]', shapes: Sequence[Shape], begin: float,
+               answer: Answer) -> None:
+        error = plan.exception()
+        if error is None:
+            response = plans_to_ros(plan.result(), shapes)
+        else:
+            response = PlanShapes.Response(message=failure_text(error))
+        response.planning_time = monotonic() - begin
+        answer(response)
+
+
+def plans_to_ros(found: Sequence[Reach], shapes: Sequence[Shape]) -> PlanShapes.Response:
+    """Return the response of plan_shapes, without its time; found: up to the first failure."""
+    problem, steps = found[-1].why, []
+    for index, one in enumerate(found):
+        if one.plan is not None:
+            steps += [_step(index, move, step) for move, step in zip(
+                one.plan.moves, one.steps, strict=True)]
+    return PlanShapes.Response(
+        success=not problem, steps=steps,
+        message=f'{shapes[len(found) - 1].name}: {problem}' if problem else '',
+        tip_errors=[one.tip_error if shape.tips else 0.0
+                    for one, shape in zip(found, shapes, strict=False)])
+
+
+def _step(index: int, move: Move, step: PlannedStep) -> PlanStep:
+    end = step.states[-1]
+    return PlanStep(
+        shape_index=index, segment=move.segment + 1, bending_angles=end.bending_angles.tolist(),
+        bending_directions=end.bending_directions.tolist(), duration=move.duration,
+        largest_tension=step.tension, smallest_clearance=step.clearance,
+        nearest_obstacle=step.obstacle, tip_path=poses_to_ros(
+            np.array([state.poses[-1] for state in step.states]), PoseArray()).poses)
+
+
+class PlanGuard:
+    """Watches one plan at a time; distances are computed on a separate thread."""
+
+    def __init__(self, parameters: Mapping[str, Any], scene: Callable[[], CollisionScene]
+                 ) -> None:
+        """Start the thread; scene: as they are known now."""
+        self._parameters, self._scene = parameters, scene
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='plan_guard')
+        self._plan: ShapePlan | None = None
+        self._watch: PlanWatch | None = None
+        self._seen: CollisionScene | None = None
+        self._look: Future[None] | None = None
+        self.close = self._thread.shutdown
+
+    def problems(self, plan: ShapePlan | None, move: int, state: Any) -> tuple[str, str, bool]:
+        """
+        Return the fields obstructed, departed and unseen of an Observation.
+
+        move: the present or next path (0-based).  state: of the arm, None if unknown.  Without
+        obstacles, plans by angles do not limit the deviation of the arm.
+        """
+        if plan is not self._plan:
+            self._plan, self._watch, self._seen, self._look = plan, None, None, None
+            if plan is not None and plan.paths:
+                self._watch = PlanWatch(plan, self._parameters['obstacles.margin'],
+                                        self._parameters['reach.max_deviation'])
+        watch, around = self._watch, self._scene()
+        if watch is None:
+            return '', '', False
+        if self._look is not None and self._look.done():
+            look, self._look = self._look, None
+            look.result()  # its exception ends the run, and is not raised again meanwhile
+        if around is not self._seen and self._look is None:
+            self._seen, self._look = around, self._thread.submit(watch.look, around)
+        planned = bool(plan and plan.shape.tips) or bool(around.obstacles)
+        return (watch.obstructed(move, state), watch.departed(move, state) if planned else '',
+                not watch.looked)
 
 
 def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
@@ -188,3 +301,8 @@ def tip_aim(shape: Shape, arm: Arm) -> Aim:
     """Return the aim of a shape planned to tip goals: the last of them."""
     return Aim(bending_vectors(arm, shape.bending_angles, shape.bending_directions),
                shape.tips[-1].position, on_tip=True)
+
+
+def failure_text(error: BaseException) -> str:
+    """Return why planning failed: that there is no plan, or an error of the program."""
+    return str(error) if isinstance(error, PlanError) else f'{type(error).__name__}: {error}'

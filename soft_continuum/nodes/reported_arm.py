@@ -11,7 +11,7 @@ import numpy as np
 from sensor_msgs.msg import FluidPressure
 
 from soft_continuum.hardware.tendon_controller import Reason
-from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.conversions import (
@@ -41,7 +41,7 @@ class Interlock:
     message: str
 
 
-def bent(shape: Any, jamming: bool) -> str:
+def bent(shape: Equilibrium | None, jamming: bool) -> str:
     """
     Return the most bent segment as text; empty for a straight arm, or None.
 
@@ -70,10 +70,9 @@ class ReportedArm:
         self.stiffness = Stiffness((None if self._jamming else False,) * chain.segments)
         self.conflicts = Conflicts(node, chain.segments, parameters)
         self.pressures = [float('nan')] * chain.segments
-        self._reported: tuple[Any, KinematicsState] | None = None
+        self._reported: tuple[Equilibrium, KinematicsState] | None = None
         self.jamming_age, self.shape_age = Age(), Age()
-        self._agreed = Age()  # since kinematics had the segments stiff that jamming_valves has
-        self._agreed.refresh()
+        self._agreed = Age.now()  # since kinematics had the segments stiff that jamming_valves has
         subscribe(node, KinematicsState, f'{KINEMATICS}/state', self._on_shape, SENSOR)
         if self._jamming:
             subscribe(node, JammingValvesState, f'{JAMMING_VALVES}/state',
@@ -130,24 +129,27 @@ class ReportedArm:
         return float(self.parameters['stale_timeout'])
 
     @property
-    def shape(self) -> Any:
-        """The present state of the model, of the type of its chain; None if unknown."""
+    def _known(self) -> tuple[Equilibrium, KinematicsState] | None:
         reported = self._reported
-        if reported is None or self.shape_age.seconds > self.timeout:
-            return None
-        return reported[0]
+        return None if self.shape_age.seconds > self.timeout else reported
 
     @property
-    def shape_and_model(self) -> tuple[Any, Model] | None:
+    def shape(self) -> Equilibrium | None:
+        """The present state of the model; None if unknown."""
+        known = self._known
+        return None if known is None else known[0]
+
+    @property
+    def shape_and_model(self) -> tuple[Equilibrium, Model] | None:
         """
         The present state of the estimated arm, and that arm; None if unknown.
 
         The arm is built from the estimate: for plans, not for every message.
         """
-        reported = self._reported
-        if reported is None or self.shape_age.seconds > self.timeout:
+        known = self._known
+        if known is None:
             return None
-        shape, message = reported
+        shape, message = known
         model = model_from_ros(message.parameters, self.chain.arm)
         return replace(shape, chain=model.chain), model
 

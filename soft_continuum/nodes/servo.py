@@ -8,7 +8,6 @@ from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PointStamped, Vector3
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Bool, Empty, Float64
@@ -18,12 +17,11 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
-from soft_continuum.nodes.arm_observer import Estimate, EstimateObserver
+from soft_continuum.nodes.arm_observer import ArmObserver, Estimate
 from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
 from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.status import FAILURE_PERIOD, OK, Status, WARN
+from soft_continuum.nodes.status import OK, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.nodes.threads import on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.ros.conversions import Stiffness
@@ -49,7 +47,7 @@ SOON = 0.5  # s: longer preparations are reported when done
 REFUSAL_PERIOD = 5.0  # s for which a refused target is reported
 
 
-class Servo(Node):
+class Servo(SuiteNode):
     """
     Follows a moving target with the segment that is soft, while it is enabled.
 
@@ -66,9 +64,7 @@ class Servo(Node):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and the service."""
-        super().__init__(SERVO, **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS[SERVO])
-        self.status = Status(self, 'servo')
+        super().__init__(SERVO, 'servo', **options)
         arm = arm_from_parameters(self.parameters)
         check_actuation(arm, self.parameters)
         self._jamming: bool = self.parameters['arm.jamming']
@@ -85,7 +81,7 @@ class Servo(Node):
         self._estimate: Estimate | None = None  # that was taken in last
         self._sequence, self._sequence_age = False, Age()
         self._commander = MotionCommander(self, arm)
-        self._observed = EstimateObserver(self, arm, self.parameters, self._on_tendon_state)
+        self._observed = ArmObserver(self, arm, self.parameters, self._on_tendon_state)
         subscribe(self, ShapeSequencerState, f'{SHAPE_SEQUENCER}/state', self._on_sequencer,
                   EVERY_STATE)
         self._receive(Float64, '~/target_angle')
@@ -113,9 +109,8 @@ class Servo(Node):
 
     def callback_failed(self, error: Exception) -> None:
         """Hold, and report what a callback raised."""
-        text = f'{type(error).__name__}: {error}'
-        self.status.alarm('callback', text, FAILURE_PERIOD)
-        self._hold(f'servo failed: {text}')
+        super().callback_failed(error)
+        self._hold(f'servo failed: {type(error).__name__}: {error}')
 
     def _on_failure(self, error: Exception) -> None:
         on_ros_thread(self, self.callback_failed, error)

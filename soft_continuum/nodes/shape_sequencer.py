@@ -10,7 +10,6 @@ from math import nan
 from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovariance
-from rclpy.node import Node
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.arm_commander import ArmCommander
@@ -19,12 +18,14 @@ from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.model import load_model
-from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.obstacles import KnownObstacles
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.plan_guard import PlanGuard
-from soft_continuum.nodes.plan_service import PlanService
-from soft_continuum.nodes.planning import Planning, tip_aim
+from soft_continuum.nodes.planning import (
+    failure_text,
+    PlanGuard,
+    Planning,
+    PlanService,
+    tip_aim,
+)
 from soft_continuum.nodes.sequence_server import (
     error_code,
     GoalRequest,
@@ -32,13 +33,13 @@ from soft_continuum.nodes.sequence_server import (
     Reached,
     SequenceServer,
 )
-from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
+from soft_continuum.nodes.status import OK, StatePublisher, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.entry import LOG_PERIOD
-from soft_continuum.ros.graph import running_nodes
-from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
@@ -81,7 +82,7 @@ class Check:
     stops: int | None = None
 
 
-class ShapeSequencer(Node):
+class ShapeSequencer(SuiteNode):
     """
     Sets the arm to one shape after another.
 
@@ -97,13 +98,11 @@ class ShapeSequencer(Node):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and the action."""
-        super().__init__(SHAPE_SEQUENCER, **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS[SHAPE_SEQUENCER])
+        super().__init__(SHAPE_SEQUENCER, 'shape sequencer', **options)
         for name in self.parameters['shape_names']:
             self.parameters.declare_numbers(shape_parameter(name))
             self.parameters.declare_numbers(direction_parameter(name))
             self.parameters.declare_numbers(vacuum_parameter(name))
-        self.status = Status(self, 'shape sequencer')
         self._arm = arm_from_parameters(self.parameters)
         check_actuation(self._arm, self.parameters)
         self._library = shape_library(self.parameters, self._arm)
@@ -154,24 +153,23 @@ class ShapeSequencer(Node):
 
     def callback_failed(self, error: Exception) -> None:
         """Hold, end the goal and report what a callback raised."""
-        text = f'{type(error).__name__}: {error}'
-        self.status.alarm('callback', text, FAILURE_PERIOD)
+        super().callback_failed(error)
+        text = f'shape_sequencer failed: {type(error).__name__}: {error}'
         self._commander.hold()
         if self._check is not None:
             check, self._check = self._check, None
-            self._reject(check.request, f'shape_sequencer failed: {text}')
+            self._reject(check.request, text)
         runner = self._runner
         if runner is None:
             return
         if not self._failed:  # wind down, which may fail as well
             self._failed = True
-            runner.cancel(Code.HARDWARE_FAULT, f'shape_sequencer failed: {text}')
+            runner.cancel(Code.HARDWARE_FAULT, text)
         else:
             self._runner = None
             self._commander.end()
             self._planning.abandon()
-            self._end(self._handle, Outcome(
-                Code.HARDWARE_FAULT, f'shape_sequencer failed: {text}', 0))
+            self._end(self._handle, Outcome(Code.HARDWARE_FAULT, text, 0))
 
     # Goals before they run.
 
@@ -186,9 +184,7 @@ class ShapeSequencer(Node):
         except PlanError as error:
             self._reject(request, str(error))
             return
-        age = Age()
-        age.refresh()
-        self._check = Check(request, shapes, age)
+        self._check = Check(request, shapes, Age.now())
         self._go_on_checking(self._check)
 
     def _go_on_checking(self, check: Check) -> None:
@@ -208,13 +204,14 @@ class ShapeSequencer(Node):
             if not check.plans.done():
                 return
             if error := check.plans.exception():
-                problem = _text(error)
+                problem = failure_text(error)
         self._check = None
         if problem:
             self._planning.abandon()
             self._reject(check.request, problem)
         else:
-            self._accept(check.request)
+            self._rejected = ''
+            check.request.answer(True)
 
     def _waits(self, check: Check) -> bool:
         """Whether nothing is wrong but that the other nodes have only been started."""
@@ -250,10 +247,6 @@ class ShapeSequencer(Node):
     def _may_plan(self) -> bool:
         """Whether the arm is as it will be when a goal that came now begins."""
         return self._runner is None and self._next is None and self._observed.all_stiff
-
-    def _accept(self, request: GoalRequest) -> None:
-        self._rejected = ''
-        request.answer(True)
 
     def _reject(self, request: GoalRequest, reason: str) -> None:
         """Publish why, then answer: ROS 2 has no reason in its answer."""
@@ -412,8 +405,3 @@ class ShapeSequencer(Node):
         if self._warning:
             text += f'; {self._warning}'
         self.status.set(WARN if self._warning else OK, text, **values)
-
-
-
-def _text(error: BaseException) -> str:
-    return str(error) if isinstance(error, PlanError) else f'{type(error).__name__}: {error}'

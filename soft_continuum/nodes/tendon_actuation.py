@@ -7,7 +7,6 @@ from copy import copy
 from functools import partial
 from importlib.util import find_spec
 from math import inf
-import traceback
 from typing import Any
 
 from rclpy.serialization import deserialize_message
@@ -30,16 +29,15 @@ from soft_continuum.nodes.entries import guarded, serve
 from soft_continuum.nodes.load_cells import LoadCells
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.motion_requests import MAX_POINTS, Request
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
-from soft_continuum.nodes.tendon_control import Device, Report, TendonControl
+from soft_continuum.nodes.tendon_control import MAX_POINTS, Report, Request, TendonControl
 from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
 from soft_continuum.ros.entry import LOG_PERIOD, MAX_BYTES
+from soft_continuum.ros.names import TENDON_ACTUATION
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import name_problem, plain
@@ -74,9 +72,11 @@ class TendonActuation(ManagedNode):
     moves before ~/resume.
     """
 
+    _control: TendonControl
+
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
-        super().__init__('tendon_actuation', NODE_PARAMETERS['tendon_actuation'], **options)
+        super().__init__(TENDON_ACTUATION, '{tendon_driver} tendon motors', **options)
         arm = arm_from_parameters(self.parameters)
         self._tendons = arm.tendon_names
         self._prediction = TensionPrediction(arm)
@@ -86,8 +86,8 @@ class TendonActuation(ManagedNode):
         self._control = TendonControl(
             self._tendons, self._arm, 1.0 / rate, self.ros_time.jump,
             lambda: self.parameters['tension_limit'],
-            Newest(self.on_ros_thread, self._publish).put, self._release_driver)
-        self._loop = self.control(rate, self._control.cycle, self._on_control_failure)
+            Newest(self.on_ros_thread, self._publish).put, self._release)
+        self.start_control(rate)
         self._unread_age = Age()  # since an unread trajectory was reported as refused
         self._holds = Newest(self._to_loop, lambda _: self._control.hold(
             Reason.HELD, 'a trajectory without points requested a hold'))
@@ -108,7 +108,7 @@ class TendonActuation(ManagedNode):
             self._action = FollowServer(
                 self, self._tendons, partial(self._have_judged, TendonTrajectory),
                 partial(self._holds.put, True),
-                partial(self._loop.post, self._control.give_up))
+                partial(self.loop.post, self._control.give_up))
         serve(self, Trigger, '~/stop', self._on_stop)
         serve(self, Trigger, '~/resume', self._on_resume)
         serve(self, Trigger, '~/reference', self._on_reference)
@@ -116,20 +116,16 @@ class TendonActuation(ManagedNode):
     def callback_failed(self, error: Exception) -> None:
         """Hold, and report what a callback raised."""
         super().callback_failed(error)
-        self._loop.post(self._control.hold, Reason.PROGRAM,
+        self.loop.post(self._control.hold, Reason.PROGRAM,
                         f'a callback failed: {type(error).__name__}: {error}')
 
     def _to_loop(self, function: Callable[[], None]) -> bool:
-        self._loop.post(function)
+        self.loop.post(function)
         return True
 
     # The device.
 
-    def hardware_id(self) -> str:
-        """Name the driver."""
-        return f'{self.parameters["tendon_driver"]} tendon motors'
-
-    def open_device(self) -> Device:
+    def open_device(self) -> TendonController:
         """Connect and read; move nothing."""
         driver: TendonDriver = make_driver(
             TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY, self)
@@ -137,41 +133,10 @@ class TendonActuation(ManagedNode):
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])
         try:
-            return driver, TendonController(driver, limits, self._load_cells.tensions)
+            return TendonController(driver, limits, self._load_cells.tensions)
         except HardwareError:  # at the first reading: its ports must be free for the next attempt
             driver.close()
             raise
-
-    def close_device(self, device: Device) -> None:
-        """Hold and disconnect."""
-        device[0].close()
-
-    def _release_driver(self, driver: TendonDriver) -> None:
-        self.connecting.submit(driver.close)
-
-    def attach(self, device: Device) -> None:
-        """Control a device from now on."""
-        self._control.attach(device)
-
-    def detach(self) -> Device | None:
-        """Stop controlling the device."""
-        return self._control.detach()
-
-    def activate(self) -> None:
-        """Accept trajectories."""
-        self._control.activate()
-
-    def deactivate(self) -> None:
-        """Brake and hold."""
-        self._control.deactivate()
-
-    def lost(self) -> bool:
-        """Whether a device that was attached failed."""
-        return self._control.lost
-
-    def not_connected(self, error: str) -> None:
-        """Note an attempt to connect that failed."""
-        self._loop.post(self._control.not_connected, error)
 
     def start(self) -> None:
         """Load the model, then connect if ``autostart`` is set."""
@@ -250,10 +215,10 @@ class TendonActuation(ManagedNode):
                 STEADY.sleep(PAUSE * (STEADY() - begin))
             shown_id = plain(request_id)
             request = self._request(request_id, message, revocations)
-            pulls = self._loop.call(control.prepare, request)
+            pulls = self.loop.call(control.prepare, request)
             stiffness = self._predict(
                 pulls, begin, lambda: control.revocations != revocations)
-            self._loop.call(control.follow, request, stiffness)
+            self.loop.call(control.follow, request, stiffness)
         except MotionRefusedError as error:
             self._refuse(shown_id, error)
             STEADY.sleep(REFUSAL_PAUSE)
@@ -309,14 +274,6 @@ class TendonActuation(ManagedNode):
 
     # What is reported.
 
-    def _on_control_failure(self, error: Exception) -> None:
-        self.get_logger().error(''.join(traceback.format_exception(error)))
-        self._control.failed(error)
-
-    def publish_last(self) -> None:
-        """Publish the state in which the process ends."""
-        self._publish(self._control.snapshot())
-
     def _publish(self, report: Report) -> None:
         state, reading, last = report.state, report.reading, self._report
         self._report = report
@@ -365,7 +322,7 @@ class TendonActuation(ManagedNode):
     def _answer(self, response: Trigger.Response, function: Callable[..., tuple[bool, str]],
                 *arguments: Any) -> Trigger.Response:
         try:
-            response.success, response.message = self._loop.call(function, *arguments)
+            response.success, response.message = self.loop.call(function, *arguments)
         except TimeoutError:
             response.message = 'the control thread did not answer; see the log of this node'
         return response
@@ -375,7 +332,7 @@ class TendonActuation(ManagedNode):
                             TendonActuationState.STOPPED_BY_SERVICE, '~/stop was called')
 
     def _on_emergency(self, on: bool) -> None:
-        self._loop.post(self._control.emergency, on)
+        self.loop.post(self._control.emergency, on)
         if not on:
             self.get_logger().warning('emergency_stop is off; nothing moves before ~/resume')
 
@@ -391,7 +348,7 @@ class TendonActuation(ManagedNode):
             state.referenced = False
             self._state_publisher.publish(state)
             # Pulls from the new zero go out before the answer: who has that may ask for a shape.
-            self._publish(self._loop.call(self._control.snapshot))
+            self._publish(self.loop.call(self._control.snapshot))
         return response
 
 

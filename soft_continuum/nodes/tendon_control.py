@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.protocols import HardwareError, TendonDriver, TendonReading
+from soft_continuum.hardware.protocols import HardwareError, TendonReading
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
     Reason,
@@ -14,13 +14,15 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.motion_requests import MotionRequests, Request
-from soft_continuum.nodes.question import Question
+from soft_continuum.nodes.entries import Question
+from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
-from soft_continuum_interfaces.msg import TendonActuationState
+from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 
+MAX_POINTS = 1000
+"""Largest number of points of a trajectory."""
 MAX_LATENESS = 0.5
 """Largest delay of a control cycle, s: after it the queued motion has run out."""
 MAX_JUMP = 0.5
@@ -28,7 +30,24 @@ MAX_JUMP = 0.5
 CHANGED = 'a segment changed between soft and stiff, or its vacuum was set'
 REST_CHANGE = 1e-6  # m of pull
 MAX_REVOKED = 20  # motions whose further parts are refused
-Device = tuple[TendonDriver, TendonController]
+
+
+@dataclass(frozen=True)
+class Request:
+    """
+    A trajectory to be validated.
+
+    times: (k,) s from its start.  pulls: (k, tendons) m.  start: s (steady), None for as soon as
+    it is accepted.  revocation: number of revocations when it was received.  stamp: ns of ROS
+    time, the start as it was sent; 0 for none.
+    """
+
+    id: str
+    times: Array
+    pulls: Array
+    start: float | None
+    revocation: int
+    stamp: int = 0
 
 
 @dataclass(frozen=True)
@@ -51,47 +70,44 @@ class Report:
     start: float
 
 
-class TendonControl:
+class TendonControl(DeviceControl):
     """
-    Moves the tendons, within limits and interlocks.
+    Moves the tendons, within limits and interlocks; its snapshots are Reports.
 
-    Every method is called on the control thread.  Other threads only read ``revocations`` and
-    ``lost``, and receive a Report after every change.
+    Other threads only read ``revocations`` and ``lost``.
     """
+
+    _controller: TendonController | None
 
     def __init__(self, tendons: tuple[str, ...], arm: ReportedArm, period: float,
                  jump: Callable[[], float], tension_limit: Callable[[], float],
                  report: Callable[[Report], None],
-                 release: Callable[[TendonDriver], None]) -> None:
+                 release: Callable[[TendonController], None]) -> None:
         """
         Start without a device.
 
         period: of the control cycle, s.  jump: returns the jump of ROS time since its last call,
-        s.  tension_limit: N, of measured tensions.  release: called with the driver of a failed
-        device, to close it elsewhere.
+        s.  tension_limit: N, of measured tensions.  release: called with a device that failed,
+        to close it elsewhere.
         """
+        super().__init__(report)
         self._tendons, self._arm, self._period, self._jump = tendons, arm, period, jump
-        self._tension_limit, self._publish, self._release = tension_limit, report, release
+        self._tension_limit, self._release = tension_limit, release
         self._guard = TensionGuard(tendons)
         self._stream = RestingStream(REST_CHANGE)
         self._stops = 0
-        self._path = 0, 0.0  # stamp and start of the trajectory that was accepted last, ns and s
-        self._stamped = False  # whether the trajectory that is followed was to begin by ROS time
+        self._path = 0, 0.0  # stamp (ns) and start (s) of the accepted trajectory; 0: no stamp
         self._time = STEADY()  # of the last reading, s
-        self._driver: TendonDriver | None = None
-        self._controller: TendonController | None = None
-        self._active = False
-        self._requests = MotionRequests()
+        self._accepted, self._refused = MotionRequest(), MotionRequest()
+        self._start = 0.0  # of the accepted trajectory, s (steady)
         self._stiffness_at_start = Stiffness(())
         self._stopped, self._stop_message = TendonActuationState.NOT_STOPPED, ''
         self._emergency = False  # whether emergency_stop is on
-        self._fault = ''  # why there is no device
-        self._ended = self._refused = ''  # why the last motion was, for people
+        self._ended = self._refusal = ''  # why the last motion was ended, refused, for people
         self._known_pulls = (0.0,) * len(tendons)  # the last ones that were referenced, m
         self._question = Question()
         self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
         self._over: dict[str, tuple[Reason, str]] = {}  # motions that were revoked, by their id
-        self.lost = False  # a device that was attached
 
     @property
     def revocations(self) -> int:
@@ -100,28 +116,12 @@ class TendonControl:
 
     # The device.
 
-    def attach(self, device: Device) -> None:
+    def attach(self, device: TendonController) -> None:
         """Control a device from now on; a stop remains in force."""
-        self._driver, self._controller = device
-        self._fault, self.lost, self._time = '', False, STEADY()
+        super().attach(device)
+        self._time = STEADY()
         if self._stop_message:
-            self._controller.stop(self._stop_message)
-        self.report()
-
-    def detach(self) -> Device | None:
-        """Return the device, if any, and continue without it."""
-        device = None
-        if self._driver is not None and self._controller is not None:
-            device = self._driver, self._controller
-        self._driver = self._controller = None
-        self._active = self.lost = False
-        self._fault = ''
-        self.report()
-        return device
-
-    def activate(self) -> None:
-        """Accept trajectories."""
-        self._active = True
+            device.stop(self._stop_message)
         self.report()
 
     def deactivate(self) -> None:
@@ -130,16 +130,11 @@ class TendonControl:
         self._stops += 1
         self.hold(Reason.INACTIVE, 'the node was deactivated')
 
-    def not_connected(self, error: str) -> None:
-        """Note why the device cannot be connected to."""
-        self._fault = error
-        self.report()
-
     def _lose(self, error: HardwareError) -> None:
         """Let go of a device that failed; nothing moves before it is back and resumed."""
-        if self._driver is not None:
-            self._release(self._driver)
-        self._driver = self._controller = None
+        if self._controller is not None:
+            self._release(self._controller)
+        self._controller = None
         self._fault, self.lost = str(error), True
         self._stops += 1
         if not self._stop_message:
@@ -185,13 +180,14 @@ class TendonControl:
         controller.delay, self._path = delay, (request.stamp, trajectory[3] - delay)
         if begins:
             self._guard.begin(controller.reading)
-        if request.id != self._requests.accepted.id and self._requests.following:
-            self._end_request(Reason.REPLACED, 'another trajectory '
-                              f'({request.id or "without an id"}) took its place')
+        if request.id != self._accepted.id and self._accepted.status == MotionRequest.FOLLOWING:
+            self._end_request(Reason.REPLACED, 'replaced by another trajectory '
+                              f'({request.id or "without an id"})')
             self.report()
-        self._requests.accept(request.id, trajectory[3])
-        self._stiffness_at_start, self._stamped = stiffness, request.start is not None
-        self._ended = self._refused = ''
+        self._accepted = MotionRequest(id=request.id, status=MotionRequest.FOLLOWING)
+        self._start = trajectory[3]
+        self._stiffness_at_start = stiffness
+        self._ended = self._refusal = ''
         self.report()
 
     def _checked(self, request: Request) -> TendonController:
@@ -235,7 +231,7 @@ class TendonControl:
 
     def _continues(self, request: Request) -> bool:
         """Return whether a trajectory is a further part of the motion that was accepted last."""
-        return bool(request.id) and request.id == self._requests.accepted.id
+        return bool(request.id) and request.id == self._accepted.id
 
     def _goes_on(self, request: Request) -> bool:
         """Return whether it is also of the same path: its times count from the same start."""
@@ -243,8 +239,8 @@ class TendonControl:
 
     def refuse(self, request_id: str, reason: Reason, message: str) -> None:
         """Report that a trajectory is refused; a present motion continues."""
-        self._refused = message
-        self._requests.refuse(request_id, reason, message)
+        self._refusal = message
+        self._refused = _early(request_id, MotionRequest.REFUSED, reason, message)
         self.report()
 
     # Holding, stopping, referencing.
@@ -255,9 +251,9 @@ class TendonControl:
         self._end_request(reason, message)
 
     def _end_request(self, reason: Reason, message: str) -> None:
-        if self._requests.following:
-            self._forbid(self._requests.accepted.id, reason, message)
-            self._requests.end(reason, message)
+        if self._accepted.status == MotionRequest.FOLLOWING:
+            self._forbid(self._accepted.id, reason, message)
+            self._accepted = _early(self._accepted.id, MotionRequest.ENDED, reason, message)
 
     def _forbid(self, request_id: str, reason: Reason, message: str) -> None:
         """Accept no further part of a motion: it may come in parts that share an id."""
@@ -268,7 +264,7 @@ class TendonControl:
 
     def give_up(self, request_id: str) -> None:
         """Withdraw the trajectory of an id, which was reported to its sender as failed."""
-        if self._requests.accepted.id == request_id:
+        if self._accepted.id == request_id:
             self.hold(Reason.HELD, 'its sender withdrew it')
         self._forbid(request_id, Reason.HELD, 'its sender withdrew it')
 
@@ -333,9 +329,9 @@ class TendonControl:
 
         If the arm was last known to be bent, the request must be repeated.
         """
-        if not self._active or self._controller is None or self._driver is None:
+        if not self._active or self._controller is None:
             return False, self._fault or 'the node is not active'
-        homes = self._driver.reference_moves
+        homes = self._controller.driver.reference_moves
         if homes and (interlock := self._arm.homing_interlock()):
             return False, interlock.message
         reading = self._controller.reading
@@ -386,8 +382,8 @@ class TendonControl:
             self._lose(error)
             return
         busy = controller.busy
-        if not busy:
-            self._requests.done()
+        if not busy and self._accepted.status == MotionRequest.FOLLOWING:
+            self._accepted = MotionRequest(id=self._accepted.id, status=MotionRequest.DONE)
         if self._stream.due(self._time, (busy, reading.referenced), reading.pulls) or busy:
             self.report()
 
@@ -419,7 +415,7 @@ class TendonControl:
             return Interlock(
                 Reason.LATE, f'the control cycle came {late:.3f} s late; allowed: '
                 f'{MAX_LATENESS:g} s; the computer is too busy')
-        if controller.following and self._stamped and abs(jump) > MAX_JUMP:
+        if controller.following and self._path[0] and abs(jump) > MAX_JUMP:
             return Interlock(
                 Reason.CLOCK, f'ROS time jumped by {jump:.3f} s while a trajectory with a '
                 f'header.stamp was followed; allowed: {MAX_JUMP:g} s; send it again')
@@ -431,8 +427,7 @@ class TendonControl:
         state = TendonActuationState(
             tendons=list(self._tendons), connected=controller is not None, fault=self._fault,
             stopped=self._stopped, stop_message=self._stop_message, stops=self._stops,
-            emergency_stop=self._emergency,
-            accepted=self._requests.accepted, refused=self._requests.refused)
+            emergency_stop=self._emergency, accepted=self._accepted, refused=self._refused)
         reading = None
         if controller is not None:
             state.referenced = controller.reading.referenced
@@ -443,9 +438,11 @@ class TendonControl:
             if self._active:
                 reading = controller.reading
         unmeasured = self._guard.unmeasured(reading, self._tension_limit()) if reading else ''
-        return Report(state, self._ended, self._refused, unmeasured, reading, self._time,
-                      self._requests.start)
+        return Report(state, self._ended, self._refusal, unmeasured, reading, self._time,
+                      self._start)
 
-    def report(self) -> None:
-        """Publish a snapshot for the other threads."""
-        self._publish(self.snapshot())
+
+def _early(request_id: str, status: int, reason: Reason, message: str) -> MotionRequest:
+    """Return a request that was refused or ended before its end."""
+    return MotionRequest(id=request_id, status=status, message=message,
+                         reason=getattr(MotionRequest, reason.name))

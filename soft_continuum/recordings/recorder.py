@@ -8,15 +8,13 @@ from pathlib import Path
 from time import strftime
 from typing import Any
 
-from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.entries import repeat, serve_later
 from soft_continuum.nodes.node_info import NodeInfoPublisher
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.status import ERROR, FAILURE_PERIOD, OK, StatePublisher, Status, WARN
+from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.recordings.bag import BagError
 from soft_continuum.recordings.topics import (
     about,
@@ -31,7 +29,7 @@ ANSWER_TIMEOUT = 5.0  # s for the parameters of another node
 REPORT_PERIOD = 0.5  # s
 
 
-class Recorder(Node):
+class Recorder(SuiteNode):
     """
     Records all topics of its namespace into MCAP files.
 
@@ -41,9 +39,7 @@ class Recorder(Node):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters and the service; nothing is recorded yet.  Raises ParameterError."""
-        super().__init__(RECORDER, **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS[RECORDER])
-        self.status = Status(self, 'recordings')
+        super().__init__(RECORDER, 'recordings', **options)
         self._node_info = NodeInfoPublisher(self, self.parameters)
         self._states = StatePublisher(self, RecorderState)
         self._recording: TopicRecorder | None = None  # that runs, or ran last
@@ -52,10 +48,6 @@ class Recorder(Node):
         self._requests = Requests(self, ANSWER_TIMEOUT)
         serve_later(self, SetBool, '~/record', self._on_record)
         repeat(self, REPORT_PERIOD, self._report)
-
-    def callback_failed(self, error: Exception) -> None:
-        """Report what a callback raised."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
 
     def start(self) -> None:
         """Create the service."""

@@ -30,8 +30,15 @@ from soft_continuum.parameters.files import parameters_text
 from soft_continuum.recordings.bag import BagWriter, PARAMETERS, PICTURES, Topic
 from soft_continuum.ros.definitions import definition, message_class
 from soft_continuum.ros.entry import LOG_PERIOD
-from soft_continuum.ros.graph import running_nodes
-from soft_continuum.ros.names import CAMERA, DISC_SENSORS, KINEMATICS, NODES, SHARED, TWIN
+from soft_continuum.ros.names import (
+    CAMERA,
+    DISC_SENSORS,
+    KINEMATICS,
+    NODES,
+    running_nodes,
+    SHARED,
+    TWIN,
+)
 from soft_continuum.text import MAX_NAME, printable
 
 LOOK_PERIOD = 0.5  # s between two looks for topics, or nodes, that are new

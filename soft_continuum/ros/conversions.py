@@ -2,15 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """Conversions between the library's arrays and ROS messages."""
 
+import array
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 from geometry_msgs.msg import Pose, PoseArray, PoseWithCovarianceStamped
 import numpy as np
 from numpy.typing import NDArray
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from soft_continuum.hardware.protocols import Accuracy
@@ -18,7 +18,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.sensing.rigid import in_plane, planar_pose
-from soft_continuum.text import plain
+from soft_continuum.text import plain, printable
 from soft_continuum_interfaces.msg import (
     JammingValvesState,
     KinematicsState,
@@ -39,6 +39,11 @@ SHAPE_FIELDS = 'joint_angles', 'held_angles', 'stiff', 'vacuum'
 ACCURACY_RANGES = {'pull_tolerances': (0.0, 0.01), 'tension_stddevs': (1e-3, 1e4),
                    'tension_relative_stddevs': (0.0, 1.0)}
 """Ranges of accuracies from a device: m, N, and relative; as of the parameters they replace."""
+
+MAX_PICTURE_BYTES = 40_000_000
+"""Largest image message: 12 megapixels in colour."""
+CHANNELS = {'mono8': 1, '8UC1': 1, 'rgb8': 3, 'bgr8': 3, '8UC3': 3, 'rgba8': 4, 'bgra8': 4}
+"""Supported encodings of sensor_msgs/Image, and their bytes per pixel."""
 
 
 def seconds(stamp: object) -> float:
@@ -204,7 +209,7 @@ def equilibrium_to_ros(state: Equilibrium) -> KinematicsState:
         stiff=list(state.stiff), vacuum=list(state.vacuum or [1.0] * len(state.stiff)))
 
 
-def equilibrium_from_ros(message: KinematicsState, chain: Chain) -> Any:
+def equilibrium_from_ros(message: KinematicsState, chain: Chain) -> Equilibrium | None:
     """Return the state of the model in a message, None if it does not fit this arm."""
     angles, held = np.array(message.joint_angles), np.array(message.held_angles)
     vacuum = np.array(message.vacuum)
@@ -250,3 +255,29 @@ def trajectory_from_ros(message: JointTrajectory, tendons: Sequence[str]) -> tup
     times = np.array([seconds(p.time_from_start) for p in message.points])
     pulls = np.array([[p.positions[i] for i in order] for p in message.points], dtype=float)
     return times, pulls
+
+
+def grey_picture(message: Image) -> NDArray[np.uint8]:
+    """Return an image (height, width) in grey; raises ValueError for an unsupported one."""
+    if message.encoding not in CHANNELS:
+        raise ValueError(f'images of encoding {printable(message.encoding, 40)!r} are not '
+                         f'supported; supported: {", ".join(CHANNELS)}')
+    channels, row = CHANNELS[message.encoding], message.step
+    if (message.width * message.height == 0 or row < message.width * channels
+            or len(message.data) < row * message.height):
+        raise ValueError(f'an image of {message.width} x {message.height} px with '
+                         f'{len(message.data)} bytes in rows of {row}')
+    data = np.frombuffer(message.data, dtype=np.uint8)[:row * message.height]
+    pixels = data.reshape(message.height, row)[:, :message.width * channels]
+    if channels == 1:
+        return np.ascontiguousarray(pixels)
+    # Green, which most of the light is, and of which the sensor has most pixels.
+    return np.ascontiguousarray(pixels.reshape(message.height, message.width, channels)[..., 1])
+
+
+def grey_message(picture: NDArray[np.uint8]) -> Image:
+    """Return a grey image (height, width) as a message without header."""
+    message = Image(height=picture.shape[0], width=picture.shape[1], encoding='mono8',
+                    step=picture.shape[1])
+    message.data = array.array('B', picture.tobytes())
+    return message

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, log
-from typing import Any, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -38,7 +38,7 @@ class Model:
     is pulled in beyond its motor position.  offset_stddevs: (tendons,) m.
     """
 
-    chain: Any
+    chain: Chain
     offsets: Array
     offset_stddevs: Array
 

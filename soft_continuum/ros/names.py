@@ -2,6 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The names of the nodes, and of what they publish and serve; relative, so namespaces work."""
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
 TENDON_ACTUATION = 'tendon_actuation'
 JAMMING_VALVES = 'jamming_valves'
 KINEMATICS = 'kinematics'
@@ -28,3 +34,9 @@ SENSORS = (CAMERA, DISC_SENSORS)
 """The sensor nodes."""
 SHARED = ('/tf', '/tf_static', '/diagnostics', '/rosout', '/clock')
 """Topics of an arm outside of its namespace."""
+
+
+def running_nodes(node: 'Node', names: Sequence[str] = NODES) -> dict[str, bool]:
+    """Return which nodes are in the ROS graph, in the namespace of ``node``."""
+    graph = node.get_node_names_and_namespaces()
+    return {name: (name, node.get_namespace()) in graph for name in names}

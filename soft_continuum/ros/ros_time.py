@@ -8,6 +8,7 @@ Also the age of messages, by the steady clock.
 
 from math import inf
 from time import monotonic
+from typing import Self
 
 from builtin_interfaces.msg import Duration, Time
 from rclpy.clock import Clock
@@ -59,6 +60,13 @@ class Age:
     def __init__(self) -> None:
         """Start as never received."""
         self._received = -inf
+
+    @classmethod
+    def now(cls) -> Self:
+        """Return the age of a message that was received now."""
+        age = cls()
+        age.refresh()
+        return age
 
     def refresh(self) -> None:
         """Note that it was received now."""

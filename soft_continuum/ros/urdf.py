@@ -16,7 +16,10 @@ from math import pi
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from soft_continuum.mechanics.arm import Arm
+import numpy as np
+from numpy.typing import NDArray
+
+from soft_continuum.mechanics.arm import Arm, PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.mechanics.chain import Chain
 
 MATERIALS = {'disc': '0.75 0.78 0.82 1', 'skin': '0.35 0.30 0.25 1'}
@@ -34,6 +37,11 @@ def joint_names(chain: Chain) -> list[str]:
 
 def _names_of_axes(joint: str, axes: Sequence[str]) -> list[str]:
     return [joint] if len(axes) == 1 else [f'{joint}_{axis}' for axis in axes]
+
+
+def pose_axes_of(joints: Sequence[str]) -> NDArray[np.bool_]:
+    """Return pose_axes of the arm whose joints have these names; of none: of a planar arm."""
+    return SPATIAL_AXES if any(name.endswith('_x') for name in joints[:1]) else PLANAR_AXES
 
 
 def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:

@@ -4,15 +4,13 @@
 
 from typing import Any
 
-from rclpy.node import Node
 from sensor_msgs.msg import Joy
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.entries import repeat, subscribe
-from soft_continuum.nodes.node_parameters import NodeParameters
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.nodes.status import FAILURE_PERIOD, OK, StatePublisher, Status, WARN
+from soft_continuum.nodes.status import OK, StatePublisher, WARN
+from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.ros.names import TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.teleop.enable_button import EnableButton
@@ -38,7 +36,7 @@ NO_DEVICE = ('no joystick: nothing received on joy; start joy_node, or `soft_con
              'for the keyboard')
 
 
-class Teleop(Node):
+class Teleop(SuiteNode):
     """
     Steers one segment by a joystick while its enable button is held.
 
@@ -50,10 +48,8 @@ class Teleop(Node):
 
     def __init__(self, **options: Any) -> None:
         """Declare parameters and topics; raises ParameterError."""
-        super().__init__(TELEOP, **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS[TELEOP])
+        super().__init__(TELEOP, 'joystick', **options)
         self._pad = Pad.from_parameters(self.parameters)
-        self.status = Status(self, 'joystick')
         self._states = StatePublisher(self, TeleopState)
         self._conflicts = Conflicts(self, 0, self.parameters)
         self._enable_button = EnableButton(
@@ -82,7 +78,7 @@ class Teleop(Node):
 
     def callback_failed(self, error: Exception) -> None:
         """Let the arm come to rest, and report what a callback raised."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
+        super().callback_failed(error)
         self._enable_button.lose('teleop failed')
         self._arm.release()
 

@@ -4,7 +4,7 @@
 
 from collections.abc import Coroutine, Mapping
 from concurrent.futures import Future
-from math import cos, inf, sin
+from math import inf
 from time import monotonic
 from typing import Any
 
@@ -24,13 +24,13 @@ from soft_continuum.client.errors import (
 )
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
-from soft_continuum.mechanics.arm import Arm, Array, PLANAR_AXES
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
 from soft_continuum.nodes.entries import subscribe
-from soft_continuum.ros.graph import running_nodes
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
+    running_nodes,
     SERVO,
     SHAPE_SEQUENCER,
     TENDON_ACTUATION,
@@ -38,7 +38,7 @@ from soft_continuum.ros.names import (
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.teleop.enable_button import MOVE
 from soft_continuum.text import plain
-from soft_continuum_interfaces.msg import TeleopState, TendonActuationState
+from soft_continuum_interfaces.msg import TeleopState
 
 PREPARING = 'the servo is being prepared'
 NO_SERVO = ('servo does not run: start the nodes with `up --teleop`, or it alone with: ros2 run '
@@ -133,8 +133,7 @@ class SteeredArm:
     @property
     def stopped(self) -> bool:
         """Whether motion is stopped, by any node."""
-        tendons = self._observed.tendon_actuation
-        return tendons is not None and tendons.stopped != TendonActuationState.NOT_STOPPED
+        return bool(self._observed.stopped())
 
     @property
     def servo_text(self) -> str:
@@ -197,7 +196,9 @@ class SteeredArm:
 
     def move(self, stick: tuple[float, float, float]) -> None:
         """Move by the stick once the servo is ready; each component -1 to 1."""
-        velocity = self._velocity(stick)
+        arm = self._arm
+        assert arm is not None  # else problem() says so
+        velocity = self._velocity(arm, stick)
         if not self._ready:
             self._prepare()
         elif not velocity.any():
@@ -206,12 +207,12 @@ class SteeredArm:
             self.rest()
             self.note = 'kinematics reports no shape of the arm: see its status'
         else:
-            self._advance(present, velocity)
+            self._advance(arm, present, velocity)
 
-    def _velocity(self, stick: tuple[float, float, float]) -> Array:
+    def _velocity(self, arm: Arm, stick: tuple[float, float, float]) -> Array:
         """Return the velocity of the target (3,), rad/s of bending or m/s of the tip."""
         x, y, z = stick
-        along = PLANAR_AXES[:3] if self._arm is None else self._arm.pose_axes[:3]
+        along = arm.pose_axes[:3]
         if self.mode == BENDING:
             return float(self._parameters['teleop.bending_speed']) * along * [x, y, 0.0]
         if not along[1]:  # then the axis that it would move along y moves it up and down
@@ -220,26 +221,26 @@ class SteeredArm:
 
     def _present(self) -> Array | None:
         """Return the bending of the segment (x, y, 0), rad, or the tip, m; None if not known."""
-        state = self._observed.snapshot()
         if self.mode == TIP:
-            return None if state.tip is None else np.array(state.tip.position)
-        angles, at = state.bending_angles, self.segment - 1
-        if angles is None or at >= len(angles):
+            poses = self._observed.poses('disc_poses')
+            return np.array(poses[-1].position) if poses else None
+        bending = self._observed.bending()
+        if bending is None or self.segment > len(bending):
             return None
-        direction = state.bending_directions[at] if state.bending_directions else 0.0
-        return angles[at] * np.array([cos(direction), sin(direction), 0.0])
+        about_x, about_y = bending[self.segment - 1]
+        return np.array([about_y, -about_x, 0.0])
 
-    def _advance(self, present: Array, velocity: Array) -> None:
+    def _advance(self, arm: Arm, present: Array, velocity: Array) -> None:
         """Publish a target that goes on at this velocity, not too far ahead of the arm."""
-        now, arm = monotonic(), self._arm
-        if self._target is None or arm is None:
+        now = monotonic()
+        if self._target is None:
             self._target, self._target_time, self.note = present, now, ''
         step, self._target_time = min(now - self._target_time, MAX_STEP), now
         bends = self.mode == BENDING
         speed = self._parameters['teleop.bending_speed' if bends else 'teleop.tip_speed']
         target = present + _limited(
             self._target + velocity * step - present, LEAD_TIME * speed)
-        if bends and arm is not None:
+        if bends:
             target = _limited(target, arm.segments[self.segment - 1].bending_angle_limit)
         self._target = target
         x, y, z = target.tolist()

@@ -6,10 +6,9 @@ from geometry_msgs.msg import PoseArray
 import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
 
-from soft_continuum.ros.conversions import poses_from_ros, seconds
+from soft_continuum.ros.conversions import grey_message, poses_from_ros, seconds
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import CAMERA, TWIN
-from soft_continuum.ros.pictures import grey_message
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.publisher import DISC_POSES, Publisher

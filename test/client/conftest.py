@@ -13,7 +13,7 @@ import pytest
 from std_srvs.srv import SetBool
 
 from soft_continuum.cli.main import main
-from soft_continuum.client import Arm, operations
+from soft_continuum.client import Arm, requests
 from support.command import Command
 from support.documented_commands import kept_signal_handlers
 from support.estimated_arm import EstimatedArm
@@ -50,7 +50,7 @@ def arm_of_module(module_rig: Any) -> Any:
 @pytest.fixture
 def settling(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let clients in this process wait longer for topics of which a busy machine is late."""
-    monkeypatch.setattr(operations, 'SETTLING_TIMEOUT', 5.0)
+    monkeypatch.setattr(requests, 'SETTLING_TIMEOUT', 5.0)
 
 
 @pytest.fixture
@@ -105,7 +105,7 @@ def client_of_module(arm_of_module: Any, module_domain: int) -> Iterator[Arm]:
     """Return a client that the tests of a module share: to find an arm may take 3 s."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(module_domain))
-        patch.setattr(operations, 'SETTLING_TIMEOUT', 5.0)
+        patch.setattr(requests, 'SETTLING_TIMEOUT', 5.0)
         with Arm(NAMESPACE, timeout=TIMEOUT) as client:
             yield client
 

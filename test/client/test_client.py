@@ -26,7 +26,6 @@ from soft_continuum.client import (
     MotionEndedError,
     NoAnswerError,
     NodesMissingError,
-    operations,
     RefusedError,
     requests,
     SequenceError,
@@ -307,11 +306,11 @@ def test_a_jog_pulls_the_tendons_while_a_segment_is_soft(straight_client):
 
 def test_a_jog_is_replaced_by_a_newer_one_and_ended_by_a_stop_of_another_client(
         straight_client, connect, monkeypatch):
-    monkeypatch.setattr(operations, 'JOG_SPEED', 0.002)
+    monkeypatch.setattr(requests, 'JOG_SPEED', 0.002)
     straight_client.soften(3)
     other = connect()
     for end, kind, reason in (
-            (lambda: other.jog(left=0.001), MotionEndedError, 'newer trajectory'),
+            (lambda: other.jog(left=0.001), MotionEndedError, 'replaced by another trajectory'),
             (other.stop, RefusedError, 'stop was called')):
         begin = other.state.pulls[1]
         with ThreadPoolExecutor(1) as pool:

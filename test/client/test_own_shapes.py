@@ -11,12 +11,14 @@ import pytest
 from soft_continuum.client import own_file
 from soft_continuum.client.own_file import (
     delete,
+    OwnShapesError,
     read_saved,
     rename,
     save_sequence,
     save_shape,
+    Saved,
+    steps_from_text,
 )
-from soft_continuum.client.own_shapes import OwnShapesError, Saved, steps_from_text
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import Shape

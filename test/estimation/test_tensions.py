@@ -15,7 +15,11 @@ from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, Layout
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.nodes.measured_tensions import MeasuredTensions, PERIOD, UNCHECKED_TIME
+from soft_continuum.nodes.measurements import (
+    MeasuredTensions,
+    TENSION_INTERVAL,
+    UNCHECKED_TIME,
+)
 from soft_continuum_interfaces.msg import TendonActuationState
 from support.true_arm import ARM, only, Session, STIFF, TrueArm
 
@@ -228,6 +232,6 @@ def test_ten_tensions_a_second_are_used_of_cells_that_measure():
     for n in range(50):
         tensions.put(100.0 + 0.02 * n, {NAMES[0]: float('nan'), NAMES[1]: 4.0})
         used += tensions.take()
-    assert 1.0 / PERIOD - 1 <= len(used) <= 1.0 / PERIOD + 1
+    assert 1.0 / TENSION_INTERVAL - 1 <= len(used) <= 1.0 / TENSION_INTERVAL + 1
     for _, (one,) in used:
         assert (one.tendon, one.tension, one.stddev, one.relative) == (1, 4.0, 0.3, 0.1)

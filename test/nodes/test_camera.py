@@ -23,8 +23,7 @@ from std_srvs.srv import Trigger
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.nodes import camera
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.conversions import pose_from_ros
-from soft_continuum.ros.pictures import CHANNELS, grey_message, grey_picture
+from soft_continuum.ros.conversions import CHANNELS, grey_message, grey_picture, pose_from_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.sensing.layout import FRONT
 from support import space_views, views

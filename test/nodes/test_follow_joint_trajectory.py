@@ -102,5 +102,5 @@ def test_goals_of_follow_joint_trajectory_are_followed_refused_canceled_and_repl
                        ('nan', 'finite numbers'), ('far', 'pull_limits'),
                        ('old', 'header.stamp'), ('long', 'send it in parts'),
                        ('path', 'tolerance: 1e-09 m'),
-                       ('final', 'tolerance: 1e-09 m'), ('replaced', 'took its place')):
+                       ('final', 'tolerance: 1e-09 m'), ('replaced', 'by another trajectory')):
         assert text in goals[name]['text'], goals[name]

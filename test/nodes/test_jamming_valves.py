@@ -7,10 +7,16 @@ How segments become soft and stiff, and what is said of it.
 When a vacuum makes a segment stiff, or the pump runs, is claimed in test/hardware.
 """
 
+from unittest.mock import Mock
+
 import pytest
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
+from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
+from soft_continuum.hardware.protocols import JammingDriver, JammingReading
+from soft_continuum.nodes.jamming_control import JammingControl, Report
+from soft_continuum_interfaces.msg import JammingValvesState
 from soft_continuum_interfaces.srv import SetVacuum
 from support.ros_rig import AMBIENT, LATCHED, Rig, SEGMENTS, STIFF_VACUUM
 
@@ -177,3 +183,21 @@ def test_valves_refuse_a_vacuum_between(valves: Rig) -> None:
     answer = set_vacuum(valves, 2, 0.0)
     assert not answer.success and 'valves' in answer.message
     assert valves.all_stiff and not valves.states['jamming_valves'].last.vacuums
+
+
+def test_what_was_read_before_the_node_was_deactivated_is_not_reported_again() -> None:
+    reports: list[Report] = []
+    driver = Mock(spec=JammingDriver)
+    driver.read.return_value = JammingReading((20e3,), (True,), True)
+    control = JammingControl(1, reports.append)
+    control.attach(JammingController(driver, 1, JammingSettings()))
+    control.activate()
+    control.cycle(0.0)
+    assert list(reports[-1].state.stiffness) == [JammingValvesState.STIFF]
+    control.deactivate()
+    control.activate()
+    control.command(lambda _: None)
+    assert not reports[-1].state.connected
+    assert list(reports[-1].state.stiffness) == [JammingValvesState.UNKNOWN]
+    control.cycle(0.0)
+    assert list(control.snapshot().state.stiffness) == [JammingValvesState.STIFF]

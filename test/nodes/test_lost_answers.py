@@ -15,7 +15,6 @@ from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
 from soft_continuum.browser.session import Session
-from soft_continuum.client import operations
 from soft_continuum.client import requests as client_requests
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError
@@ -75,7 +74,7 @@ def test_what_may_be_asked_again_is_and_the_first_answer_that_comes_counts(
         shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
     requests = connection.requests
     requests.timeout = DEADLINE
-    monkeypatch.setattr(operations, 'ATTEMPTS', 60)
+    monkeypatch.setattr(client_requests, 'ATTEMPTS', 60)
     with lost_answers(shared_arm.node('tendon_actuation'), '/stop') as lost:
         stopping = requests.start(requests.stop())
         shared_arm.wait_for(lambda: len(lost) >= 2, 'the second request')

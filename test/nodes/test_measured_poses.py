@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from soft_continuum.nodes.measured_poses import MeasuredPoses
+from soft_continuum.nodes.measurements import MeasuredPoses
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
@@ -52,7 +52,7 @@ def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(
         monkeypatch: pytest.MonkeyPatch) -> None:
     """The second of two stamps within 1/60 s used to be left out."""
     now = [0.0]
-    monkeypatch.setattr('soft_continuum.nodes.measured_poses.STEADY', lambda: now[0])
+    monkeypatch.setattr('soft_continuum.nodes.measurements.STEADY', lambda: now[0])
     node = Mock()
     poses = MeasuredPoses(node, ARM, FRAME, lambda: None)
     calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.nodes.plan_guard import PlanGuard
+from soft_continuum.nodes.planning import PlanGuard
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.plans import PlannedStep, Shape, ShapePlan
 

@@ -19,7 +19,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from soft_continuum.mechanics import Statics
-from soft_continuum.nodes.servo import EstimateObserver
+from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_to_ros
 from soft_continuum.user_files import description_file
@@ -145,15 +145,15 @@ def test_it_follows_an_angle_and_a_tip_and_holds_without_a_target(follower: Foll
 @pytest.fixture
 def measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the servo see an arm that turns 0.8 times as far as kinematics predicts, as measured."""
-    on_shape = EstimateObserver._on_shape
+    on_shape = ArmObserver._on_shape
 
-    def on_measured(observer: EstimateObserver, message: Any) -> None:
+    def on_measured(observer: ArmObserver, message: Any) -> None:
         message.joint_angles = (0.8 * np.array(message.joint_angles)).tolist()
         message.held_angles = (0.8 * np.array(message.held_angles)).tolist()
         message.measured = message.stamp
         on_shape(observer, message)
 
-    monkeypatch.setattr(EstimateObserver, '_on_shape', on_measured)
+    monkeypatch.setattr(ArmObserver, '_on_shape', on_measured)
 
 
 def test_measurements_correct_it(measured: None, follower: Follower) -> None:
@@ -267,7 +267,7 @@ def test_it_knows_when_the_arm_had_its_shape_and_when_it_was_measured(
     node = Mock()
     node.count_publishers.return_value = 0
     node.get_clock().now().nanoseconds = 105_000_000_000
-    observed = EstimateObserver(
+    observed = ArmObserver(
         node, load_arm(description_file()), {'stale_timeout': 10.0, 'arm.jamming': True},
         Mock())
     shape = equilibrium_to_ros(observed.chain.straight())

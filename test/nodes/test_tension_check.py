@@ -7,7 +7,7 @@ from math import nan
 
 import pytest
 
-from soft_continuum.nodes.measured_tensions import REPORT_DELAY, TensionCheck
+from soft_continuum.nodes.measurements import REPORT_DELAY, TensionCheck
 
 NAMES = ('right_tendon', 'left_tendon')
 TOLERANCES = (5.0, 5.0)

@@ -10,8 +10,7 @@ import pytest
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 from soft_continuum.hardware.tendon_controller import TendonController, TendonLimits
 from soft_continuum.nodes import tendon_control
-from soft_continuum.nodes.motion_requests import Request
-from soft_continuum.nodes.tendon_control import Report, TendonControl
+from soft_continuum.nodes.tendon_control import Report, Request, TendonControl
 
 PERIOD = 0.02  # s
 TENDONS = ('right_tendon', 'left_tendon')
@@ -35,7 +34,7 @@ class Steered:
             driver, TendonLimits(TENDONS, (-0.06, 0.06), 0.1))
         self.control = TendonControl(
             TENDONS, arm, PERIOD, lambda: 0.0, lambda: 60.0, self._report, Mock())
-        self.control.attach((driver, self.controller))
+        self.control.attach(self.controller)
         self.control.activate()
         self.start = self.now  # of the motion, as its sender has it
         self.pulls = [self.controller.reading.pulls]
