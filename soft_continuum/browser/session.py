@@ -249,36 +249,11 @@ class Session:
     def stop(self) -> None:
         """Stop the tendons and all rounds of sequences."""
         self._sequences += 1
-        self._trigger(STOP, self.requests.stop())
+        self.trigger(STOP, self.requests.stop())
 
     def resume(self) -> None:
         """Allow motion again."""
-        self._trigger('Resume', self.requests.resume())
-
-    def reference(self) -> None:
-        """Set the present tendon positions as those of the straight arm."""
-        self._trigger('Reference', self.requests.reference())
-
-    def reset(self) -> None:
-        """Reset kinematics to the straight arm."""
-        self._trigger('Reset shape', self.requests.reset())
-
-    def set_stiff(self, segment: int, stiff: bool) -> None:
-        """Evacuate or vent a segment (from 1)."""
-        self._start(f'{"Stiffen" if stiff else "Soften"} segment {segment}',
-                    self.requests.set_stiff(segment, stiff))
-
-    def set_vacuum(self, segment: int, vacuum: float) -> None:
-        """Set the vacuum of a segment (from 1) with a regulator, Pa below ambient."""
-        self._start(f'Vacuum of segment {segment}', self.requests.set_vacuum(segment, vacuum))
-
-    def stiffen_all(self) -> None:
-        """Evacuate every segment."""
-        self._start('Stiffen all segments', self.requests.set_stiff(None, True))
-
-    def jog(self, tendon: str, change: float) -> None:
-        """Pull in a tendon by ``change`` m; negative: pay out."""
-        self._start('Jog', self.requests.jog({tendon: change}))
+        self.trigger('Resume', self.requests.resume())
 
     def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0],
             hold: 'float | Sequence[float]' = SEQUENCE_HOLD, rounds: int = 1) -> None:
@@ -294,7 +269,7 @@ class Session:
 
         self._sequences += 1
         number = self._sequences
-        self._start('Sequence', self._run(number, shapes, aim, hold, rounds), done)
+        self.start('Sequence', self._run(number, shapes, aim, hold, rounds), done)
 
     async def _run(self, number: int, shapes: 'Sequence[ShapeLike]', aim: str,
                    hold: 'float | Sequence[float]', rounds: int) -> SequenceResult:
@@ -312,7 +287,7 @@ class Session:
         async def refused() -> None:
             raise RefusedError(reason)
 
-        self._start(title, refused())
+        self.start(title, refused())
 
     def set_closed_loop(self, closed: bool) -> None:
         """Turn the correction of sequences by measurements on or off."""
@@ -321,23 +296,24 @@ class Session:
             self.notify('Loop', 'sequences are corrected with measurements' if closed else
                         'sequences run open loop')
 
-        self._start('Loop', self.requests.set_closed_loop(closed), done)
+        self.start('Loop', self.requests.set_closed_loop(closed), done)
 
     def record(self) -> None:
         """Start a recording, or end the running one."""
         state = self.observed.recorder
-        self._trigger('Recording', self.requests.record(state is None or not state.recording))
+        self.trigger('Recording', self.requests.record(state is None or not state.recording))
 
     def cancel(self) -> None:
         """Cancel every running sequence of any client, and the remaining rounds."""
         self._sequences += 1
-        self._start('Cancel', self.requests.cancel_all())
+        self.start('Cancel', self.requests.cancel_all())
 
-    def _trigger(self, title: str, work: Coroutine[Any, None, str]) -> None:
-        self._start(title, work, lambda message: self.notify(title, message))
+    def trigger(self, title: str, work: Coroutine[Any, None, str]) -> None:
+        """Start a request whose answer is a text for the users."""
+        self.start(title, work, lambda message: self.notify(title, message))
 
-    def _start(self, title: str, work: Coroutine[Any, None, T],
-               done: Callable[[T], None] = lambda result: None) -> None:
+    def start(self, title: str, work: Coroutine[Any, None, T],
+              done: Callable[[T], None] = lambda result: None) -> None:
         """Start a request; a notice reports why it was not carried out."""
         def ended(future: Future[T]) -> None:
             try:
