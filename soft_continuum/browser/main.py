@@ -31,7 +31,7 @@ from soft_continuum.cli.up import asked_of, chosen_nodes, ros_arguments, start_p
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
-from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
+from soft_continuum.nodes.runtime import limit_memory
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.names import RECORDER
 
@@ -169,8 +169,6 @@ def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options:
                   discovery_timeout=DISCOVERY_TIMEOUT)
     except (AccessError, ClientError, ParameterError) as error:
         return parser.fail(error, WRONG_USAGE)
-    except ROS_ARGUMENT_ERRORS as error:
-        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
         pass
     return DONE

@@ -12,7 +12,6 @@ from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.arguments import DONE, given_path, Parser, WRONG_USAGE
 from soft_continuum.browser.access import AccessError
 from soft_continuum.browser.main import add_view_options, interrupt, serve
-from soft_continuum.recordings.bag import BagError
 from soft_continuum.recordings.playback import Playback
 
 
@@ -37,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             serve(running, options, 'The recording', playback,
                   f'of {path.name}: {playback.duration:.1f} s. No arm moves.',
                   namespace=playback.namespace)
-    except (AccessError, BagError, MeasurementError) as error:
+    except (AccessError, MeasurementError) as error:
         return parser.fail(error, WRONG_USAGE)
     except KeyboardInterrupt:
         pass

@@ -13,7 +13,7 @@ import numpy as np
 
 from soft_continuum.analysis.figures import preview_figure
 from soft_continuum.analysis.results import reserve_outputs, ResultError, text_table
-from soft_continuum.arguments import command_name, Parser, WRONG_USAGE
+from soft_continuum.arguments import command_name, Parser
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
 from soft_continuum.mechanics.chain import Chain, Equilibrium
@@ -56,12 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for question in QUESTIONS:
         parser.add_argument(question.option, type=_reader(question), help=question.text,
                             metavar=_metavar(question))
-    try:
-        return run_verb(parser, _run, argv, 'matplotlib')
-    except DeclinedError as error:
-        return parser.fail(error)
-    except AnswerError as error:
-        return parser.fail(error, WRONG_USAGE)
+    return run_verb(parser, _run, argv, 'matplotlib')
 
 
 def _file_name(text: str) -> str:

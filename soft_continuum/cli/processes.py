@@ -16,7 +16,14 @@ import rclpy
 from rclpy.context import Context
 
 from soft_continuum.extras import remedy
-from soft_continuum.nodes.runtime import check_parameter_files, end_with, run
+from soft_continuum.nodes.runtime import (
+    argument_error,
+    check_parameter_files,
+    end_with,
+    ROS_ARGUMENT_ERRORS,
+    run,
+)
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.logs import require_log_folder
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
@@ -42,13 +49,16 @@ class NodeProcesses:
         Check everything that can be checked before the start.
 
         arguments: program, then ROS arguments, for every node.  output: descriptor of a file for
-        their output, None: the output of this process. Raises ParameterError for a parameter file,
-        one of runtime.ROS_ARGUMENT_ERRORS for arguments that are not valid in ROS.
+        their output, None: the output of this process. Raises ParameterError for a parameter
+        file, and for arguments that are not valid in ROS.
         """
         check_parameter_files(arguments, names)
         require_log_folder(os.environ)
         context = Context()
-        rclpy.init(args=with_enclave(arguments, (*names, CLIENT)[0]), context=context)
+        try:
+            rclpy.init(args=with_enclave(arguments, (*names, CLIENT)[0]), context=context)
+        except ROS_ARGUMENT_ERRORS as error:
+            raise ParameterError(argument_error(arguments, error)) from None
         context.shutdown()
         self._names, self._arguments = tuple(names), list(arguments[1:])
         self._output = output

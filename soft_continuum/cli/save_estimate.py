@@ -5,16 +5,15 @@
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from functools import partial
 from math import inf
 import sys
 from typing import TYPE_CHECKING
 
-from soft_continuum import version
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.arguments import FAILED, NO_NODES, Parser
-from soft_continuum.cli.common import run_verb
+from soft_continuum.arguments import Parser
+from soft_continuum.cli.common import origin, run_verb
+from soft_continuum.client.errors import ClientError
 from soft_continuum.client.estimate import LearnedParameter, parameter_text, ParameterText
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import write_parameters
@@ -56,11 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     f'K and payload, as far as they are determined. Writes {FILE}; pass it to the '
                     'nodes after the other parameter files. Moves nothing.',
                     '--namespace', '--timeout', '--output', '--force')
-    from soft_continuum.client.errors import ClientError, NodesMissingError
-    try:
-        return run_verb(parser, _run, argv)
-    except ClientError as error:
-        return parser.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -70,7 +65,7 @@ def _run(options: argparse.Namespace) -> None:
     with RunningArm(options.namespace, timeout=options.timeout) as arm:
         estimate = arm.state.estimate
         learned = estimated_parameters(_known(estimate), arm.description)
-        title = _title(arm.is_simulated)
+        title = origin(NAME, arm.is_simulated, 'Estimated from measurements')
     _say(learned)
     assert estimate is not None
     write_parameters(path, learned.values, [
@@ -84,16 +79,8 @@ def _run(options: argparse.Namespace) -> None:
     print(f'\nWritten: {path}. Pass it to the nodes as another parameter file, after the others.')
 
 
-def _title(simulated: bool) -> str:
-    what = 'SIMULATED arm (twin), not a measurement' if simulated else 'Estimated from '
-    'measurements'
-    return (f'{what}; soft_continuum {NAME} {version()} on '
-            f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
-
-
 def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
     """Return the parameters of an estimate; raises ClientError if it has none."""
-    from soft_continuum.client.errors import ClientError
     from soft_continuum.client.state import source_text
     if estimate is None:
         raise ClientError('kinematics publishes no shape, so there is no estimate to save; see '
@@ -106,7 +93,6 @@ def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
 
 def _say(learned: Learned) -> None:
     """Print the estimates; raise ClientError if none of them can be written."""
-    from soft_continuum.client.errors import ClientError
     for text in learned.offsets:
         print(f'offset, not written: {text}')
     if not learned.values:

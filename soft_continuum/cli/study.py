@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.analysis.results import progress, text_table, write_rows
-from soft_continuum.arguments import FAILED, given_path, Parser, whole_number_in
+from soft_continuum.arguments import given_path, Parser, whole_number_in
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
 from soft_continuum.study.design import read_study
@@ -53,8 +53,8 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
         if todo:
             with cluster(options.processes, options.scheduler) as client:
                 _compute(client, results, todo, options.yes)
-    except (StudyError, DeclinedError) as error:
-        return parser.fail(error, FAILED)
+    except StudyError as error:
+        return parser.fail(error)
     except KeyboardInterrupt:
         print(f'\n{options.output}: {len(todo) - len(results.missing())} more units are done; run '
               'the same command to resume', file=sys.stderr)

@@ -25,12 +25,7 @@ from soft_continuum.cli.twin_process import add_twin_options, twin_process
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
-from soft_continuum.nodes.runtime import (
-    argument_error,
-    check_parameter_files,
-    ROS_ARGUMENT_ERRORS,
-    Signals,
-)
+from soft_continuum.nodes.runtime import check_parameter_files, Signals
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description, parameters_text
 from soft_continuum.parameters.overrides import Overrides
@@ -188,7 +183,6 @@ def main() -> int:
     parser = start_parser('up', 'Start the nodes of an arm: all four, or those that it needs.')
     options = parser.parse_args()
     signals = Signals()
-    arguments = ros_arguments(options)
     try:
         with (asked_of(options) as asked,
               NodeProcesses(chosen_nodes(options), with_asked(options, asked)) as nodes):
@@ -197,8 +191,6 @@ def main() -> int:
                 sleep(PERIOD)
     except ParameterError as error:
         return parser.fail(error, WRONG_USAGE)
-    except ROS_ARGUMENT_ERRORS as error:
-        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
         return DONE
     finally:

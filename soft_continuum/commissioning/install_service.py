@@ -94,10 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='ROS_DOMAIN_ID (default: that of this terminal)')
     parser.add_argument('--yes', action='store_true', help='write without asking')
     parser.add_argument('--remove', action='store_true', help='remove the files it has written')
-    try:
-        return run_verb(parser, _run, argv)
-    except DeclinedError as error:
-        return parser.fail(error)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:

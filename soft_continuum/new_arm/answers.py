@@ -8,7 +8,7 @@ from math import inf, pi
 from typing import TypeAlias
 
 from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
-from soft_continuum.parameters.parameter import Parameter, Value
+from soft_continuum.parameters.parameter import Parameter, ParameterError, Value
 
 PLANAR, SPATIAL, TENDONS = KINDS = ('planar', 'spatial', 'tendons')
 UNITS = {'': 1.0, 'mm': 1e-3, 'g': 1e-3, 'degrees': pi / 180.0, 'GPa': 1e9, 'N': 1.0,
@@ -21,7 +21,7 @@ Given: TypeAlias = str | tuple[float, ...]
 """A choice, or numbers in the input unit."""
 
 
-class AnswerError(ValueError):
+class AnswerError(ParameterError):
     """An answer is invalid; the message says what was given and what is allowed."""
 
     def __init__(self, name: str, problem: str) -> None:

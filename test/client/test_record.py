@@ -227,7 +227,7 @@ def test_without_force_nothing_is_overwritten_and_with_it_not_before_there_are_n
     before.write_text('precious')
     assert call(*record, timeout=None)[0] == 2
     status, _, err = call(*record, '--force', timeout=None)
-    assert status == 1 and './run up' in err
+    assert status == 3 and './run up' in err
     assert before.read_text() == 'precious'
 
 
