@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-``./run ui``: the four nodes and the view; ``ros2 run soft_continuum browser``: the view alone.
+``ui``: the four nodes and the view; ``browser``: the view alone; ``replay``: of a recording.
 
 Nodes and view are separate processes, so the view does not delay the nodes.
 """
@@ -12,6 +12,7 @@ from contextlib import AbstractContextManager, ExitStack, nullcontext
 from functools import partial
 import re
 import signal
+import sys
 import threading
 from typing import Any, TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 import viser
 
-from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
+from soft_continuum.arguments import DONE, given_path, Parser, WRONG_USAGE
 from soft_continuum.browser.access import AccessError, open_server, page_address
 from soft_continuum.browser.bar import alarm_text, Bar, bar_state, BarState
 from soft_continuum.browser.log import LOG
@@ -152,6 +153,37 @@ def browser() -> int:
     add_view_options(parser)
     options, rest = parser.parse_known_args()
     return run(parser, (), ['browser', *rest], options)
+
+
+def replay(argv: Sequence[str] | None = None) -> int:
+    """Show a recording until Ctrl-C; return the exit status."""
+    parser = Parser('replay', 'Play a recording in a browser, with a time slider. No arm moves.',
+                    '--namespace')
+    parser.add_argument('recording', type=given_path, metavar='RECORDING',
+                        help='directory that record wrote, or an MCAP file')
+    add_view_options(parser)
+    options = parser.parse_args(argv)
+    from soft_continuum.analysis.bag_tables import bag_in
+    from soft_continuum.analysis.delimited import MeasurementError
+    from soft_continuum.recordings.playback import Playback
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        path = bag_in(options.recording)
+        playback = Playback(path, options.namespace)
+        if not playback.is_described:
+            return parser.fail(f'{path} lacks the parameters of the arm, which record writes; use '
+                               'report or export', WRONG_USAGE)
+        if playback.damage:
+            print(f'{path}: {playback.damage}; the part before is shown', file=sys.stderr)
+        with ExitStack() as running, playback:
+            serve(running, options, 'The recording', playback,
+                  f'of {path.name}: {playback.duration:.1f} s. No arm moves.',
+                  namespace=playback.namespace)
+    except (AccessError, MeasurementError) as error:
+        return parser.fail(error, WRONG_USAGE)
+    except KeyboardInterrupt:
+        pass
+    return DONE
 
 
 def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options: Namespace,

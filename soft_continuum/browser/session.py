@@ -13,9 +13,9 @@ from typing import Any, TYPE_CHECKING, TypeVar
 
 from visualization_msgs.msg import MarkerArray
 
+from soft_continuum.browser.meshes import Points
 from soft_continuum.browser.messages import plain
 from soft_continuum.browser.picture import CameraPicture
-from soft_continuum.browser.points import Points
 from soft_continuum.browser.saved import SavedShapes
 from soft_continuum.browser.tip_planning import TipPlanning
 from soft_continuum.cli.up import nodes_for

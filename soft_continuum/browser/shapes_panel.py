@@ -12,7 +12,7 @@ import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.controls import Controls, may_run, number_of, on_change, runs
-from soft_continuum.browser.points import Points, points_of
+from soft_continuum.browser.meshes import Points, points_of
 from soft_continuum.browser.session import Description, SEQUENCE_HOLD, Session
 from soft_continuum.client import own_file
 from soft_continuum.client.own_shapes import (

@@ -18,8 +18,13 @@ from soft_continuum.arguments import DONE, FAILED, given_path, number_in, Parser
 from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.cli.operate import bendings
 from soft_continuum.cli.plan_picture import plan_figure, SUFFIXES
-from soft_continuum.cli.tip_options import add_tip, given_tip, tip_problem, UNITS
-from soft_continuum.cli.tip_path import read_tip_path
+from soft_continuum.cli.tip_options import (
+    add_tip,
+    given_tip,
+    read_tip_path,
+    tip_problem,
+    UNITS,
+)
 from soft_continuum.client.tip import Tip
 from soft_continuum.extras import require
 from soft_continuum.mechanics.arm import Arm

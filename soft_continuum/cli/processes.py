@@ -3,7 +3,6 @@
 """Runs each node as a separate process, so that none can delay another, without launch."""
 
 from collections.abc import Sequence
-from importlib import import_module
 import os
 import signal
 import subprocess
@@ -143,7 +142,8 @@ def child() -> None:
     end_with(int(parent))
     try:
         if name in (TWIN, TWIN_CAMERA):
-            status = import_module(f'soft_continuum.cli.{name}').main(arguments)
+            from soft_continuum.cli import twin
+            status = (twin.main if name == TWIN else twin.camera)(arguments)
         else:
             status = run(name, [name, *arguments])
     except ImportError as error:

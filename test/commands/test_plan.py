@@ -12,7 +12,7 @@ import pytest
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.cli import plan_picture
 from soft_continuum.cli.plan import main
-from soft_continuum.cli.tip_path import read_tip_path
+from soft_continuum.cli.tip_options import read_tip_path
 
 OBSTACLES = """
 unit: mm
