@@ -7,7 +7,7 @@ Nodes and view are separate processes, so the view does not delay the nodes.
 """
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from functools import partial
 import re
@@ -28,18 +28,17 @@ from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
 from soft_continuum.browser.session import Session
 from soft_continuum.cli.processes import NodeProcesses
-from soft_continuum.cli.up import asked_of, chosen_nodes, ros_arguments, start_parser, with_asked
+from soft_continuum.cli.up import arguments_of, chosen_nodes, start_parser
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.runtime import limit_memory
-from soft_continuum.parameters.parameter import ParameterError, Value
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import RECORDER
 
 if TYPE_CHECKING:  # only a replay needs it
     from soft_continuum.recordings.playback import Playback
 
-NO_RIG = nullcontext[Mapping[str, Value]]({})
 PORT = 8080
 SCENE_PERIOD = 0.04  # s
 PANEL_PERIOD = 0.2  # s
@@ -143,7 +142,7 @@ def ui() -> int:
             *chosen_nodes(options), RECORDER)
     except ParameterError as error:
         return parser.fail(error, WRONG_USAGE)
-    return run(parser, nodes, ros_arguments(options), options, asked_of(options))
+    return run(parser, nodes, options, arguments_of(options))
 
 
 def browser() -> int:
@@ -152,7 +151,7 @@ def browser() -> int:
                     'node.')
     add_view_options(parser)
     options, rest = parser.parse_known_args()
-    return run(parser, (), ['browser', *rest], options)
+    return run(parser, (), options, nullcontext(['browser', *rest]))
 
 
 def replay(argv: Sequence[str] | None = None) -> int:
@@ -186,17 +185,16 @@ def replay(argv: Sequence[str] | None = None) -> int:
     return DONE
 
 
-def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options: Namespace,
-        rig: AbstractContextManager[Mapping[str, Value]] = NO_RIG) -> int:
+def run(parser: Parser, nodes: Sequence[str], options: Namespace,
+        starting: AbstractContextManager[list[str]]) -> int:
     """
-    Run nodes and the view, with ROS arguments, until SIGINT or SIGTERM; return the status.
+    Run nodes and the view until SIGINT or SIGTERM; return the status.
 
-    rig: runs while the nodes do, and gives them parameters that override those of the files.
+    starting: gives their ROS arguments, and runs while they do.
     """
     signal.signal(signal.SIGTERM, interrupt)
     try:
-        with (ExitStack() as running, rig as asked,
-              NodeProcesses(nodes, with_asked(options, asked) if asked else arguments)):
+        with ExitStack() as running, starting as arguments, NodeProcesses(nodes, arguments):
             serve(running, options, 'The arm', arguments=arguments,
                   discovery_timeout=DISCOVERY_TIMEOUT)
     except (AccessError, ClientError, ParameterError) as error:

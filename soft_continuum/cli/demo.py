@@ -20,8 +20,8 @@ from soft_continuum.analysis.figures import shapes_figure
 from soft_continuum.arguments import given_path, Parser, WRONG_USAGE
 from soft_continuum.cli.output import Output
 from soft_continuum.cli.processes import NodeProcesses
-from soft_continuum.cli.twin_process import add_twin_options, twin_process
-from soft_continuum.cli.up import chosen_nodes, with_asked
+from soft_continuum.cli.twin_process import add_twin_options
+from soft_continuum.cli.up import ALL, arguments_of, chosen_nodes
 from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.measured import MeasuredDisc
@@ -60,6 +60,9 @@ def main() -> int:
                         help='motors of the twin: steppers (grbl, the default) or servos '
                         '(dynamixel)')
     add_twin_options(parser)
+    # A namespace of its own keeps it apart from an arm that may be running.
+    parser.set_defaults(namespace=f'demo_{os.getpid()}', jamming_driver=None, computer=ALL,
+                        teleop=False)
     options = parser.parse_args()
     if not options.picture.resolve().parent.is_dir():
         parser.error(f'--picture {options.picture}: there is no such directory')
@@ -73,16 +76,13 @@ def main() -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'
     options.params_file = [description_file(options.arm)]
-    # A namespace of its own keeps it apart from an arm that may be running.
-    namespace = options.namespace = f'demo_{os.getpid()}'
     try:
         nodes = chosen_nodes(options)
         print(f'Starting the nodes on {rig} ...', flush=True)
-        with (twin_process(options.twin, options.params_file, namespace, camera=options.camera,
-                           tendon_driver=options.tendon_driver) as driving,
-              NodeProcesses(nodes, [*with_asked(options, driving), '--log-level', 'error']),
-              Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
-            if driving:
+        with (arguments_of(options) as arguments,
+              NodeProcesses(nodes, [*arguments, '--log-level', 'error']),
+              Arm(options.namespace, timeout=STARTING_TIMEOUT) as arm):
+            if options.twin:
                 _take_as_straight(arm, jamming=JAMMING_VALVES in nodes)
             _run(arm, options.picture, camera=options.camera)
     except KeyboardInterrupt:

@@ -34,9 +34,8 @@ def add_twin_options(parser: Parser) -> None:
 
 
 @contextmanager
-def twin_process(preset: str | None, params_files: Sequence[Path] = (), namespace: str = '',
-                 *, camera: bool = False, tendon_driver: str | None = None
-                 ) -> Iterator[dict[str, Value]]:
+def twin_process(preset: str | None, params_files: Sequence[Path], namespace: str, *,
+                 camera: bool, tendon_driver: str | None) -> Iterator[dict[str, Value]]:
     """
     Run the twin of the described arm; yield the node parameters that drive it.
 

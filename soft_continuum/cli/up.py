@@ -98,11 +98,6 @@ def start_arguments(namespace: str, files: Sequence[str | Path]) -> list[str]:
             *(word for path in files for word in ('--params-file', str(path)))]
 
 
-def ros_arguments(options: Namespace) -> list[str]:
-    """Return the options of start_parser as ROS arguments, without those that override files."""
-    return ['up', *start_arguments(_namespace(options), description_files(options))]
-
-
 def _namespace(options: Namespace) -> str:
     return (options.namespace or '').strip('/')
 
@@ -122,12 +117,6 @@ def asked_file(files: Sequence[str | Path], asked: Mapping[str, Value]) -> Path:
                                    digits=EXACT, section=section))
     atexit.register(Path(file.name).unlink, missing_ok=True)
     return Path(file.name)
-
-
-def with_asked(options: Namespace, asked: Mapping[str, Value]) -> list[str]:
-    """Return ros_arguments with parameters that override those of the files."""
-    files = [asked_file(description_files(options), asked)] if asked else []
-    return [*ros_arguments(options), *start_arguments('', files)]
 
 
 def nodes_of(files: Sequence[str | Path], namespace: str = '') -> tuple[str, ...]:
@@ -150,9 +139,8 @@ def nodes_for(arm: Arm, jamming: bool) -> tuple[str, ...]:
 def chosen_nodes(options: Namespace) -> tuple[str, ...]:
     """Return the nodes that the options of start_parser ask for, as nodes_of."""
     nodes = nodes_of(description_files(options), _namespace(options))
-    given = {'computer': ALL, 'teleop': False, **vars(options)}  # demo has no such options
-    return nodes_on(given['computer'], (
-        *nodes, *[CAMERA] * options.camera, *STEERING * given['teleop']))
+    return nodes_on(options.computer, (
+        *nodes, *[CAMERA] * options.camera, *STEERING * options.teleop))
 
 
 def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
@@ -162,9 +150,9 @@ def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
 
 
 @contextmanager
-def asked_of(options: Namespace) -> Iterator[dict[str, Value]]:
+def arguments_of(options: Namespace) -> Iterator[list[str]]:
     """
-    Yield the parameters from the options of start_parser, which override the files.
+    Yield the options of start_parser as arguments of the nodes, with the program.
 
     Meanwhile the twin runs if requested, see twin_process.
     """
@@ -173,9 +161,13 @@ def asked_of(options: Namespace) -> Iterator[dict[str, Value]]:
     if options.twin and options.computer == WORKSTATION:
         raise ParameterError('--twin brings the boards of a rig; start it on that computer, with '
                              '--computer rig')
+    files = description_files(options)
     with twin_process(options.twin, options.params_file, _namespace(options),
                       camera=options.camera, tendon_driver=options.tendon_driver) as driving:
-        yield {name: value for name in DRIVERS if (value := getattr(options, name))} | driving
+        asked = {name: value for name in DRIVERS if (value := getattr(options, name))} | driving
+        if asked:
+            files.append(asked_file(files, asked))
+        yield ['up', *start_arguments(_namespace(options), files)]
 
 
 def main() -> int:
@@ -184,8 +176,8 @@ def main() -> int:
     options = parser.parse_args()
     signals = Signals()
     try:
-        with (asked_of(options) as asked,
-              NodeProcesses(chosen_nodes(options), with_asked(options, asked)) as nodes):
+        with (arguments_of(options) as arguments,
+              NodeProcesses(chosen_nodes(options), arguments) as nodes):
             signals.starting = False
             while not signals.received and nodes.running:
                 sleep(PERIOD)

@@ -23,7 +23,7 @@ from serial.tools.list_ports import comports
 from soft_continuum.arguments import INTERRUPTED, Parser, whole_number_in, WRONG_USAGE
 from soft_continuum.cli.common import run_verb
 from soft_continuum.cli.prompts import ask, DeclinedError, one_of
-from soft_continuum.cli.up import check_start, description_files, nodes_of, ros_arguments
+from soft_continuum.cli.up import check_start, description_files, nodes_of, start_arguments
 from soft_continuum.hardware.real_time import NICENESS, PRIORITY
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError, Value
@@ -116,7 +116,8 @@ def _install(options: argparse.Namespace) -> None:
     check_start(namespace, options.params_file)
     nodes = [node for node in nodes_of(options.params_file, namespace)
              if options.nodes == 'all' or node in HARDWARE]
-    command = [sys.executable, '-m', 'soft_continuum', '%i', *ros_arguments(options)[1:],
+    command = [sys.executable, '-m', 'soft_continuum', '%i',
+               *start_arguments(namespace, options.params_file),
                '--disable-external-lib-logs']  # systemd keeps the log, within bounds
     files = {_folder() / name: text for name, text in units(
         namespace, nodes, command, _environment(options.domain)).items()}
