@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.analysis.results import progress
-from soft_continuum.mechanics.arm import Arm, ArmError, Array, SECOND_ORDER
-from soft_continuum.mechanics.chain import Equilibrium, SLACK
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics import Arm, ArmError, Equilibrium, SECOND_ORDER, SLACK, Statics
+from soft_continuum.mechanics.arm import Array
 
 CONTINUUM_BODIES = 100  # of the second-order chain, which is then within 1e-5 of the rod
 Step = tuple[tuple[bool, ...], Array]

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soft_continuum.mechanics import constant_curvature
+from soft_continuum.mechanics import constant_curvature, Equilibrium
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.drawing import draw_arm, projection_of, rim
 
 if TYPE_CHECKING:

@@ -20,9 +20,8 @@ from soft_continuum.analysis.unknowns import (
     Values,
     with_values,
 )
-from soft_continuum.mechanics.arm import Array, SECOND_ORDER
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics import SECOND_ORDER, Statics, StaticsError
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.arm import arm_from_parameters
 
 DIFFERENCE = 1e-4  # of the scale of an unknown

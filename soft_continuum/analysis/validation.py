@@ -15,12 +15,16 @@ import numpy as np
 
 from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps, Step
 from soft_continuum.analysis.results import progress
-from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.arm import Arm, ArmError, Array
-from soft_continuum.mechanics.chain import SLACK
+from soft_continuum.mechanics import (
+    Arm,
+    ArmError,
+    constant_curvature,
+    SLACK,
+    Statics,
+    StaticsError,
+)
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import hinged
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import Statics
 
 CONSTANT_CURVATURE = 'constant curvature'
 WITHOUT_GRAVITY = 'chain, no gravity'

@@ -27,9 +27,7 @@ from soft_continuum.arguments import (
 from soft_continuum.cli.prompts import DeclinedError
 from soft_continuum.client.errors import ClientError, NodesMissingError
 from soft_continuum.extras import require
-from soft_continuum.mechanics.arm import Arm, ArmError
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.laws import LawError
+from soft_continuum.mechanics import Arm, ArmError, LawError, StaticsError
 from soft_continuum.obstacles import ObstacleError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description

@@ -22,11 +22,9 @@ from soft_continuum.cli.output import Output
 from soft_continuum.cli.processes import NodeProcesses
 from soft_continuum.cli.twin_process import add_twin_options
 from soft_continuum.cli.up import ALL, arguments_of, chosen_nodes
-from soft_continuum.client.arm import Arm
-from soft_continuum.client.errors import ClientError
+from soft_continuum.client import Arm, ArmState, ClientError, Pose, RunningSequence
 from soft_continuum.client.measured import MeasuredDisc
-from soft_continuum.client.sequence import RunningSequence
-from soft_continuum.client.state import angles_text, ArmState, Pose
+from soft_continuum.client.state import angles_text
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.extras import require
 from soft_continuum.mechanics import arm as mechanics
