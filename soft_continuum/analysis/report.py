@@ -43,10 +43,7 @@ def report_html(recording: Recording, title: str, parameters: Mapping[str, Value
     if held:
         parts += ['<h2>Shapes held</h2>', _first(held, MAX_SHAPES, 'shapes'),
                   _image(_shapes(held[:MAX_PANELS]), 'the first shapes, described below'),
-                  _table(['shape', 'time, s', 'end of', 'x, mm', 'y, mm', 'z, mm',
-                          'tangent, degrees',
-                          *(f'{name} pull, mm' for name in recording.tendon_names)],
-                         _shape_rows(held[:MAX_SHAPES]))]
+                  _table(*shapes_table(recording))]
     parts += ['<h2>Over time</h2>',
               _image(_over_time(recording), 'pulls, tensions and pressures over time')]
     parts += ['<h2>Events</h2>', _first(recording.events, MAX_EVENTS, 'events'), _table(
@@ -82,15 +79,17 @@ def _summary(recording: Recording) -> str:
     return _table(['', ''], rows, 'text')
 
 
-def _shape_rows(held: Iterable[Held]) -> list[list[str]]:
+def shapes_table(recording: Recording) -> tuple[list[str], list[list[str]]]:
+    """Return the names of the columns, and the ends of the segments of every held shape."""
     rows = []
-    for shape in held:
+    for shape in recording.held_shapes()[:MAX_SHAPES]:
         ends = np.column_stack([shape.points[:, :3], shape.tangents])
         labels = [*(f'segment {n + 1}' for n in range(len(ends[2::2]))), 'tip']
         rows += [[shape.shape, f'{shape.time:.1f}', label, *(f'{v:.2f}' for v in values),
                   *(f'{pull:.3f}' for pull in shape.pulls)]
                  for label, values in zip(labels, [*ends[2::2], ends[-1]], strict=True)]
-    return rows
+    return ['shape', 'time, s', 'end of', 'x, mm', 'y, mm', 'z, mm', 'tangent, degrees',
+            *(f'{name} pull, mm' for name in recording.tendon_names)], rows
 
 
 def _shapes(held: Sequence[Held]) -> 'Figure':

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from soft_continuum.analysis.report import MAX_SHAPES, report_html
+from soft_continuum.analysis.report import report_html, shapes_table
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.cli.common import given_recording, recording_parser, run_verb
 from soft_continuum.parameters.files import load_description
@@ -41,9 +41,5 @@ def _run(options: argparse.Namespace) -> None:
     page, = reserve_outputs(folder, ['report.html'], options.force)
     title = options.title or f'Run in {options.recording.resolve().name}'
     page.write_text(report_html(recording, title, values), encoding='utf-8')
-    print(text_table(
-        ['shape', 'time s', 'tip x mm', 'tip y mm', 'tip z mm', 'tangent deg',
-         *(f'{name} mm' for name in recording.tendon_names)],
-        [[h.shape, f'{h.time:.1f}', *(f'{v:.2f}' for v in (*h.points[-1, :3], h.tangents[-1])),
-          *(f'{p:.3f}' for p in h.pulls)] for h in recording.held_shapes()[:MAX_SHAPES]]))
+    print(text_table(*shapes_table(recording)))
     print(f'Page: {page}')
