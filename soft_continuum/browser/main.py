@@ -28,7 +28,7 @@ from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
 from soft_continuum.browser.session import Session
 from soft_continuum.cli.processes import NodeProcesses
-from soft_continuum.cli.up import arguments_of, chosen_nodes, start_parser
+from soft_continuum.cli.up import arguments_of, check_twin, chosen_nodes, start_parser
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
@@ -138,8 +138,8 @@ def ui() -> int:
     if options.view_only and (options.twin or options.camera):
         parser.error('--view-only starts nothing; leave out --twin and --camera')
     try:
-        nodes = () if options.view_only else (
-            *chosen_nodes(options), RECORDER)
+        check_twin(options)
+        nodes = () if options.view_only else (*chosen_nodes(options), RECORDER)
     except ParameterError as error:
         return parser.fail(error, WRONG_USAGE)
     return run(parser, nodes, options, arguments_of(options))

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.analysis.results import reserve_outputs, ResultError, write_rows
+from soft_continuum.analysis.verbs import origin, run_verb
 from soft_continuum.arguments import number_in, Parser
-from soft_continuum.cli.common import origin, run_verb
 from soft_continuum.client.errors import ClientError
 
 if TYPE_CHECKING:

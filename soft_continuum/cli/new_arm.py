@@ -13,9 +13,8 @@ import numpy as np
 
 from soft_continuum.analysis.figures import preview_figure
 from soft_continuum.analysis.results import reserve_outputs, ResultError, text_table
-from soft_continuum.arguments import command_name, Parser
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import ask, DeclinedError, one_of
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import ask, command_name, DeclinedError, one_of, Parser
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.errors import StaticsError

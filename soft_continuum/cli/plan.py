@@ -14,8 +14,8 @@ import numpy as np
 import scipy
 
 from soft_continuum.analysis.results import ResultError, text_table
+from soft_continuum.analysis.verbs import described_arm, run_verb
 from soft_continuum.arguments import DONE, FAILED, given_path, number_in, Parser, whole_number_in
-from soft_continuum.cli.common import described_arm, run_verb
 from soft_continuum.cli.operate import bendings
 from soft_continuum.cli.plan_picture import plan_figure, SUFFIXES
 from soft_continuum.cli.tip_options import (

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from soft_continuum.analysis.recording import BAG
 from soft_continuum.analysis.results import reserve_outputs
+from soft_continuum.analysis.verbs import run_verb
 from soft_continuum.arguments import number_in, Parser
-from soft_continuum.cli.common import run_verb
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -32,7 +32,7 @@ class Verb:
     @property
     def completes(self) -> bool:
         """Whether TAB may call the function: it builds a Parser before it does anything."""
-        return self.target.startswith(('cli.', 'commissioning.', 'emulators.'))
+        return self.target.startswith(('analysis.', 'cli.', 'commissioning.', 'emulators.'))
 
 
 def _operate(name: str, text: str) -> Verb:
@@ -95,15 +95,16 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
     ),
     'analyse measurements': (
         Verb('characterize', 'fit the bending stiffness to force-displacement curves',
-             'cli.characterize:main'),
-        Verb('identify', 'fit parameters of the arm to measured shapes', 'cli.identify:main'),
+             'analysis.characterisation:main'),
+        Verb('identify', 'fit parameters of the arm to measured shapes',
+             'analysis.identification:main'),
         Verb('validate', 'compare the models with measured shapes',
-             'cli.validate:main'),
+             'analysis.validation:main'),
         Verb('converge', 'check the convergence of the model with its resolution',
-             'cli.converge:main'),
-        Verb('workspace', 'sample the positions that the tip reaches', 'cli.workspace:main'),
+             'analysis.convergence:main'),
+        Verb('workspace', 'sample the positions that the tip reaches', 'analysis.workspace:main'),
         Verb('study', 'compare designs of arms', 'cli.study:main'),
-        Verb('report', 'write a one-page report of a recording', 'cli.report:main'),
+        Verb('report', 'write a one-page report of a recording', 'analysis.report:main'),
         Verb('replay', 'play a recording in a browser', 'browser.main:replay'),
         Verb('export', 'export a recording as CSV, MATLAB or Parquet', 'cli.export:main'),
     ),

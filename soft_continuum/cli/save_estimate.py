@@ -11,8 +11,8 @@ import sys
 from typing import TYPE_CHECKING
 
 from soft_continuum.analysis.results import reserve_outputs, text_table
+from soft_continuum.analysis.verbs import origin, run_verb
 from soft_continuum.arguments import Parser
-from soft_continuum.cli.common import origin, run_verb
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.estimate import LearnedParameter, parameter_text, ParameterText
 from soft_continuum.parameters.arm import ARM_PARAMETERS

@@ -13,9 +13,15 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.analysis.results import progress, text_table, write_rows
-from soft_continuum.arguments import given_path, Parser, whole_number_in
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import ask, DeclinedError, one_of
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import (
+    ask,
+    DeclinedError,
+    given_path,
+    one_of,
+    Parser,
+    whole_number_in,
+)
 from soft_continuum.study.design import read_study
 from soft_continuum.study.running import cluster, Results, run, StudyError, workers_of
 from soft_continuum.study.summary import columns, DRAWN, figure, HEAD, Summary, summary, text_row

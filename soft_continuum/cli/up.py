@@ -149,6 +149,15 @@ def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
                  if computer == ALL or (name in HARDWARE) == (computer == RIG))
 
 
+def check_twin(options: Namespace) -> None:
+    """Raise ParameterError for options of start_parser that contradict ``--twin``."""
+    if options.twin and options.jamming_driver:
+        raise ParameterError('--twin brings its own boards; leave out --jamming-driver')
+    if options.twin and options.computer == WORKSTATION:
+        raise ParameterError('--twin brings the boards of a rig; start it on that computer, with '
+                             '--computer rig')
+
+
 @contextmanager
 def arguments_of(options: Namespace) -> Iterator[list[str]]:
     """
@@ -156,11 +165,6 @@ def arguments_of(options: Namespace) -> Iterator[list[str]]:
 
     Meanwhile the twin runs if requested, see twin_process.
     """
-    if options.twin and options.jamming_driver:
-        raise ParameterError('--twin brings its own boards; leave out --jamming-driver')
-    if options.twin and options.computer == WORKSTATION:
-        raise ParameterError('--twin brings the boards of a rig; start it on that computer, with '
-                             '--computer rig')
     files = description_files(options)
     with twin_process(options.twin, options.params_file, _namespace(options),
                       camera=options.camera, tendon_driver=options.tendon_driver) as driving:
@@ -176,6 +180,7 @@ def main() -> int:
     options = parser.parse_args()
     signals = Signals()
     try:
+        check_twin(options)
         with (arguments_of(options) as arguments,
               NodeProcesses(chosen_nodes(options), arguments) as nodes):
             signals.starting = False

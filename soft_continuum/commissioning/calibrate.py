@@ -13,9 +13,17 @@ import sys
 from typing import Any
 
 from soft_continuum.analysis.results import reserve_outputs
-from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import ask, confirm, number, one_of
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import (
+    ask,
+    confirm,
+    FOR_ANALYSIS,
+    number,
+    number_in,
+    one_of,
+    Parser,
+    WRONG_USAGE,
+)
 from soft_continuum.commissioning import (
     calibrate_camera,
     calibrate_load_cells,

@@ -12,9 +12,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser
-from soft_continuum.cli.common import described_arm, run_verb
-from soft_continuum.cli.prompts import ask, confirm, number
+from soft_continuum.analysis.verbs import described_arm, run_verb
+from soft_continuum.arguments import ask, confirm, FOR_ANALYSIS, number, number_in, Parser
 from soft_continuum.commissioning.calibration import CalibrationError
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.parameters.files import write_parameters

@@ -5,9 +5,8 @@
 import argparse
 from collections.abc import Sequence
 
-from soft_continuum.arguments import Parser
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import confirm
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import confirm, Parser
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
 from soft_continuum.hardware.dynamixel.registers import explain_hardware_error, HARDWARE_ERROR

@@ -20,9 +20,16 @@ from typing import Any
 
 from serial.tools.list_ports import comports
 
-from soft_continuum.arguments import INTERRUPTED, Parser, whole_number_in, WRONG_USAGE
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import ask, DeclinedError, one_of
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import (
+    ask,
+    DeclinedError,
+    INTERRUPTED,
+    one_of,
+    Parser,
+    whole_number_in,
+    WRONG_USAGE,
+)
 from soft_continuum.cli.up import check_start, description_files, nodes_of, start_arguments
 from soft_continuum.hardware.real_time import NICENESS, PRIORITY
 from soft_continuum.parameters.files import load_rig

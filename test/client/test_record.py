@@ -22,8 +22,8 @@ import yaml
 
 from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.analysis.recording import BAG, DESCRIPTION
+from soft_continuum.analysis.report import main as report
 from soft_continuum.cli.export import main as export
-from soft_continuum.cli.report import main as report
 from soft_continuum.client import Arm
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.recordings.bag import BagReader

@@ -15,6 +15,7 @@ from soft_continuum.analysis.recording import Recording
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
 from soft_continuum.arguments import (
+    DeclinedError,
     DONE,
     FAILED,
     FOR_ANALYSIS,
@@ -24,7 +25,6 @@ from soft_continuum.arguments import (
     Parser,
     WRONG_USAGE,
 )
-from soft_continuum.cli.prompts import DeclinedError
 from soft_continuum.client.errors import ClientError, NodesMissingError
 from soft_continuum.extras import require
 from soft_continuum.mechanics import Arm, ArmError, LawError, StaticsError
