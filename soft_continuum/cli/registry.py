@@ -32,7 +32,7 @@ class Verb:
     @property
     def completes(self) -> bool:
         """Whether TAB may call the function: it builds a Parser before it does anything."""
-        return self.target.startswith(('analysis.', 'cli.', 'commissioning.', 'emulators.'))
+        return not self.target.startswith(('browser.', 'nodes.'))
 
 
 def _operate(name: str, text: str) -> Verb:
@@ -80,7 +80,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
              'cli.plan:main'),
     ),
     'set up a rig, while no nodes run': (
-        Verb('new-arm', 'describe an arm interactively', 'cli.new_arm:main'),
+        Verb('new-arm', 'describe an arm interactively', 'new_arm.description:main'),
         Verb('doctor', 'check a rig step by step; nothing moves', 'commissioning.doctor:main'),
         Verb('calibrate', 'measure a rig: vacuum, signs, steps, zero; set up servos',
              'commissioning.calibrate:main'),
@@ -103,7 +103,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('converge', 'check the convergence of the model with its resolution',
              'analysis.convergence:main'),
         Verb('workspace', 'sample the positions that the tip reaches', 'analysis.workspace:main'),
-        Verb('study', 'compare designs of arms', 'cli.study:main'),
+        Verb('study', 'compare designs of arms', 'study.summary:main'),
         Verb('report', 'write a one-page report of a recording', 'analysis.report:main'),
         Verb('replay', 'play a recording in a browser', 'browser.main:replay'),
         Verb('export', 'export a recording as CSV, MATLAB or Parquet', 'cli.export:main'),
