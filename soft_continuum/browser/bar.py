@@ -20,8 +20,7 @@ from websockets.exceptions import ConnectionClosed
 
 from soft_continuum.browser.connection_limiter import RateLimiter
 from soft_continuum.browser.log import LOG
-from soft_continuum.browser.messages import plain
-from soft_continuum.browser.session import Notice
+from soft_continuum.browser.session import Notice, plain
 from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.observed import STALE_AFTER
 from soft_continuum.client.state import ArmState, progress_text

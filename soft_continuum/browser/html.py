@@ -7,8 +7,7 @@ from html import escape
 from math import degrees, isfinite, isnan, radians
 
 from soft_continuum.browser.charts import axis_end, chart, ERROR_ENDS, History
-from soft_continuum.browser.messages import plain
-from soft_continuum.browser.session import Description, Notice
+from soft_continuum.browser.session import Description, Notice, plain
 from soft_continuum.browser.tip_planning import Planned
 from soft_continuum.client.estimate import (
     age_text,

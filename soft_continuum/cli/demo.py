@@ -20,8 +20,7 @@ from soft_continuum.analysis.figures import shapes_figure
 from soft_continuum.arguments import given_path, Parser, WRONG_USAGE
 from soft_continuum.cli.output import Output
 from soft_continuum.cli.processes import NodeProcesses
-from soft_continuum.cli.twin_process import add_twin_options
-from soft_continuum.cli.up import ALL, arguments_of, chosen_nodes
+from soft_continuum.cli.up import add_twin_options, ALL, arguments_of, chosen_nodes
 from soft_continuum.client import Arm, ArmState, ClientError, Pose, RunningSequence
 from soft_continuum.client.measured import MeasuredDisc
 from soft_continuum.client.state import angles_text

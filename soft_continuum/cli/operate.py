@@ -3,7 +3,8 @@
 """The verbs that operate a running arm, from ``status`` to ``tare``."""
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from math import isfinite, radians
 import os
@@ -26,7 +27,6 @@ from soft_continuum.arguments import (
     Parser,
     WRONG_USAGE,
 )
-from soft_continuum.cli.completion import cache_shapes, cached_shapes
 from soft_continuum.cli.output import Output
 from soft_continuum.cli.registry import VERBS
 from soft_continuum.cli.tip_options import (
@@ -39,8 +39,8 @@ from soft_continuum.cli.tip_options import (
     UNITS,
 )
 from soft_continuum.sequencing.progress import AIMS
-from soft_continuum.text import MAX_NAME, printable
-from soft_continuum.user_files import saved_shapes
+from soft_continuum.text import MAX_NAME, printable, read_bytes
+from soft_continuum.user_files import saved_shapes, shape_names
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
 WATCH_PERIOD = 0.5  # s
 CANCEL_TIMEOUT = 60.0  # s for a canceled sequence to come to rest
 MAX_JOG = 1000.0  # mm; pull_limits are tighter
+MAX_CACHE = 100_000  # bytes
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -262,7 +263,7 @@ def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
     if saved.problem:
         print(saved.problem, file=sys.stderr)
     offered = saved.offered(arm.description, library)
-    cache_shapes([*library, *offered.shapes, *offered.sequences])
+    _cache_shapes([*library, *offered.shapes, *offered.sequences])
     output.print('\n'.join((
         *(f'{name:<20}{angles_text(values, directions.get(name, ()))}'
           for name, values in library.items()),
@@ -274,6 +275,21 @@ def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
         saved_shapes={name: asdict(shape) for name, shape in offered.shapes.items()},
         saved_sequences={name: asdict(sequence) for name, sequence in offered.sequences.items()})
     return DONE
+
+
+def cached_shapes(**_: Any) -> list[str]:
+    """Return the names in the shape library when it was last listed: TAB waits for no nodes."""
+    try:
+        return read_bytes(shape_names(), MAX_CACHE).decode('utf-8').splitlines()
+    except (OSError, ValueError):
+        return []
+
+
+def _cache_shapes(names: Iterable[str]) -> None:
+    """Cache the names in the shape library for the next TAB."""
+    with suppress(OSError):
+        shape_names().parent.mkdir(parents=True, exist_ok=True)
+        shape_names().write_text('\n'.join(names), encoding='utf-8')
 
 
 # Segments.

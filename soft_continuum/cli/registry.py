@@ -123,7 +123,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('modbus_emulator', 'the same as emulate modbus', 'emulators.modbus:main'),
     ),
     'shell': (
-        Verb('completion', 'print the script for tab completion', 'cli.completion:main'),
+        Verb('completion', 'print the script for tab completion', 'cli.main:completion'),
     ),
 }
 

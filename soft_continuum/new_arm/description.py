@@ -24,17 +24,17 @@ from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
 from soft_continuum.mechanics.statics import Statics
-from soft_continuum.new_arm.answers import (
+from soft_continuum.new_arm.drawings import DRAWINGS
+from soft_continuum.new_arm.questions import (
     Answer,
     AnswerError,
     Answers,
     Given,
     PLANAR,
     Question,
+    QUESTIONS,
     TENDONS,
 )
-from soft_continuum.new_arm.drawings import DRAWINGS
-from soft_continuum.new_arm.questions import QUESTIONS
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import name_hint, ParameterError, Value
