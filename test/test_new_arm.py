@@ -11,12 +11,11 @@ from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.cli import new_arm
 from soft_continuum.cli.up import nodes_of
-from soft_continuum.new_arm.answers import AnswerError, KINDS
+from soft_continuum.new_arm import description as new_arm
 from soft_continuum.new_arm.description import complete, describe, questions_of
 from soft_continuum.new_arm.drawings import DRAWINGS
-from soft_continuum.new_arm.questions import QUESTIONS
+from soft_continuum.new_arm.questions import AnswerError, KINDS, QUESTIONS
 from soft_continuum.parameters.files import load_arm, load_description, parameters_text
 from support.flat_arm import guides_of
 

@@ -47,12 +47,7 @@ def read_recording(path: Path, namespace: str = '') -> Recording:
     namespace: of the arm, if several were recorded; / for none.  Raises MeasurementError.
     """
     bag = bag_in(path)
-    if bag.is_dir():
-        return read_tables(bag)
-    try:
-        return _read(bag, namespace)
-    except BagError as error:
-        raise MeasurementError(str(error)) from None
+    return read_tables(bag) if bag.is_dir() else _read(bag, namespace)
 
 
 def bag_in(path: Path) -> Path:

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soft_continuum.mechanics import constant_curvature
+from soft_continuum.mechanics import constant_curvature, Equilibrium
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.drawing import draw_arm, projection_of, rim
 
 if TYPE_CHECKING:
@@ -26,15 +25,18 @@ def new_figure(width: float, height: float) -> 'Figure':
 
 
 def new_panels(rows: int, columns: int, width: float, height: float,
-               part: 'SubFigure | None' = None) -> 'tuple[Figure, list[Axes]]':
+               part: 'SubFigure | None' = None, projection: str | None = None
+               ) -> 'tuple[Figure, list[Axes]]':
     """
-    Return a figure (inches) and its panels of equal scale, row by row; axes in mm.
+    Return a figure (inches) and its panels, row by row; flat ones have equal scale, axes in mm.
 
-    part: subfigure to draw into, instead of a new figure.
+    part: subfigure to draw into, instead of a new figure.  projection: from projection_of.
     """
-    figure = new_figure(width, height)
-    panels = (part or figure).subplots(
-        rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    figure, flat = new_figure(width, height), projection is None
+    panels = (part or figure).subplots(rows, columns, squeeze=False, sharex=flat, sharey=flat,
+                                       subplot_kw={'projection': projection}).ravel()
+    if not flat:
+        return figure, list(panels)
     for axes in panels:
         axes.set(aspect='equal', xlabel='x in mm')
         axes.grid(alpha=0.3)
@@ -58,12 +60,8 @@ def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[Equilibrium, Arra
     shapes: by name, the state, and the commanded bending (segments, 2), rad.
     """
     arm, count = next(iter(shapes.values()))[0].chain.arm, len(shapes)
-    if (projection := projection_of(arm)) is None:
-        figure, panels = new_panels(1, count, 4.4 * count, 5.2)
-    else:
-        figure = new_figure(4.6 * count, 5.2)
-        panels = [figure.add_subplot(1, count, number, projection=projection)
-                  for number in range(1, count + 1)]
+    projection = projection_of(arm)
+    figure, panels = new_panels(1, count, 4.4 * count, 5.2, projection=projection)
     for axes, (name, (state, bending)) in zip(panels, shapes.items(), strict=True):
         draw_arm(axes, state)
         arcs = 1e3 * constant_curvature.poses(arm, bending)[0][:, arm.pose_axes[:3]]

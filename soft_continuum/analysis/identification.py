@@ -6,30 +6,40 @@ Unknowns of an arm from measured points and pulls, by least squares.  Not from t
 The pulls are assumed exact, the points to have independent errors of equal size.
 """
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import nan
+from pathlib import Path
 
 import numpy as np
 import scipy
 
-from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps
+from soft_continuum.analysis.figures import DPI, new_figure
+from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes, simulate_steps
+from soft_continuum.analysis.results import progress, reserve_outputs, text_table
 from soft_continuum.analysis.unknowns import (
+    find_unknowns,
     IdentificationError,
+    parameters_of,
+    spread_out,
     Unknown,
     Values,
     with_values,
 )
-from soft_continuum.mechanics.arm import Array, SECOND_ORDER
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.analysis.verbs import described_arm, run_verb, shapes_parser
+from soft_continuum.mechanics import SECOND_ORDER, Statics, StaticsError
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.files import write_parameters
 
 DIFFERENCE = 1e-4  # of the scale of an unknown
 SNAP = 1e-3  # m: a point that such a difference moves farther belongs to an arm that snaps
 DETERMINED = 0.15  # standard deviation over scale, beyond which data do not determine an unknown
 BEST_MEASUREMENT = 5e-5  # m: points agree no better than this by merit of the model
 MIN_SHARE = 0.3  # share of an unknown in an undetermined combination, for it to be named
+NAME = 'identify'
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,3 +196,146 @@ def without(shapes: Sequence[MeasuredShape], names: Sequence[str]) -> list[Measu
     if not kept:
         raise IdentificationError('every shape is held out; leave at least one to fit')
     return kept
+
+
+@dataclass(frozen=True)
+class ShapeResult:
+    """
+    Largest errors of one shape, m.
+
+    described: of the described arm.  identified: of the fit, which includes the shape unless it
+    was held out.  held_out: of a fit without the shape; nan without one.
+    """
+
+    name: str
+    described: float
+    identified: float
+    held_out: float
+
+
+def identification_figure(path: str | Path, found: Identification,
+                          shapes: Sequence[ShapeResult]) -> None:
+    """Write errors by shape (mm, logarithmic), and values against those described with 95 %."""
+    figure = new_figure(5.0 + 0.6 * len(shapes) + 0.5 * len(found.unknowns), 4.2)
+    left, right = figure.subplots(1, 2, width_ratios=[2 + len(shapes), 2 + len(found.unknowns)])
+    at = np.arange(len(shapes))
+    for offset, label, color, hatch, values in (
+            (-0.27, 'as described', '0.8', '', [s.described for s in shapes]),
+            (0.0, 'identified', '0.3', '', [s.identified for s in shapes]),
+            (0.27, 'without this shape', '1.0', '////', [s.held_out for s in shapes])):
+        left.bar(at + offset, 1e3 * np.array(values), width=0.25, label=label, color=color,
+                 edgecolor='0.0', hatch=hatch, linewidth=0.7)
+    left.set(yscale='log', ylabel='largest position error in mm')
+    left.set_xticks(at, [s.name for s in shapes], rotation=40, ha='right', parse_math=False)
+    left.legend(frameon=False, fontsize='small', loc='upper center',
+                bbox_to_anchor=(0.5, 1.14), ncols=3)
+    left.grid(axis='y', alpha=0.3)
+    start = np.array([u.start for u in found.unknowns])
+    percent = 100.0 / np.array([u.scale for u in found.unknowns])
+    right.errorbar(np.arange(len(start)), percent * (found.values - start),
+                   yerr=percent * found.half_widths, fmt='o', color='0.0', capsize=5,
+                   markersize=4)
+    right.axhline(0.0, color='0.0', linestyle='--', linewidth=0.8)
+    right.set(xlim=(-0.6, len(start) - 0.4),
+              ylabel='change from described in %\n(friction, tilt: of 0.1)')
+    right.set_xticks(np.arange(len(start)), [u.name for u in found.unknowns], rotation=40,
+                     ha='right')
+    right.grid(axis='y', alpha=0.3)
+    figure.savefig(path, dpi=DPI)
+
+
+# The verb.
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; return the exit status."""
+    parser = shapes_parser(NAME, 'Fit unknown parameters of the arm to measured points. Reports '
+                           'errors on shapes left out of the fit.', 'payload')
+    parser.add_argument('--fit', nargs='+', metavar='UNKNOWN',
+                        help='stiffness_N, ratio_N, segment_mass_N, disc_mass_N, offset_N of '
+                             'segment N; stiffness, mass, offset (one factor for all), friction, '
+                             'stretch, tilt; for spatial arms also angle_N of the tendons that '
+                             'end at disc N (default: stiffness of every segment)')
+    parser.add_argument('--hold-out', nargs='+', default=[], metavar='SHAPE',
+                        help='shapes to leave out of the fit (default: fit all, then leave out '
+                             'each in turn)')
+    return run_verb(parser, _run, argv, 'matplotlib')
+
+
+def _run(options: argparse.Namespace) -> None:
+    values, arm = described_arm(options)
+    names = options.fit or [f'stiffness_{n + 1}' for n in range(len(arm.segments))]
+    begun = spread_out(values)
+    unknowns = find_unknowns(names, begun)
+    shapes = read_shapes(options.points, options.pulls, arm, bool(values['arm.jamming']),
+                         options.decimal)
+    kept = without(shapes, options.hold_out)
+    figure, layer = reserve_outputs(options.output, [f'{NAME}.png', f'{NAME}.yaml'], options.force)
+    found = identify(begun, unknowns, kept)
+    print(f'{len(kept)} shapes, {sum(s.coordinates for s in kept)} measured coordinates; '
+          f'noise of a coordinate, from the residuals: {1e3 * found.noise:.3g} mm\n')
+    print(_values(found))
+    if len(unknowns) > 1:
+        print('\nCorrelations\n')
+        print(_correlations(found))
+    write_parameters(layer, parameters_of(found.arm, unknowns), [
+        f'Identified by {NAME} from',
+        f'  {options.points.name}',
+        f'  {options.pulls.name}',
+        *(f'{u.name}: {v:.5g} +- {h:.2g} {u.unit} (95 %)'.replace('  ', ' ') for u, v, h in zip(
+            unknowns, found.values, found.half_widths, strict=True)),
+        'These values belong to the second-order chain.'])
+    print(f'\nParameters: {layer}', flush=True)
+    results = [_held_out(begun, found, shape, kept, options.hold_out)
+               for shape in progress(shapes, 'without each shape')]
+    print('\nLargest position error of each shape in mm; without it: of a fit that leaves it '
+          'out.\n')
+    print(text_table(['shape', 'as described', 'identified', 'without it'], [
+        [r.name, _mm(r.described), _mm(r.identified), _mm(r.held_out)] for r in results]))
+    if not all(np.isfinite(r.held_out) for r in results if not options.hold_out):
+        print('\n"-": without this shape the others do not determine every unknown.')
+    identification_figure(figure, found, results)
+    print(f'\nFigure: {figure}')
+
+
+def _held_out(begun: Values, found: Identification, shape: MeasuredShape,
+              kept: Sequence[MeasuredShape], named: Sequence[str]) -> ShapeResult:
+    """Return the errors of one shape, from a fit without it unless shapes were named."""
+    described, identified = (_largest(one, shape) for one in (begun, found.arm))
+    held_out = nan
+    if shape.name in named:
+        held_out = identified
+    elif not named and len(kept) > 1:
+        begin = [replace(u, start=float(v))
+                 for u, v in zip(found.unknowns, found.values, strict=True)]
+        try:
+            rest = identify(begun, begin, without(kept, [shape.name]))
+            held_out = _largest(rest.arm, shape)
+        except IdentificationError:
+            pass
+    return ShapeResult(shape.name, described, identified, held_out)
+
+
+def _largest(described: Values, shape: MeasuredShape) -> float:
+    try:
+        return float(shape_error(described, shape).max())
+    except StaticsError:
+        return nan
+
+
+def _mm(value: float) -> str:
+    return f'{1e3 * value:.2f}' if np.isfinite(value) else '-'
+
+
+def _values(found: Identification) -> str:
+    rows = [[u.name, f'{u.start:.5g}', f'{v:.5g}', f'{h:.2g}',
+             f'{100 * h / abs(v):.2g} %' if abs(v) > h else '-', u.unit]
+            for u, v, h in zip(found.unknowns, found.values, found.half_widths, strict=True)]
+    return text_table(['unknown', 'described', 'identified', '95 %, +-', 'of value', 'unit'], rows)
+
+
+def _correlations(found: Identification) -> str:
+    names = [u.name for u in found.unknowns]
+    return text_table(['', *names], [
+        [name, *(f'{c:+.2f}' for c in row)]
+        for name, row in zip(names, found.correlations, strict=True)])

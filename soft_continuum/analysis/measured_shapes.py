@@ -26,10 +26,8 @@ from soft_continuum.analysis.delimited import (
     read_table,
     Table,
 )
-from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.mechanics.chain import Equilibrium, SLACK
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics import Arm, Equilibrium, SLACK, Statics, StaticsError
+from soft_continuum.mechanics.arm import Array
 
 BASE_TOLERANCE = 0.005  # m: the base disc cannot be further from where the frame has it
 BENT_LENGTH = 0.75  # of a segment, straight from end to end when it is bent by about 150 degrees

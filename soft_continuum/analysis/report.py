@@ -2,10 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Report of a recorded run as one self-contained HTML page."""
 
+import argparse
 import base64
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 import io
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +16,11 @@ import numpy as np
 from soft_continuum import version
 from soft_continuum.analysis.figures import new_figure, new_panels
 from soft_continuum.analysis.recording import Held, Recording
+from soft_continuum.analysis.results import reserve_outputs, text_table
+from soft_continuum.analysis.verbs import given_recording, recording_parser, run_verb
 from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.parameter import Value
+from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.parameters.scalars import as_yaml
 
 if TYPE_CHECKING:
@@ -44,10 +50,7 @@ def report_html(recording: Recording, title: str, parameters: Mapping[str, Value
     if held:
         parts += ['<h2>Shapes held</h2>', _first(held, MAX_SHAPES, 'shapes'),
                   _image(_shapes(held[:MAX_PANELS]), 'the first shapes, described below'),
-                  _table(['shape', 'time, s', 'end of', 'x, mm', 'y, mm', 'z, mm',
-                          'tangent, degrees',
-                          *(f'{name} pull, mm' for name in recording.tendon_names)],
-                         _shape_rows(held[:MAX_SHAPES]))]
+                  _table(*shapes_table(recording))]
     parts += ['<h2>Over time</h2>',
               _image(_over_time(recording), 'pulls, tensions and pressures over time')]
     parts += ['<h2>Events</h2>', _first(recording.events, MAX_EVENTS, 'events'), _table(
@@ -83,15 +86,17 @@ def _summary(recording: Recording) -> str:
     return _table(['', ''], rows, 'text')
 
 
-def _shape_rows(held: Iterable[Held]) -> list[list[str]]:
+def shapes_table(recording: Recording) -> tuple[list[str], list[list[str]]]:
+    """Return the names of the columns, and the ends of the segments of every held shape."""
     rows = []
-    for shape in held:
+    for shape in recording.held_shapes()[:MAX_SHAPES]:
         ends = np.column_stack([shape.points[:, :3], shape.tangents])
         labels = [*(f'segment {n + 1}' for n in range(len(ends[2::2]))), 'tip']
         rows += [[shape.shape, f'{shape.time:.1f}', label, *(f'{v:.2f}' for v in values),
                   *(f'{pull:.3f}' for pull in shape.pulls)]
                  for label, values in zip(labels, [*ends[2::2], ends[-1]], strict=True)]
-    return rows
+    return ['shape', 'time, s', 'end of', 'x, mm', 'y, mm', 'z, mm', 'tangent, degrees',
+            *(f'{name} pull, mm' for name in recording.tendon_names)], rows
 
 
 def _shapes(held: Sequence[Held]) -> 'Figure':
@@ -149,3 +154,37 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = '') -
     lines = ['<tr>' + ''.join(f'<t{cell}>{escape(text)}</t{cell}>' for text in row) + '</tr>'
              for cell, some in (('h', [head]), ('d', rows)) for row in some]
     return f'<table class="{kind}">' + '\n'.join(lines) + '</table>'
+
+
+# The verb.
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb; return the exit status."""
+    parser = recording_parser('report', 'Write a page with the figures and tables of a recording.')
+    parser.add_argument('--title', default='', help='title of the page')
+    return run_verb(parser, _run, argv, 'matplotlib')
+
+
+def description_in(text: str, recording: Path) -> dict[str, Value]:
+    """Return the parameters of a recorded arm, none if unknown; raises ParameterError."""
+    if not text:
+        return {}
+    with TemporaryDirectory() as directory:
+        path = Path(directory, 'description.yaml')
+        path.write_text(text, encoding='utf-8')
+        try:
+            return load_description(path)
+        except ParameterError as error:
+            raise ParameterError(str(error).replace(
+                str(path), f'the description in {recording}')) from None
+
+
+def _run(options: argparse.Namespace) -> None:
+    recording, folder = given_recording(options, 'is reported')
+    values = description_in(recording.description, options.recording)
+    page, = reserve_outputs(folder, ['report.html'], options.force)
+    title = options.title or f'Run in {options.recording.resolve().name}'
+    page.write_text(report_html(recording, title, values), encoding='utf-8')
+    print(text_table(*shapes_table(recording)))
+    print(f'Page: {page}')

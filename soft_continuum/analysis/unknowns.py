@@ -136,7 +136,7 @@ def _unknown(name: str, values: Values, arm: Arm) -> Unknown:
     value = float(np.mean([_numbers(values, names[0])[place] for place in places])) or start
     return Unknown(name, unit, value, 1.001 if kind == 'ratio' else least * value, most * value,
                    value, MASSES if names[0] in MASSES else names,
-                   lambda v, to: _with_mean(v, names, places, to), remedy)
+                   lambda v, to: with_mean(v, names, places, to), remedy)
 
 
 def _of_all(name: str, values: Values, arm: Arm) -> Unknown:
@@ -181,7 +181,7 @@ def _scaled(values: Values, names: Sequence[str], places: Sequence[int] | None, 
         for i, number in enumerate(_numbers(values, name))) for name in names}}
 
 
-def _with_mean(values: Values, names: Sequence[str], places: Sequence[int], to: float) -> Values:
+def with_mean(values: Values, names: Sequence[str], places: Sequence[int], to: float) -> Values:
     """Return the description with a mean of the first list at indices, others in proportion."""
     mean = float(np.mean([_numbers(values, names[0])[place] for place in places]))
     if mean:

@@ -20,11 +20,10 @@ from websockets.exceptions import ConnectionClosed
 
 from soft_continuum.browser.connection_limiter import RateLimiter
 from soft_continuum.browser.log import LOG
-from soft_continuum.browser.messages import plain
-from soft_continuum.browser.session import Notice
+from soft_continuum.browser.session import Notice, plain
 from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.observed import STALE_AFTER
-from soft_continuum.client.state import ArmState, error_text
+from soft_continuum.client.state import ArmState, progress_text
 from soft_continuum.client.tasks import HOW_TO_START
 from soft_continuum.ros.names import TENDON_ACTUATION
 
@@ -99,11 +98,8 @@ def _motion(state: ArmState) -> tuple[str, str, str]:
                   if state.emergency_stop else 'you press Resume')
         return 'stopped', 'STOPPED', f'{plain(state.stopped)}. Nothing moves until {remedy}.'
     if state.progress is not None:
-        now = state.progress
-        parts = (f'segment {now.segment}' if now.segment else '', plain(now.phase),
-                 f'correction {now.correction}' if now.correction else '',
-                 '' if now.error is None else f'{error_text(now.error, now.aim)} off')
-        return 'moving', f'Setting {plain(now.shape)}', ', '.join(filter(None, parts))
+        return ('moving', f'Setting {plain(state.progress.shape)}',
+                plain(progress_text(state.progress)))
     return 'ready', 'Ready', ''
 
 

@@ -7,8 +7,7 @@ from html import escape
 from math import degrees, isfinite, isnan, radians
 
 from soft_continuum.browser.charts import axis_end, chart, ERROR_ENDS, History
-from soft_continuum.browser.messages import plain
-from soft_continuum.browser.session import Description, Notice
+from soft_continuum.browser.session import Description, Notice, plain
 from soft_continuum.browser.tip_planning import Planned
 from soft_continuum.client.estimate import (
     age_text,
@@ -18,7 +17,7 @@ from soft_continuum.client.estimate import (
     millimetres,
     parameter_text,
 )
-from soft_continuum.client.state import ArmState, error_text, NodeReport, Pose
+from soft_continuum.client.state import ArmState, NodeReport, Pose, progress_text
 from soft_continuum.colours import (
     Colour,
     GHOST,
@@ -282,14 +281,9 @@ def own_shape_html(description: Description) -> str:
 
 def sequence_html(state: ArmState) -> str:
     """Show the progress of the sequence, or the result of the last one."""
-    progress = state.progress
-    if progress is not None:
-        where = f'segment {progress.segment}' if progress.segment else 'whole arm'
-        step = f', correction {progress.correction}' if progress.correction else ''
-        error = ('' if progress.error is None else
-                 f'<br><b>{error_text(progress.error, progress.aim)}</b> off, measured')
-        return _small(f'<b>{_text(progress.shape)}</b>: {where}, {_text(progress.phase)}{step}'
-                      f'{error}')
+    if state.progress is not None:
+        return _small(f'<b>{_text(state.progress.shape)}</b>, '
+                      f'{_text(progress_text(state.progress))}')
     if all(node.name != SHAPE_SEQUENCER for node in state.nodes):
         return _small('Without jamming two tendons cannot set shapes: jog them.')
     last = state.last_result

@@ -1,17 +1,18 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-``./run ui``: the four nodes and the view; ``ros2 run soft_continuum browser``: the view alone.
+``ui``: the four nodes and the view; ``browser``: the view alone; ``replay``: of a recording.
 
 Nodes and view are separate processes, so the view does not delay the nodes.
 """
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from functools import partial
 import re
 import signal
+import sys
 import threading
 from typing import Any, TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 import viser
 
-from soft_continuum.arguments import DONE, Parser, WRONG_USAGE
+from soft_continuum.arguments import DONE, given_path, Parser, WRONG_USAGE
 from soft_continuum.browser.access import AccessError, open_server, page_address
 from soft_continuum.browser.bar import alarm_text, Bar, bar_state, BarState
 from soft_continuum.browser.log import LOG
@@ -27,18 +28,17 @@ from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
 from soft_continuum.browser.session import Session
 from soft_continuum.cli.processes import NodeProcesses
-from soft_continuum.cli.up import asked_of, chosen_nodes, ros_arguments, start_parser, with_asked
+from soft_continuum.cli.up import arguments_of, check_twin, chosen_nodes, start_parser
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
-from soft_continuum.nodes.runtime import argument_error, limit_memory, ROS_ARGUMENT_ERRORS
-from soft_continuum.parameters.parameter import ParameterError, Value
+from soft_continuum.nodes.runtime import limit_memory
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import RECORDER
 
 if TYPE_CHECKING:  # only a replay needs it
     from soft_continuum.recordings.playback import Playback
 
-NO_RIG = nullcontext[Mapping[str, Value]]({})
 PORT = 8080
 SCENE_PERIOD = 0.04  # s
 PANEL_PERIOD = 0.2  # s
@@ -138,11 +138,11 @@ def ui() -> int:
     if options.view_only and (options.twin or options.camera):
         parser.error('--view-only starts nothing; leave out --twin and --camera')
     try:
-        nodes = () if options.view_only else (
-            *chosen_nodes(options), RECORDER)
+        check_twin(options)
+        nodes = () if options.view_only else (*chosen_nodes(options), RECORDER)
     except ParameterError as error:
         return parser.fail(error, WRONG_USAGE)
-    return run(parser, nodes, ros_arguments(options), options, asked_of(options))
+    return run(parser, nodes, options, arguments_of(options))
 
 
 def browser() -> int:
@@ -151,26 +151,54 @@ def browser() -> int:
                     'node.')
     add_view_options(parser)
     options, rest = parser.parse_known_args()
-    return run(parser, (), ['browser', *rest], options)
+    return run(parser, (), options, nullcontext(['browser', *rest]))
 
 
-def run(parser: Parser, nodes: Sequence[str], arguments: Sequence[str], options: Namespace,
-        rig: AbstractContextManager[Mapping[str, Value]] = NO_RIG) -> int:
+def replay(argv: Sequence[str] | None = None) -> int:
+    """Show a recording until Ctrl-C; return the exit status."""
+    parser = Parser('replay', 'Play a recording in a browser, with a time slider. No arm moves.',
+                    '--namespace')
+    parser.add_argument('recording', type=given_path, metavar='RECORDING',
+                        help='directory that record wrote, or an MCAP file')
+    add_view_options(parser)
+    options = parser.parse_args(argv)
+    from soft_continuum.analysis.bag_tables import bag_in
+    from soft_continuum.analysis.delimited import MeasurementError
+    from soft_continuum.recordings.playback import Playback
+    signal.signal(signal.SIGTERM, interrupt)
+    try:
+        path = bag_in(options.recording)
+        playback = Playback(path, options.namespace)
+        if not playback.is_described:
+            return parser.fail(f'{path} lacks the parameters of the arm, which record writes; use '
+                               'report or export', WRONG_USAGE)
+        if playback.damage:
+            print(f'{path}: {playback.damage}; the part before is shown', file=sys.stderr)
+        with ExitStack() as running, playback:
+            serve(running, options, 'The recording', playback,
+                  f'of {path.name}: {playback.duration:.1f} s. No arm moves.',
+                  namespace=playback.namespace)
+    except (AccessError, MeasurementError) as error:
+        return parser.fail(error, WRONG_USAGE)
+    except KeyboardInterrupt:
+        pass
+    return DONE
+
+
+def run(parser: Parser, nodes: Sequence[str], options: Namespace,
+        starting: AbstractContextManager[list[str]]) -> int:
     """
-    Run nodes and the view, with ROS arguments, until SIGINT or SIGTERM; return the status.
+    Run nodes and the view until SIGINT or SIGTERM; return the status.
 
-    rig: runs while the nodes do, and gives them parameters that override those of the files.
+    starting: gives their ROS arguments, and runs while they do.
     """
     signal.signal(signal.SIGTERM, interrupt)
     try:
-        with (ExitStack() as running, rig as asked,
-              NodeProcesses(nodes, with_asked(options, asked) if asked else arguments)):
+        with ExitStack() as running, starting as arguments, NodeProcesses(nodes, arguments):
             serve(running, options, 'The arm', arguments=arguments,
                   discovery_timeout=DISCOVERY_TIMEOUT)
     except (AccessError, ClientError, ParameterError) as error:
         return parser.fail(error, WRONG_USAGE)
-    except ROS_ARGUMENT_ERRORS as error:
-        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
         pass
     return DONE

@@ -1,13 +1,26 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Vertices of 3-D tubes, lines and outlines for the scene."""
+"""Points of shapes, and vertices of 3-D tubes, lines and outlines for the scene."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.directions import bending_vectors
 
 SIDES = 32  # of a tube
 PIECES = 6  # of an edge of a segment
+Points = tuple[tuple[float, ...], ...]
+"""x, y, z of some points, m."""
+
+
+def points_of(chain: Chain, angles: Sequence[float], directions: Sequence[float] = ()
+              ) -> Points:
+    """Return points of a shape with bending angles and directions, rad; none for 0."""
+    shape = chain.uniform(bending_vectors(chain.arm, angles, directions))
+    return tuple(tuple(point) for point in np.vstack([np.zeros(3), shape.backbone]).tolist())
 
 
 def tube(points: Array, frames: Array, radii: Array, sides: int = SIDES) -> Array:

@@ -2,16 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The controls beside the scene.  Every browser shows the same ones."""
 
-from collections.abc import Sequence
 from functools import partial
-from math import isfinite
+from math import isfinite, nan
 from typing import Any, TYPE_CHECKING
 
 import viser
 
 from soft_continuum.browser import html
 from soft_continuum.browser.charts import History
-from soft_continuum.browser.controls import add_button, add_group, enable, show_value
+from soft_continuum.browser.controls import Controls, is_there, on_change, runs
 from soft_continuum.browser.scene import viewpoint, views_of
 from soft_continuum.browser.session import Description, Session
 from soft_continuum.browser.shapes_panel import ShapesPanel
@@ -39,111 +38,128 @@ class Panel:
                  playback: 'Playback | None' = None) -> None:
         """Add every control; for a playback a slider, and no control that moves an arm."""
         self._server, self._session, self._playback = server, session, playback
-        self._switches: list[Any] = []
-        self._regulators: list[Any] = []
-        self._jogs: list[Any] = []
-        self._rests: list[Any] = []
         self._description = description = session.description
-        gui = server.gui
+        self._controls = Controls(server)
+        self.show = self._controls.show
+        gui, text = server.gui, self._controls.text
         gui.configure_theme(show_logo=False, show_share_button=False, control_width='medium',
                             brand_color=(40, 48, 72))
         gui.main_panel.dock_right()
         gui.main_panel.set_width(PANEL_WIDTH)
         if playback is not None:
-            self._add_playback(gui, playback)
+            self._add_playback(playback)
         if description is not None:
-            self._add_controls(gui, description)
+            self._add_controls(description)
         if playback is None:
             with gui.add_folder('Steering'):
-                self._steering = gui.add_html('')
+                text(lambda _: html.steering_html(session.observed.teleop))
             with gui.add_folder('Recording'):
-                self._recording = gui.add_html('')
-                self._record = add_button(
-                    gui, RECORD, session.record,
-                    hint='Record all topics of the nodes as an MCAP file')
+                self._add_recording()
         with gui.add_folder('Nodes'):
-            self._nodes = gui.add_html('')
+            text(html.nodes_html)
         with gui.add_folder('Messages'):
-            self._notices = gui.add_html('')
+            text(lambda _: html.notices_html(list(session.notices)[-NOTICES_IN_PANEL:]))
 
-    def _add_playback(self, gui: viser.GuiApi, playback: 'Playback') -> None:
-        async def moved(event: Any) -> None:
-            if event.client is not None:  # not by the playback itself
-                playback.seek(float(self._slider.value))
-
+    def _add_playback(self, playback: 'Playback') -> None:
+        gui, controls = self._server.gui, self._controls
         with gui.add_folder('Replay'):
-            self._slider = gui.add_slider(
+            slider = gui.add_slider(
                 'Time [s]', 0.0, round(playback.duration + SLIDER_STEP, 1), SLIDER_STEP, 0.0)
-            self._slider.on_update(moved)
-            self._play = add_button(gui, PLAY, lambda: playback.play(not playback.playing))
+            on_change(slider, lambda _: playback.seek(float(slider.value)))
+            controls.follow_value(slider, lambda: round(playback.position, 1))
+            play = controls.button(PLAY, lambda: playback.play(not playback.playing))
+            controls.follow(play, 'label', lambda _: PAUSE if playback.playing else PLAY)
 
-    def _add_controls(self, gui: viser.GuiApi, description: Description) -> None:
-        arm, moves = description.arm, self._playback is None
-        self._history = History(len(arm.segments), len(arm.tendon_names),
-                                description.ambient_pressure)
+    def _add_recording(self) -> None:
+        session, observed, controls = self._session, self._session.observed, self._controls
+        controls.text(lambda _: html.recording_html(observed.recorder))
+        record = controls.button(RECORD, session.record, lambda _: observed.recorder is not None,
+                                 hint='Record all topics of the nodes as an MCAP file')
+        controls.follow(record, 'label', lambda _: (
+            END if observed.recorder and observed.recorder.recording else RECORD))
+
+    def _add_controls(self, description: Description) -> None:
+        arm, moves, session = description.arm, self._playback is None, self._session
+        gui, controls, text = self._server.gui, self._controls, self._controls.text
+        self._history = history = History(len(arm.segments), len(arm.tendon_names),
+                                          description.ambient_pressure)
         with gui.add_folder('Shapes'):
             if moves:
-                self._shapes = ShapesPanel(gui, self._session, description)
-            self._bar = gui.add_progress_bar(0.0, color='green')
-            self._sequence = gui.add_html('')
+                ShapesPanel(gui, controls, session, description)
+            controls.follow(
+                gui.add_progress_bar(0.0, color='green'), 'value',
+                lambda state: round(100 * state.progress.fraction) if state.progress else 0)
+            text(html.sequence_html)
         if moves:
             with gui.add_folder('Reach', expand_by_default=False):
-                self._tip = TipPanel(self._server, self._session, description)
+                TipPanel(self._server, controls, session, description)
         with gui.add_folder('Measured shape'):
             if moves:
-                self._add_loop(gui)
-            self._source = gui.add_html('')
-            self._error = gui.add_html('')
-            self._learned = gui.add_html('')
+                self._add_loop()
+            text(lambda state: html.source_html(state, history))
+            text(lambda _: html.error_html(history))
+            text(lambda state: html.parameters_html(state.estimate))
         with gui.add_folder('Segments'):
-            self._segments = gui.add_html('')
+            text(lambda state: html.segments_html(state, description, history))
             if moves and description.jamming:
-                self._switches = [
-                    *(add_group(gui, f'Segment {segment}', (SOFTEN, STIFFEN),
-                                partial(self._switch, segment))
-                      for segment in range(1, len(arm.segments) + 1)),
-                    add_button(gui, 'Stiffen all', self._session.stiffen_all)]
-                self._add_regulators(gui, len(arm.segments))
+                self._add_switches(len(arm.segments))
         with gui.add_folder('Tip and sensors'):
-            self._picture = gui.add_html('')
-            self._positions = gui.add_html('')
+            text(lambda _: html.picture_html(session.picture.address))
+            text(lambda state: html.positions_html(state, arm.axes))
             gui.add_button_group('Look from', tuple(views_of(description))).on_click(self._look)
         with gui.add_folder('Tendons'):
-            self._tendons = gui.add_html('')
+            text(lambda state: html.tendons_html(state, description, history))
             if moves:
-                self._add_tendons(gui, arm.tendon_names)
+                self._add_tendons(description)
 
-    def _add_regulators(self, gui: viser.GuiApi, segments: int) -> None:
-        """Add a field and a button for the vacuum of each segment; shown for regulators."""
+    def _add_switches(self, segments: int) -> None:
+        """Add what makes segments stiff or soft; the vacuums are shown for regulators."""
+        controls, session = self._controls, self._session
+
+        def may_switch(state: ArmState) -> bool:
+            return is_there(state, JAMMING_VALVES) and not (runs(state) or state.emergency_stop)
+
         for segment in range(1, segments + 1):
-            number = gui.add_number(
-                f'Vacuum {segment} [kPa]', 0.0, min=0.0, max=MAX_VACUUM, step=1.0, visible=False)
-            button = add_button(
-                gui, f'Set vacuum {segment}', partial(self._set_vacuum, segment, number),
+            controls.group(f'Segment {segment}', (SOFTEN, STIFFEN),
+                           partial(self._switch, segment), may_switch)
+        controls.button('Stiffen all', lambda: session.start(
+            'Stiffen all segments', session.requests.set_stiff(None, True)), may_switch)
+        for segment in range(1, segments + 1):
+            number = controls.grey(self._server.gui.add_number(
+                f'Vacuum {segment} [kPa]', 0.0, min=0.0, max=MAX_VACUUM, step=1.0, visible=False),
+                may_switch)
+            button = controls.button(
+                f'Set vacuum {segment}', partial(self._set_vacuum, segment, number), may_switch,
                 visible=False, hint='Below ambient; between soft and stiff')
-            self._switches += [number, button]
-            self._regulators += [number, button]
+            controls.updates.append(partial(_show_vacuum, segment, number))
+            for control in (number, button):
+                controls.follow(control, 'visible', lambda state: bool(state.set_vacuums))
 
-    def _add_loop(self, gui: viser.GuiApi) -> None:
-        async def switched(event: Any) -> None:
-            if event.client is not None:  # not by show
-                self._session.set_closed_loop(bool(event.target.value))
-
-        self._loop = gui.add_checkbox(
-            'Closed loop', False, hint='Correct every segment with sensor measurements')
-        self._loop.on_update(switched)
-
-    def _add_tendons(self, gui: viser.GuiApi, names: Sequence[str]) -> None:
+    def _add_loop(self) -> None:
         session = self._session
-        self._jogs = [add_group(
-            gui, name, tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name))
-            for name in names]
-        self._hint = gui.add_html('')
-        self._rests = [
-            add_button(gui, 'Reference', session.reference,
-                       hint='Sets the present pulls as zero. The arm must be straight'),
-            add_button(gui, 'Reset shape', session.reset,
-                       hint='Assumes a straight arm, when its shape was unknown')]
+        loop = self._controls.grey(self._server.gui.add_checkbox(
+            'Closed loop', False, hint='Correct every segment with sensor measurements'),
+            lambda state: session.closed_loop is not None and is_there(state, SHAPE_SEQUENCER))
+        on_change(loop, lambda _: session.set_closed_loop(bool(loop.value)))
+        self._controls.follow_value(loop, lambda: bool(session.closed_loop))
+
+    def _add_tendons(self, description: Description) -> None:
+        session, requests, controls = self._session, self._session.requests, self._controls
+
+        def may_jog(state: ArmState) -> bool:
+            any_soft = not description.jamming or False in state.stiff
+            return state.stopped == '' and not runs(state) and any_soft
+
+        for name in description.arm.tendon_names:
+            controls.group(name, tuple(f'{step:+g}' for step in STEPS), partial(self._jog, name),
+                           may_jog)
+        controls.text(lambda state: html.jog_hint_html(state, description))
+        controls.button('Reference', lambda: session.trigger('Reference', requests.reference()),
+                        lambda state: not runs(state),
+                        hint='Sets the present pulls as zero. The arm must be straight')
+        controls.button('Reset shape', lambda: session.trigger('Reset shape', requests.reset()),
+                        lambda state: not runs(state),
+                        hint='Assumes a straight arm, when its shape was unknown')
 
     def remove(self) -> None:
         """Remove the controls, to make room for those of another arm."""
@@ -158,77 +174,28 @@ class Panel:
             camera.up_direction = (0.0, 0.0, 1.0)
 
     def _switch(self, segment: int, choice: str) -> None:
-        self._session.set_stiff(segment, choice == STIFFEN)
+        self._session.start(f'{choice.capitalize()} segment {segment}',
+                            self._session.requests.set_stiff(segment, choice == STIFFEN))
 
     def _set_vacuum(self, segment: int, number: Any) -> None:
         value = number.value
         if isinstance(value, int | float) and 0.0 <= value <= MAX_VACUUM:
-            self._session.set_vacuum(segment, 1e3 * value)
+            self._session.start(f'Vacuum of segment {segment}',
+                                self._session.requests.set_vacuum(segment, 1e3 * value))
         else:  # a browser may send any
             self._session.refuse('Vacuum', f'allowed: 0 to {MAX_VACUUM:g} kPa')
 
     def _jog(self, tendon: str, choice: str) -> None:
-        self._session.jog(tendon, float(choice) * 1e-3)
-
-    # Updates.
+        self._session.start('Jog', self._session.requests.jog({tendon: float(choice) * 1e-3}))
 
     def sample(self, state: ArmState) -> None:
         """Add to the charts, also without a browser."""
         if self._description is not None:
             self._history.sample(state)
 
-    def show(self, state: ArmState) -> None:
-        """Show what has changed."""
-        if self._playback is not None:
-            playback = self._playback
-            show_value(self._server, self._slider, lambda: round(playback.position, 1))
-            self._play.label = PAUSE if playback.playing else PLAY
-        else:
-            recorder = self._session.observed.recorder
-            self._recording.content = html.recording_html(recorder)
-            self._record.label = END if recorder is not None and recorder.recording else RECORD
-            enable(self._record, recorder is not None)
-            self._steering.content = html.steering_html(self._session.observed.teleop)
-        self._nodes.content = html.nodes_html(state)
-        self._notices.content = html.notices_html(
-            list(self._session.notices)[-NOTICES_IN_PANEL:])
-        if self._description is None:
-            return
-        self._segments.content = html.segments_html(state, self._description, self._history)
-        self._picture.content = html.picture_html(self._session.picture.address)
-        self._positions.content = html.positions_html(state, self._description.arm.axes)
-        self._tendons.content = html.tendons_html(state, self._description, self._history)
-        self._sequence.content = html.sequence_html(state)
-        self._source.content = html.source_html(state, self._history)
-        self._error.content = html.error_html(self._history)
-        self._learned.content = html.parameters_html(state.estimate)
-        runs = state.progress is not None
-        fraction = state.progress.fraction if state.progress else 0.0
-        self._bar.value = (  # type: ignore[misc]  # it can be set
-            round(100 * min(1.0, max(0.0, fraction))) if isfinite(fraction) else 0.0)
-        if self._playback is not None:
-            return
-        closed = self._session.closed_loop
-        show_value(self._server, self._loop, lambda: bool(self._session.closed_loop))
-        self._hint.content = html.jog_hint_html(state, self._description)
-        # Controls without effect are grey.
-        may_move = state.stopped == ''
-        works_now = {node.name for node in state.nodes if not node.stale}
-        may_switch = JAMMING_VALVES in works_now and not (runs or state.emergency_stop)
-        may_run = may_move and SHAPE_SEQUENCER in works_now
-        any_soft = not self._description.jamming or False in state.stiff
-        self._shapes.show(may_run, runs)
-        self._tip.show(state, may_run)
-        for number, vacuum in zip(self._regulators[::2], state.set_vacuums, strict=False):
-            if not number.visible and isfinite(vacuum):  # so that Set alone changes nothing
-                number.value = round(1e-3 * vacuum, 1)
-        for control in self._regulators:
-            if control.visible is not bool(state.set_vacuums):
-                control.visible = bool(state.set_vacuums)
-        for control, works in (
-                (self._loop, closed is not None and SHAPE_SEQUENCER in works_now),
-                *((c, may_switch) for c in self._switches),
-                *((c, may_move and not runs and any_soft) for c in self._jogs),
-                *((c, not runs) for c in self._rests)):
-            enable(control, works)
 
+def _show_vacuum(segment: int, number: Any, state: ArmState) -> None:
+    """Show the set vacuum when the field appears, so that its button alone changes nothing."""
+    vacuum, = state.set_vacuums[segment - 1:segment] or (nan,)
+    if not number.visible and isfinite(vacuum):
+        number.value = round(1e-3 * vacuum, 1)

@@ -18,13 +18,13 @@ from soft_continuum.browser.meshes import (
     faces,
     frames_along,
     line,
+    Points,
     rectangle,
     repeated,
     sampled,
     SIDES,
     tube,
 )
-from soft_continuum.browser.points import Points
 from soft_continuum.browser.session import Description
 from soft_continuum.client.state import ArmState, Pose
 from soft_continuum.colours import (

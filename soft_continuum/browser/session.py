@@ -1,22 +1,24 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""State of the view besides the observed arm: description, notices, button actions."""
+"""State of the view besides the observed arm: description, notices, requests, saved shapes."""
 
+from base64 import b64encode
 from collections import Counter, deque
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, isfinite
+import re
 from time import monotonic, strftime
 from typing import Any, TYPE_CHECKING, TypeVar
 
+from rclpy.node import Node
+from sensor_msgs.msg import CompressedImage
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.browser.messages import plain
-from soft_continuum.browser.picture import CameraPicture
-from soft_continuum.browser.points import Points
-from soft_continuum.browser.saved import SavedShapes
+from soft_continuum.browser.log import LOG
+from soft_continuum.browser.meshes import Points
 from soft_continuum.browser.tip_planning import TipPlanning
 from soft_continuum.cli.up import nodes_for
 from soft_continuum.client.errors import (
@@ -29,16 +31,19 @@ from soft_continuum.client.errors import (
 )
 from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.observed import anomaly_of, KINEMATICS_STATE, TENDON_STATE
+from soft_continuum.client.own_file import OwnShapesError, read_saved, Saved
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.state import ArmState, reached_text, SequenceResult
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.entry import subscribe
-from soft_continuum.ros.names import KINEMATICS
+from soft_continuum.ros.names import KINEMATICS, NODES, OVERLAY
 from soft_continuum.ros.obstacles import Key, known_from_ros, MAX_KNOWN_BYTES
-from soft_continuum.ros.qos import LATCHED
+from soft_continuum.ros.qos import LATCHED, SENSOR
+from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.progress import AIMS
+from soft_continuum.user_files import saved_shapes
 from soft_continuum_interfaces.msg import MotionRequest
 
 if TYPE_CHECKING:
@@ -55,6 +60,122 @@ STOP = 'Stop'
 NEW_PROBLEM, NEW_NOTICE = 20.0, 6.0  # s that a notice is shown in the bar
 PREVIEW = 10.0  # s that a selected shape is shown
 EXPECTED_ENDS = (MotionRequest.REPLACED, MotionRequest.HELD, MotionRequest.STOPPED)
+SAVED = 'Saved shapes'  # title of notices
+MAX_PICTURE = 1_000_000  # bytes
+JPEG = b'\xff\xd8\xff'
+PICTURE_AGE = 2.0  # s after which it is not shown any more
+MAX_TEXT = 400  # characters
+BUTTONS = {'stop': 'STOP', 'resume': 'Resume', 'reference': 'Reference', 'reset': 'Reset shape',
+           'set_all_stiff': 'Stiffen all'}
+NODE = f'(?:{"|".join(NODES)})'
+SOURCE = re.compile(f'^(?:{NODE}(?:/[a-z_0-9]+)*: )+')
+SERVICE = re.compile(f'(call )?(?:~|{NODE})/({"|".join(BUTTONS)})' r'\b')
+
+
+def plain(text: str) -> str:
+    """Return a text with the names of buttons instead of services, cut, in one line."""
+    text = text[:2 * MAX_TEXT]
+    text = ''.join(c if c.isprintable() else ' ' for c in text)
+    text = SERVICE.sub(lambda m: ('press ' if m[1] else '') + BUTTONS[m[2]],
+                       SOURCE.sub('', text))
+    return text if len(text) <= MAX_TEXT else f'{text[:MAX_TEXT - 1]}…'
+
+
+class CameraPicture:
+    """Subscribes only while the image is shown, so that it is drawn only on demand."""
+
+    def __init__(self, node: Node) -> None:
+        """Start without a subscription."""
+        self._node = node
+        self._subscription: Any = None
+        self._data, self._age = b'', Age()
+
+    def look(self, on: bool) -> None:
+        """Start or stop the subscription; on the thread that spins the node."""
+        if on and self._subscription is None:
+            self._subscription = subscribe(self._node, CompressedImage, OVERLAY, self._on_picture,
+                                           SENSOR, MAX_PICTURE)
+        elif not on and self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def _on_picture(self, message: CompressedImage) -> None:
+        data = bytes(message.data)
+        if data.startswith(JPEG):
+            self._data = data
+            self._age.refresh()
+
+    @property
+    def address(self) -> str:
+        """The last image as a data URL; empty if none was received for two seconds."""
+        if self._age.seconds > PICTURE_AGE:
+            return ''
+        return f'data:image/jpeg;base64,{b64encode(self._data).decode("ascii")}'
+
+
+class SavedShapes:
+    """
+    Follows changes of the file by other programs, and changes it.
+
+    A slow disk must not delay STOP.  The file is read on the thread of the node only to run a
+    saved name.
+    """
+
+    def __init__(self, session: 'Session') -> None:
+        """Start empty."""
+        self._session = session
+        self._all = Saved()
+        self._signature: tuple[int, int] | None = None
+        self._disk = ThreadPoolExecutor(1, 'saved_shapes')
+
+    @property
+    def offered(self) -> Saved:
+        """Shapes and sequences that fit the arm; none before it is known."""
+        description = self._session.description
+        if description is None:
+            return Saved()
+        return self._all.offered(description.arm, description.shapes)
+
+    def follow(self) -> None:
+        """Read the file if it has changed."""
+        self._disk.submit(self._read)
+
+    def change(self, change: Callable[[], str]) -> None:
+        """Carry out one of the changes of own_file; a notice reports success or the reason."""
+        self._disk.submit(self._change, change)
+
+    def _read(self) -> None:
+        try:
+            found = saved_shapes().stat()
+            signature = found.st_mtime_ns, found.st_ino
+        except OSError:  # no file, mostly; else a change says why
+            signature = None
+        if signature != self._signature:
+            self._signature = signature
+            self._tell(self._take, read_saved())
+
+    def _change(self, change: Callable[[], str]) -> None:
+        try:
+            done = change()
+            self._read()  # first: what a notice says is done is seen, too
+            self._tell(self._session.notify, SAVED, done)
+        except OwnShapesError as error:
+            self._tell(self._problem, str(error))
+        except Exception:
+            LOG.exception('the saved file could not be changed')
+
+    def _take(self, saved: Saved) -> None:
+        self._all = saved
+        if saved.problem:
+            self._problem(f'{saved.problem}; the rest is available, and a copy of the file is '
+                          'kept at the next save')
+
+    def _problem(self, text: str) -> None:
+        self._session.notify(SAVED, text, is_problem=True)
+
+    def _tell(self, work: Callable[..., None], *arguments: object) -> None:
+        """Call a function on the thread that spins the node."""
+        self._session.requests.node.executor.create_task(work, *arguments)
 
 
 @dataclass(frozen=True)
@@ -248,36 +369,11 @@ class Session:
     def stop(self) -> None:
         """Stop the tendons and all rounds of sequences."""
         self._sequences += 1
-        self._trigger(STOP, self.requests.stop())
+        self.trigger(STOP, self.requests.stop())
 
     def resume(self) -> None:
         """Allow motion again."""
-        self._trigger('Resume', self.requests.resume())
-
-    def reference(self) -> None:
-        """Set the present tendon positions as those of the straight arm."""
-        self._trigger('Reference', self.requests.reference())
-
-    def reset(self) -> None:
-        """Reset kinematics to the straight arm."""
-        self._trigger('Reset shape', self.requests.reset())
-
-    def set_stiff(self, segment: int, stiff: bool) -> None:
-        """Evacuate or vent a segment (from 1)."""
-        self._start(f'{"Stiffen" if stiff else "Soften"} segment {segment}',
-                    self.requests.set_stiff(segment, stiff))
-
-    def set_vacuum(self, segment: int, vacuum: float) -> None:
-        """Set the vacuum of a segment (from 1) with a regulator, Pa below ambient."""
-        self._start(f'Vacuum of segment {segment}', self.requests.set_vacuum(segment, vacuum))
-
-    def stiffen_all(self) -> None:
-        """Evacuate every segment."""
-        self._start('Stiffen all segments', self.requests.set_stiff(None, True))
-
-    def jog(self, tendon: str, change: float) -> None:
-        """Pull in a tendon by ``change`` m; negative: pay out."""
-        self._start('Jog', self.requests.jog({tendon: change}))
+        self.trigger('Resume', self.requests.resume())
 
     def run(self, shapes: 'Sequence[ShapeLike]', aim: str = AIMS[0],
             hold: 'float | Sequence[float]' = SEQUENCE_HOLD, rounds: int = 1) -> None:
@@ -293,7 +389,7 @@ class Session:
 
         self._sequences += 1
         number = self._sequences
-        self._start('Sequence', self._run(number, shapes, aim, hold, rounds), done)
+        self.start('Sequence', self._run(number, shapes, aim, hold, rounds), done)
 
     async def _run(self, number: int, shapes: 'Sequence[ShapeLike]', aim: str,
                    hold: 'float | Sequence[float]', rounds: int) -> SequenceResult:
@@ -311,7 +407,7 @@ class Session:
         async def refused() -> None:
             raise RefusedError(reason)
 
-        self._start(title, refused())
+        self.start(title, refused())
 
     def set_closed_loop(self, closed: bool) -> None:
         """Turn the correction of sequences by measurements on or off."""
@@ -320,23 +416,24 @@ class Session:
             self.notify('Loop', 'sequences are corrected with measurements' if closed else
                         'sequences run open loop')
 
-        self._start('Loop', self.requests.set_closed_loop(closed), done)
+        self.start('Loop', self.requests.set_closed_loop(closed), done)
 
     def record(self) -> None:
         """Start a recording, or end the running one."""
         state = self.observed.recorder
-        self._trigger('Recording', self.requests.record(state is None or not state.recording))
+        self.trigger('Recording', self.requests.record(state is None or not state.recording))
 
     def cancel(self) -> None:
         """Cancel every running sequence of any client, and the remaining rounds."""
         self._sequences += 1
-        self._start('Cancel', self.requests.cancel_all())
+        self.start('Cancel', self.requests.cancel_all())
 
-    def _trigger(self, title: str, work: Coroutine[Any, None, str]) -> None:
-        self._start(title, work, lambda message: self.notify(title, message))
+    def trigger(self, title: str, work: Coroutine[Any, None, str]) -> None:
+        """Start a request whose answer is a text for the users."""
+        self.start(title, work, lambda message: self.notify(title, message))
 
-    def _start(self, title: str, work: Coroutine[Any, None, T],
-               done: Callable[[T], None] = lambda result: None) -> None:
+    def start(self, title: str, work: Coroutine[Any, None, T],
+              done: Callable[[T], None] = lambda result: None) -> None:
         """Start a request; a notice reports why it was not carried out."""
         def ended(future: Future[T]) -> None:
             try:

@@ -11,9 +11,8 @@ from typing import Any, TYPE_CHECKING
 import viser
 
 from soft_continuum.browser import html
-from soft_continuum.browser.controls import add_button, add_group, enable, number_of
-from soft_continuum.browser.html import own_shape_html
-from soft_continuum.browser.points import Points, points_of
+from soft_continuum.browser.controls import Controls, may_run, number_of, on_change, runs
+from soft_continuum.browser.meshes import Points, points_of
 from soft_continuum.browser.session import Description, SEQUENCE_HOLD, Session
 from soft_continuum.client import own_file
 from soft_continuum.client.own_file import (
@@ -25,7 +24,7 @@ from soft_continuum.client.own_file import (
     steps_from_text,
     steps_text,
 )
-from soft_continuum.client.state import angles_text
+from soft_continuum.client.state import angles_text, ArmState
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.sequencing.progress import AIMS
 
@@ -41,15 +40,16 @@ ROUNDING = 1e-3  # degrees: limits are written with so many digits
 class ShapesPanel:
     """Shapes of one arm; every browser shows the same."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, description: Description) -> None:
+    def __init__(self, gui: viser.GuiApi, controls: Controls, session: Session,
+                 description: Description) -> None:
         """Add the controls at the present position of the GUI."""
-        self._gui, self._session, self._description = gui, session, description
+        self._gui, self._controls = gui, controls
+        self._session, self._description = session, description
         self._saved = Saved()
         self._rows: list[Any] = []
-        self._motions: list[Any] = []
         if description.shapes:
-            self._motions.append(add_group(
-                gui, 'Set', tuple(description.shapes), lambda name: self._run([name])))
+            controls.group('Set', tuple(description.shapes), lambda name: self._run([name]),
+                           may_run)
         self._names = gui.add_text(
             'Sequence', ', '.join(description.shapes), hint='Shapes, each followed by its hold '
             'time in s (default: 1): c_form 2.5, s_form')
@@ -59,24 +59,26 @@ class ShapesPanel:
         self._aim = gui.add_dropdown(
             'Aim', AIMS, hint='Controlled quantity in closed loop: the angle of every segment, or '
             'the position of the tip')
-        self._motions.append(add_button(gui, 'Run sequence', self._run_sequence))
-        self._cancel = add_button(gui, 'Cancel', session.cancel, hint='Ends the sequence' + (
+        controls.button('Run sequence', self._run_sequence, may_run)
+        controls.button('Cancel', session.cancel, runs, hint='Ends the sequence' + (
             ' with every segment stiff' if description.jamming else ''))
         with gui.add_folder('Own shape', expand_by_default=False):
             self._own = OwnShape(gui, description, lambda: session.preview(self._own.points))
-            self._motions.append(add_button(
-                gui, 'Set own shape', lambda: session.run([self._own.shape], self._chosen_aim)))
+            controls.button('Set own shape',
+                            lambda: session.run([self._own.shape], self._chosen_aim), may_run)
         self._folder = gui.add_folder('Saved', expand_by_default=False)
         with self._folder:
             self._list = gui.add_html(NOTHING)  # its rows come here
             self._name = gui.add_text('Name', '', hint='Name for saving or renaming')
-            add_button(gui, 'Save own shape', self._save_shape,
-                       hint='Saves the sliders of Own shape under this name')
-            add_button(gui, 'Save sequence', self._save_sequence,
-                       hint='Saves Sequence and Rounds under this name')
+            controls.button('Save own shape', self._save_shape,
+                            hint='Saves the sliders of Own shape under this name')
+            controls.button('Save sequence', self._save_sequence,
+                            hint='Saves Sequence and Rounds under this name')
             self._which = gui.add_dropdown('Which', ('',))
-            self._changes = add_group(gui, 'Change', (RENAME, DELETE), self._change_which,
-                                      hint='Renames it to Name, or deletes it')
+            controls.group('Change', (RENAME, DELETE), self._change_which,
+                           lambda _: bool(self._saved.names),
+                           hint='Renames it to Name, or deletes it')
+        controls.updates.append(self._follow_saved)
 
     @property
     def _chosen_aim(self) -> str:
@@ -148,8 +150,11 @@ class ShapesPanel:
                                    (self._rounds, sequence.rounds), (self._name, name)):
                 control.value = value  # type: ignore[misc]  # it can be set
 
-    def _show_saved(self, saved: Saved) -> None:
+    def _follow_saved(self, _: ArmState) -> None:
         """Make a row of buttons for each saved item."""
+        saved = self._session.saved.offered
+        if saved == self._saved:
+            return
         self._saved = saved
         for row in self._rows:
             row.remove()
@@ -171,20 +176,8 @@ class ShapesPanel:
                  text: str) -> None:
         order = self._list.order + len(self._rows) / (5 * MAX_SAVED)
         self._rows += [
-            add_group(self._gui, name, choices, partial(work, name), order=order),
+            self._controls.group(name, choices, partial(work, name), order=order),
             self._gui.add_html(html.caption(escape(text)), order=order)]
-
-    # Updates.
-
-    def show(self, may_run: bool, runs: bool) -> None:
-        """Show saved items, and grey out controls without effect."""
-        saved = self._session.saved.offered
-        if saved != self._saved:
-            self._show_saved(saved)
-        for control in self._motions:
-            enable(control, may_run)
-        enable(self._cancel, runs)
-        enable(self._changes, bool(saved.names))
 
 
 class OwnShape:
@@ -193,10 +186,6 @@ class OwnShape:
     def __init__(self, gui: viser.GuiApi, description: Description,
                  changed: Callable[[], None]) -> None:
         """Add the sliders, all at 0; changed: called when one is moved."""
-        async def moved(event: Any) -> None:
-            if event.client is not None:
-                changed()
-
         self.chain = Chain(description.arm)
         self._limits = description.arm.bending_angle_limits.tolist()
         self._angles, self._directions = [], []
@@ -208,8 +197,8 @@ class OwnShape:
             if directed:
                 self._directions.append(gui.add_slider(f'Direction {number}', -180, 180, 1, 0))
         for slider in (*self._angles, *self._directions):
-            slider.on_update(moved)
-        gui.add_html(own_shape_html(description))
+            on_change(slider, lambda _: changed())
+        gui.add_html(html.own_shape_html(description))
 
     @property
     def shape(self) -> 'tuple[Bending, ...]':

@@ -15,7 +15,7 @@ import numpy as np
 import viser
 
 from soft_continuum.browser import html
-from soft_continuum.browser.controls import add_button, enable, number_of
+from soft_continuum.browser.controls import Controls, may_run, number_of, on_change, runs
 from soft_continuum.browser.inbound import TIP_HANDLE
 from soft_continuum.browser.meshes import line
 from soft_continuum.browser.session import Description, Session
@@ -33,8 +33,8 @@ REACH = 1.2  # times the length of the arm: range of the handle
 class TipPanel:
     """The goal of the tip of one arm; every browser shows and drags the same."""
 
-    def __init__(self, server: viser.ViserServer, session: Session, description: Description
-                 ) -> None:
+    def __init__(self, server: viser.ViserServer, controls: Controls, session: Session,
+                 description: Description) -> None:
         """Add the controls at the present position of the GUI, and a hidden handle."""
         self._session, self._description = session, description
         self._place: Array = np.zeros(3)
@@ -54,32 +54,46 @@ class TipPanel:
             'Point it too', False, hint='Also use the direction of the handle')
         self._angles = [gui.add_number(f'{name} [°]', 0.0, min=-180.0, max=180.0, step=0.1)
                         for name in (('Tilt', 'Towards') if self._along.all() else ('Angle',))]
-        self._text = gui.add_html('')
-        self._go = add_button(gui, 'Go', self._send)
+        controls.updates.append(self._show)
+        controls.text(lambda _: html.plan_html(
+            session.tip.planned, session.tip.late) if self._is_on else '')
+        controls.button('Go', self._send, lambda state: (
+            self._is_on and may_run(state) and not runs(state) and session.tip.found))
         self._name = gui.add_text('Shape name', '')
-        self._save = add_button(gui, 'Save planned shape', self._save_shape,
-                                hint='Saves the shape in green under this name')
+        controls.button(
+            'Save planned shape', self._save_shape,
+            lambda _: self._is_on and bool(session.tip.planned and session.tip.planned.points),
+            hint='Saves the shape in green under this name')
         self._add_handle(server.scene)
-        self._on.on_update(self._switched)
-        self._directed.on_update(self._typed)
-        for number in (*self._numbers, *self._angles):
-            number.on_update(self._typed)
+        on_change(self._on, self._switched)
+        for control in (self._directed, *self._numbers):
+            controls.grey(control, lambda _: self._is_on)
+        for control in self._angles:
+            controls.grey(control, lambda _: self._is_on and self._is_directed)
+        for control in (self._directed, *self._numbers, *self._angles):
+            on_change(control, self._typed)
 
     def _add_handle(self, scene: viser.SceneApi) -> None:
         length = self._description.arm.length
         self._handle = scene.add_transform_controls(
             TIP_HANDLE, HANDLE, fixed=True, active_axes=self._description.moves_along,
             disable_rotations=True, depth_test=False, visible=False)
-        self._handle.on_update(self._dragged)
+        on_change(self._handle, self._dragged)
         self._path = scene.add_line_segments(
             '/arm/tip_path', np.zeros((1, 2, 3)), GHOST, thickness=ROPE * length, visible=False)
         self._drawn: object = None  # the plan whose path is drawn
 
     # What a browser does.  Whatever it sends, the goal stays a place.
 
-    async def _switched(self, event: Any) -> None:
-        if event.client is None:
-            return
+    @property
+    def _is_on(self) -> bool:
+        return self._on.value is True
+
+    @property
+    def _is_directed(self) -> bool:
+        return self._directed.value is True
+
+    def _switched(self, _: Any) -> None:
         if not self._on.value:
             self._session.tip.leave()
             return
@@ -90,8 +104,8 @@ class TipPanel:
             self._take(np.array([0.0, 0.0, self._description.arm.length]), np.eye(3))
         self._aim()
 
-    async def _typed(self, event: Any) -> None:
-        if event.client is None or not self._on.value:
+    def _typed(self, _: Any) -> None:
+        if not self._on.value:
             return
         far = REACH * self._description.arm.length
         place = [1e-3 * number_of(number.value, -1e3 * far, 1e3 * far) for number in self._numbers]
@@ -102,12 +116,12 @@ class TipPanel:
         self._towards = rest[0] if rest else 0.0
         self._aim()
 
-    async def _dragged(self, event: Any) -> None:
-        if event.client is None or not self._on.value:
+    def _dragged(self, event: Any) -> None:
+        if not self._on.value:
             return
         far = REACH * self._description.arm.length
         w, x, y, z = event.target.wxyz
-        turned = self._directed.value is True and hypot(w, x, y, z) > 0.0
+        turned = self._is_directed and hypot(w, x, y, z) > 0.0
         self._take(np.clip(event.target.position, -far, far),
                    _matrix((x, y, z, w)) if turned else None)
         self._aim(dragged=event.phase != 'end')
@@ -132,7 +146,7 @@ class TipPanel:
 
     def _aim(self, dragged: bool = False) -> None:
         position = tuple(self._place[self._along].tolist())
-        direction = self._direction if self._directed.value is True else None
+        direction = self._direction if self._is_directed else None
         self._session.tip.aim(
             Tip(position, direction=direction), self._description.arm, dragged)
 
@@ -153,29 +167,20 @@ class TipPanel:
 
     # Updates.
 
-    def show(self, state: ArmState, may_run: bool) -> None:
-        """Show the goal and its plan."""
-        on, tip = self._on.value is True, self._session.tip
-        runs = state.progress is not None
-        situation = runs, state.stiff, id(self._session.obstacles)
-        if on and situation != self._situation and not runs:
+    def _show(self, state: ArmState) -> None:
+        """Show the goal and its path."""
+        situation = runs(state), state.stiff, id(self._session.obstacles)
+        if self._is_on and situation != self._situation and not runs(state):
             self._aim()  # from the arm, and among the obstacles, as they are now
         self._situation, self._tip = situation, state.tip
-        self._show_handle(on)
-        planned = tip.planned
-        self._text.content = html.plan_html(planned, tip.late) if on else ''
+        self._show_handle(self._is_on)
+        planned = self._session.tip.planned
         if planned is not self._drawn:
             self._drawn = planned
             path = np.array(planned.path if planned else ())
             if len(path) > 1:
                 self._path.points = line(path).astype(np.float32)
             self._path.visible = len(path) > 1
-        enable(self._go, on and may_run and not runs and tip.found)
-        enable(self._save, bool(on and planned is not None and planned.points))
-        for control in (*self._numbers, self._directed):
-            enable(control, on)
-        for control in self._angles:
-            enable(control, on and self._directed.value is True)
 
     def _show_handle(self, on: bool) -> None:
         """
@@ -185,7 +190,7 @@ class TipPanel:
         another thread: to set it back then would lose it.
         """
         self._handle.visible = on
-        directed = self._directed.value is True
+        directed = self._is_directed
         shown = (directed, *self._place.tolist(), self._tilt, self._towards) if on else None
         if shown == self._shown:
             return

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import isfinite, pi
 from time import monotonic
 
-from soft_continuum.browser.points import Points, points_of
+from soft_continuum.browser.meshes import Points, points_of
 from soft_continuum.client import ClientError, Tip
 from soft_continuum.client.plan import Plan, plan_shapes, PlanStep
 from soft_continuum.client.requests import Requests

@@ -18,14 +18,12 @@ import numpy as np
 
 from soft_continuum.analysis.figures import shapes_figure
 from soft_continuum.arguments import given_path, Parser, WRONG_USAGE
+from soft_continuum.cli.output import Output
 from soft_continuum.cli.processes import NodeProcesses
-from soft_continuum.cli.twin_process import add_twin_options, twin_process
-from soft_continuum.cli.up import chosen_nodes, with_asked
-from soft_continuum.client.arm import Arm
-from soft_continuum.client.errors import ClientError
+from soft_continuum.cli.up import add_twin_options, ALL, arguments_of, chosen_nodes
+from soft_continuum.client import Arm, ArmState, ClientError, Pose, RunningSequence
 from soft_continuum.client.measured import MeasuredDisc
-from soft_continuum.client.sequence import RunningSequence
-from soft_continuum.client.state import angles_text, ArmState, Pose, Progress
+from soft_continuum.client.state import angles_text
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.extras import require
 from soft_continuum.mechanics import arm as mechanics
@@ -59,6 +57,9 @@ def main() -> int:
                         help='motors of the twin: steppers (grbl, the default) or servos '
                         '(dynamixel)')
     add_twin_options(parser)
+    # A namespace of its own keeps it apart from an arm that may be running.
+    parser.set_defaults(namespace=f'demo_{os.getpid()}', jamming_driver=None, computer=ALL,
+                        teleop=False)
     options = parser.parse_args()
     if not options.picture.resolve().parent.is_dir():
         parser.error(f'--picture {options.picture}: there is no such directory')
@@ -72,16 +73,13 @@ def main() -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     rig = f'the twin, preset {options.twin}' if options.twin else 'a simulated rig'
     options.params_file = [description_file(options.arm)]
-    # A namespace of its own keeps it apart from an arm that may be running.
-    namespace = options.namespace = f'demo_{os.getpid()}'
     try:
         nodes = chosen_nodes(options)
         print(f'Starting the nodes on {rig} ...', flush=True)
-        with (twin_process(options.twin, options.params_file, namespace, camera=options.camera,
-                           tendon_driver=options.tendon_driver) as driving,
-              NodeProcesses(nodes, [*with_asked(options, driving), '--log-level', 'error']),
-              Arm(namespace, timeout=STARTING_TIMEOUT) as arm):
-            if driving:
+        with (arguments_of(options) as arguments,
+              NodeProcesses(nodes, [*arguments, '--log-level', 'error']),
+              Arm(options.namespace, timeout=STARTING_TIMEOUT) as arm):
+            if options.twin:
                 _take_as_straight(arm, jamming=JAMMING_VALVES in nodes)
             _run(arm, options.picture, camera=options.camera)
     except KeyboardInterrupt:
@@ -159,15 +157,16 @@ def _follow(arm: Arm, running: RunningSequence, *, camera: bool
     """Show the progress; return the state in which each shape was held, and its measurements."""
     reached: dict[str, ArmState] = {}
     measured: dict[str, dict[int, MeasuredDisc]] = {}
-    shown = ''
+    output, before = Output(Parser('demo', ''), as_json=False), None
     for now in running.updates():
-        shown = _show(now, shown)
+        output.progress(now, before)
+        before = now
         if now.phase == Phase.HOLDING:
             reached[now.shape] = arm.state
             if camera and now.shape not in measured:
                 measured[now.shape] = _measure(arm)
     running.result()
-    print(flush=True)
+    output.print('')
     return reached, measured
 
 
@@ -179,14 +178,3 @@ def _measure(arm: Arm) -> dict[int, MeasuredDisc]:
     except ClientError as error:
         print(f'\n{error}', file=sys.stderr)
         return {}
-
-
-def _show(now: Progress, shown: str) -> str:
-    """Print the progress: on a terminal a phase counts up in place; elsewhere it is one line."""
-    segment = f'segment {now.segment}' if now.segment else 'whole arm'
-    line = f'{now.shape:<16}{segment:<12}{now.phase}'
-    if line != shown or sys.stdout.isatty():
-        new_line = '\n' if line != shown and shown else ''
-        back = '\r' if sys.stdout.isatty() and not new_line else ''
-        print(f'{new_line}{back}{100 * now.fraction:4.0f} %  {line}', end='', flush=True)
-    return line

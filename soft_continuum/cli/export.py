@@ -18,7 +18,7 @@ from soft_continuum.analysis.recording import (
     write_tables,
 )
 from soft_continuum.analysis.results import reserve_outputs
-from soft_continuum.cli.common import given_recording, recording_parser, run_verb
+from soft_continuum.analysis.verbs import given_recording, recording_parser, run_verb
 from soft_continuum.extras import require
 
 FORMATS = ('csv', 'mat', 'parquet')

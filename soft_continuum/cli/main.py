@@ -60,6 +60,29 @@ def call(verb: Verb, options: Sequence[str]) -> int:
         return DONE
 
 
+def completion() -> int:
+    """Print the completion script of a shell."""
+    parser = Parser('completion', 'Print the script for tab completion. For bash put this into '
+                    '~/.bashrc: source <(soft_continuum completion bash)')
+    parser.add_argument('shell', choices=('bash', 'zsh', 'fish'))
+    shell = parser.parse_args().shell
+    from argcomplete.shell_integration import shellcode
+    print(shellcode(['soft_continuum'], shell='bash' if shell == 'zsh' else shell))
+    return DONE
+
+
+def emulate() -> int:
+    """Call the emulator of a device."""
+    parser = Parser('emulate', 'Emulate a device on a pseudo-terminal. DEVICE --help shows the '
+                    'options of a device.')
+    parser.add_argument('device', choices=('grbl', 'dynamixel', 'modbus'),
+                        help='grbl: the stepper controller; dynamixel: servos; '
+                        'modbus: pump, valves and sensors')
+    parser.add_argument('options', nargs=argparse.REMAINDER, metavar='OPTION')
+    options = parser.parse_args()
+    return call(VERBS[f'{options.device}_emulator'], options.options)
+
+
 def _parser() -> Parser:
     width = max(map(len, VERBS))
     listing = '\n\n'.join(

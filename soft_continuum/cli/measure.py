@@ -5,17 +5,16 @@
 import argparse
 from collections import Counter
 from collections.abc import Sequence
-from datetime import datetime
 from pathlib import Path
 from time import sleep
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum import version
 from soft_continuum.analysis.results import reserve_outputs, ResultError, write_rows
-from soft_continuum.arguments import FAILED, NO_NODES, number_in, Parser
-from soft_continuum.cli.common import run_verb
+from soft_continuum.analysis.verbs import origin, run_verb
+from soft_continuum.arguments import number_in, Parser
+from soft_continuum.client.errors import ClientError
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -38,11 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='names in the shape library (default: all)')
     parser.add_argument('--duration', type=number_in(0.5, 60.0, 's'), default=2.0, metavar='S',
                         help='time for which each shape is measured (default: 2 s)')
-    from soft_continuum.client.errors import ClientError, NodesMissingError
-    try:
-        return run_verb(parser, _run, argv)
-    except ClientError as error:
-        return parser.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -63,7 +58,7 @@ def _run(options: argparse.Namespace) -> None:
 def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
                  paths: Sequence[Path]) -> None:
     """Set and measure one shape after the other; write all of them after each."""
-    title = _title(arm.is_simulated)
+    title = origin('measure', arm.is_simulated, 'Measured')
     description, jamming = arm.description, arm.has_jamming
     points = [[title], ['shape', 'point', *(f'{axis} [mm]' for axis in description.axes),
                         'deviation [mm]']]
@@ -81,12 +76,6 @@ def _measure_all(arm: 'Arm', names: Sequence[str], options: argparse.Namespace,
             write_rows(path, rows)
 
 
-def _title(simulated: bool) -> str:
-    what = 'SIMULATED arm (twin), not a measurement' if simulated else 'Measured'
-    return (f'{what}; soft_continuum measure {version()} on '
-            f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
-
-
 def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
                      ) -> tuple[list[tuple[int, Pulls]], 'dict[int, MeasuredDisc]']:
     """
@@ -95,7 +84,6 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
     In closed loop a segment may be set more than once.  Without jamming, the pulls at the
     measurement count as those of segment 0.
     """
-    from soft_continuum.client.errors import ClientError
     from soft_continuum.sequencing.progress import Phase
     arm.run([0.0] * len(arm.description.segments))
     steps: list[tuple[int, Pulls]] = []
@@ -123,7 +111,6 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
 
 def _with_position(discs: 'dict[int, MeasuredDisc]') -> 'dict[int, MeasuredDisc]':
     """Return the discs with measured positions; raises ClientError without any."""
-    from soft_continuum.client.errors import ClientError
     found = {n: disc for n, disc in discs.items() if disc.has_position}
     if not found:
         raise ClientError('only angles of the discs are measured; points need positions from a '

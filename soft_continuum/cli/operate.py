@@ -1,20 +1,22 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that operate a running arm, from ``status`` to ``reset``."""
+"""The verbs that operate a running arm, from ``status`` to ``tare``."""
 
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from math import isfinite, radians
 import os
 import signal
 import sys
 from time import sleep
-from typing import NoReturn, TYPE_CHECKING
+from typing import Any, NoReturn, TYPE_CHECKING
 
 from soft_continuum.arguments import (
     AS_PREDICTED,
     command_name,
+    COMMON_OPTIONS,
     DONE,
     FAILED,
     FOR_NODES,
@@ -23,13 +25,22 @@ from soft_continuum.arguments import (
     NO_NODES,
     number_in,
     Parser,
+    WRONG_USAGE,
 )
-from soft_continuum.cli.completion import cache_shapes, cached_shapes
 from soft_continuum.cli.output import Output
 from soft_continuum.cli.registry import VERBS
+from soft_continuum.cli.tip_options import (
+    add_tip,
+    add_tolerance,
+    add_unit,
+    given_tip,
+    read_tip_path,
+    tip_problem,
+    UNITS,
+)
 from soft_continuum.sequencing.progress import AIMS
-from soft_continuum.text import MAX_NAME, printable
-from soft_continuum.user_files import saved_shapes
+from soft_continuum.text import MAX_NAME, printable, read_bytes
+from soft_continuum.user_files import saved_shapes, shape_names
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -39,6 +50,7 @@ if TYPE_CHECKING:
 WATCH_PERIOD = 0.5  # s
 CANCEL_TIMEOUT = 60.0  # s for a canceled sequence to come to rest
 MAX_JOG = 1000.0  # mm; pull_limits are tighter
+MAX_CACHE = 100_000  # bytes
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -58,12 +70,7 @@ class Action:
 
 def main(verb: str, argv: Sequence[str] | None = None) -> int:
     """Run a verb on a running arm; return the exit status."""
-    return run_action(verb, ACTIONS[verb], argv)
-
-
-def run_action(verb: str, action: Action, argv: Sequence[str] | None = None) -> int:
-    """Run a verb's function on a running arm; return the exit status."""
-    parser = Parser(verb, VERBS[verb].help, *FOR_NODES)
+    parser, action = Parser(verb, VERBS[verb].help, *FOR_NODES), ACTIONS[verb]
     action.add_options(parser)
     options = parser.parse_args(argv)
     if missing := action.missing(options):
@@ -125,8 +132,8 @@ def _run_options(parser: Parser) -> None:
                         metavar='A,B,C', help='bending angle of each segment, base first, '
                         'degrees, set after the named shapes; may be repeated. For spatial arms, '
                         'A@D bends towards the direction D, degrees about z from x')
-    add_hold(parser)
-    add_vacuums(parser)
+    _add_hold(parser)
+    _add_vacuums(parser)
     parser.add_argument('--aim', choices=AIMS, default=AIMS[0],
                         help='controlled quantity in closed loop: the angle of every segment, or '
                         'the position of the tip (default: %(default)s)')
@@ -135,7 +142,7 @@ def _run_options(parser: Parser) -> None:
                         'own number)')
 
 
-def add_vacuums(parser: Parser) -> None:
+def _add_vacuums(parser: Parser) -> None:
     """Add the option for the vacuums at which shapes are held."""
     parser.add_argument('--vacuums', type=_vacuums, metavar='A,B,C', help='for rigs with '
                         'regulators, vacuum of each segment while shapes are held, base first, '
@@ -149,7 +156,7 @@ def _rounds(text: str) -> int:
     return int(text)
 
 
-def add_hold(parser: Parser) -> None:
+def _add_hold(parser: Parser) -> None:
     """Add the option for the hold time of shapes."""
     parser.add_argument('--hold', type=number_in(0.0, 86400.0, 's'), default=0.0, metavar='S',
                         help='hold time of each shape (default: 0 s)')
@@ -166,19 +173,24 @@ def _run(arm: 'Arm', options: Namespace, output: Output) -> int:
             saved = read_saved().sequences
             if name in saved and name not in arm.shapes:
                 rounds = saved[name].rounds
-    shapes: list[ShapeLike] = [*options.shapes, *options.angles]
-    if options.vacuums is not None:
-        from soft_continuum.client.sequence import Held
-        shapes = [Held(shape, options.vacuums) for shape in (*options.shapes, *options.angles)]
+    shapes = _held([*options.shapes, *options.angles], options)
     status, done = DONE, 0
     while status in (DONE, AS_PREDICTED) and (done < rounds or not rounds):
-        status, done = watch_sequence(arm.start(
+        status, done = _watch_sequence(arm.start(
             *shapes, hold=options.hold, aim=options.aim),
             output), done + 1
     return status
 
 
-def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
+def _held(shapes: Sequence[Any], options: Namespace) -> 'Sequence[ShapeLike]':
+    """Return the shapes, to be held at the vacuums that were given, if any."""
+    if options.vacuums is None:
+        return shapes
+    from soft_continuum.client.sequence import Held
+    return [Held(shape, options.vacuums) for shape in shapes]
+
+
+def _watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
     """Show a sequence; the first Ctrl-C cancels it and waits for the arm to come to rest."""
     from soft_continuum.client.errors import SequenceError
     from soft_continuum.client.state import reached_text
@@ -209,6 +221,37 @@ def watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
         return INTERRUPTED if interrupted else FAILED
 
 
+def _reach_options(parser: Parser) -> None:
+    add_tip(parser)
+    _add_hold(parser)
+    _add_vacuums(parser)
+
+
+def _reach(arm: 'Arm', options: Namespace, output: Output) -> int:
+    return _watch_sequence(arm.start(
+        *_held([given_tip(options)], options), hold=options.hold), output)
+
+
+def _follow_options(parser: Parser) -> None:
+    parser.add_argument('file', type=given_path, metavar='FILE',
+                        help='CSV file with the columns x and z or x, y and z, and optionally '
+                        'angle')
+    parser.add_argument('--decimal', **COMMON_OPTIONS['--decimal'])
+    add_unit(parser, 'unit of lengths if the header has none, and of the tolerance')
+    add_tolerance(parser)
+    _add_hold(parser)
+
+
+def _follow(arm: 'Arm', options: Namespace, output: Output) -> int:
+    from soft_continuum.analysis.delimited import MeasurementError
+    try:
+        tips = read_tip_path(options.file, options.unit, UNITS[options.unit] * options.tolerance,
+                             options.decimal)
+    except MeasurementError as error:
+        return output.fail(error, WRONG_USAGE)
+    return _watch_sequence(arm.start(tips, hold=options.hold), output)
+
+
 def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
     from soft_continuum.client.own_file import read_saved, sequence_text
     from soft_continuum.client.state import angles_text
@@ -219,7 +262,7 @@ def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
     if saved.problem:
         print(saved.problem, file=sys.stderr)
     offered = saved.offered(arm.description, library)
-    cache_shapes([*library, *offered.shapes, *offered.sequences])
+    _cache_shapes([*library, *offered.shapes, *offered.sequences])
     output.print('\n'.join((
         *(f'{name:<20}{angles_text(values, directions.get(name, ()))}'
           for name, values in library.items()),
@@ -231,6 +274,21 @@ def _shapes(arm: 'Arm', _: Namespace, output: Output) -> int:
         saved_shapes={name: asdict(shape) for name, shape in offered.shapes.items()},
         saved_sequences={name: asdict(sequence) for name, sequence in offered.sequences.items()})
     return DONE
+
+
+def cached_shapes(**_: Any) -> list[str]:
+    """Return the names in the shape library when it was last listed: TAB waits for no nodes."""
+    try:
+        return read_bytes(shape_names(), MAX_CACHE).decode('utf-8').splitlines()
+    except (OSError, ValueError):
+        return []
+
+
+def _cache_shapes(names: Iterable[str]) -> None:
+    """Cache the names in the shape library for the next TAB."""
+    with suppress(OSError):
+        shape_names().parent.mkdir(parents=True, exist_ok=True)
+        shape_names().write_text('\n'.join(names), encoding='utf-8')
 
 
 # Segments.
@@ -383,6 +441,8 @@ ACTIONS = {
     'shapes': Action(_shapes),
     'run': Action(_run, _run_options, lambda options: '' if options.shapes or options.angles else
                   f'give a SHAPE or --angles; `{command_name("shapes")}` lists the names'),
+    'reach': Action(_reach, _reach_options, tip_problem),
+    'follow': Action(_follow, _follow_options),
     'stiffen': Action(_stiffen, _stiffen_options),
     'soften': Action(_soften, _soften_options),
     'vacuum': Action(_vacuum, _vacuum_options),

@@ -48,13 +48,8 @@ class Output:
         if self.as_json:
             self.print('', **asdict(now))
             return
-        segment = f'segment {now.segment}' if now.segment else 'whole arm'
-        text = f'{100 * now.fraction:3.0f} %  {now.shape}, {segment}: {now.phase}'
-        if now.correction:
-            text += f', correction {now.correction}'
-        if now.error is not None:
-            from soft_continuum.client.state import error_text
-            text += f', {error_text(now.error, now.aim)} off'
+        from soft_continuum.client.state import progress_text
+        text = f'{100 * now.fraction:3.0f} %  {now.shape}, {progress_text(now)}'
         if sys.stdout.isatty():
             full = round(BAR_LENGTH * now.fraction)
             line = f'[{"#" * full}{"." * (BAR_LENGTH - full)}] {text}'

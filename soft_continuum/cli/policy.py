@@ -15,8 +15,8 @@ import shlex
 from xml.etree import ElementTree
 
 from soft_continuum.analysis.results import reserve_outputs
+from soft_continuum.analysis.verbs import run_verb
 from soft_continuum.arguments import Parser
-from soft_continuum.cli.common import run_verb
 from soft_continuum.hardware.drivers import driver_topics
 from soft_continuum.nodes.parameter_table import DESCRIBED
 from soft_continuum.parameters.arm import arm_from_parameters

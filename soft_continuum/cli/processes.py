@@ -3,7 +3,6 @@
 """Runs each node as a separate process, so that none can delay another, without launch."""
 
 from collections.abc import Sequence
-from importlib import import_module
 import os
 import signal
 import subprocess
@@ -16,7 +15,14 @@ import rclpy
 from rclpy.context import Context
 
 from soft_continuum.extras import remedy
-from soft_continuum.nodes.runtime import check_parameter_files, end_with, run
+from soft_continuum.nodes.runtime import (
+    argument_error,
+    check_parameter_files,
+    end_with,
+    ROS_ARGUMENT_ERRORS,
+    run,
+)
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.enclaves import CLIENT, with_enclave
 from soft_continuum.ros.logs import require_log_folder
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
@@ -42,13 +48,16 @@ class NodeProcesses:
         Check everything that can be checked before the start.
 
         arguments: program, then ROS arguments, for every node.  output: descriptor of a file for
-        their output, None: the output of this process. Raises ParameterError for a parameter file,
-        one of runtime.ROS_ARGUMENT_ERRORS for arguments that are not valid in ROS.
+        their output, None: the output of this process. Raises ParameterError for a parameter
+        file, and for arguments that are not valid in ROS.
         """
         check_parameter_files(arguments, names)
         require_log_folder(os.environ)
         context = Context()
-        rclpy.init(args=with_enclave(arguments, (*names, CLIENT)[0]), context=context)
+        try:
+            rclpy.init(args=with_enclave(arguments, (*names, CLIENT)[0]), context=context)
+        except ROS_ARGUMENT_ERRORS as error:
+            raise ParameterError(argument_error(arguments, error)) from None
         context.shutdown()
         self._names, self._arguments = tuple(names), list(arguments[1:])
         self._output = output
@@ -133,7 +142,8 @@ def child() -> None:
     end_with(int(parent))
     try:
         if name in (TWIN, TWIN_CAMERA):
-            status = import_module(f'soft_continuum.cli.{name}').main(arguments)
+            from soft_continuum.cli import twin
+            status = (twin.main if name == TWIN else twin.camera)(arguments)
         else:
             status = run(name, [name, *arguments])
     except ImportError as error:

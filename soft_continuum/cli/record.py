@@ -2,14 +2,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """``record``: records all topics of the nodes to an MCAP file."""
 
+import argparse
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 
 from soft_continuum.analysis.recording import BAG
-from soft_continuum.analysis.results import reserve_outputs, ResultError
-from soft_continuum.arguments import number_in, Parser, WRONG_USAGE
-from soft_continuum.extras import require
+from soft_continuum.analysis.results import reserve_outputs
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import number_in, Parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -24,12 +25,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--pictures', action='store_true',
                         help='also record camera images: tens of MB per second')
     parser.set_defaults(output=Path('recording'))
-    options = parser.parse_args(argv)
-    require('mcap')
-    try:
-        path, = reserve_outputs(options.output, [BAG], options.force)
-    except ResultError as error:
-        return parser.fail(error, WRONG_USAGE)
+    return run_verb(parser, _run, argv, 'mcap')
+
+
+def _run(options: argparse.Namespace) -> int:
+    path, = reserve_outputs(options.output, [BAG], options.force)
     from soft_continuum.recordings.record import record  # needs ROS
     return record(path, namespace=options.namespace, duration=options.duration,
                   goal=options.goal, pictures=options.pictures)

@@ -32,7 +32,7 @@ class Verb:
     @property
     def completes(self) -> bool:
         """Whether TAB may call the function: it builds a Parser before it does anything."""
-        return self.target.startswith(('cli.', 'commissioning.', 'emulators.'))
+        return not self.target.startswith(('browser.', 'nodes.'))
 
 
 def _operate(name: str, text: str) -> Verb:
@@ -55,9 +55,8 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _operate('watch', 'show the state of the arm twice per second, until Ctrl-C'),
         _operate('shapes', 'list the shape library'),
         _operate('run', 'set shapes in sequence; Ctrl-C cancels'),
-        Verb('reach', 'move the tip to a position; Ctrl-C cancels', 'cli.reach:main',
-             ('reach',)),
-        Verb('follow', 'move the tip along a path from a file', 'cli.reach:main', ('follow',)),
+        _operate('reach', 'move the tip to a position; Ctrl-C cancels'),
+        _operate('follow', 'move the tip along a path from a file'),
         _operate('stiffen', 'evacuate a segment, or all, and wait until it is stiff'),
         _operate('soften', 'vent a segment and wait until it is soft'),
         _operate('vacuum', 'set the vacuum of a segment with a regulator'),
@@ -81,14 +80,14 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
              'cli.plan:main'),
     ),
     'set up a rig, while no nodes run': (
-        Verb('new-arm', 'describe an arm interactively', 'cli.new_arm:main'),
+        Verb('new-arm', 'describe an arm interactively', 'new_arm.description:main'),
         Verb('doctor', 'check a rig step by step; nothing moves', 'commissioning.doctor:main'),
         Verb('calibrate', 'measure a rig: vacuum, signs, steps, zero; set up servos',
              'commissioning.calibrate:main'),
         Verb('emulate', 'emulate the device of a driver: grbl, dynamixel, modbus',
              'emulators.console:emulate'),
         Verb('twin', 'simulate a rig: the arm in MuJoCo with emulated boards', 'cli.twin:main'),
-        Verb('twin_camera', 'simulate a camera of that rig', 'cli.twin_camera:main'),
+        Verb('twin_camera', 'simulate a camera of that rig', 'cli.twin:camera'),
         Verb('tags', 'write printable tags for discs and board', 'cli.tags:main'),
         Verb('policy', 'write a policy for SROS 2: access permissions over DDS',
              'cli.policy:main'),
@@ -97,16 +96,17 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
     ),
     'analyse measurements': (
         Verb('characterize', 'fit the bending stiffness to force-displacement curves',
-             'cli.characterize:main'),
-        Verb('identify', 'fit parameters of the arm to measured shapes', 'cli.identify:main'),
+             'analysis.characterisation:main'),
+        Verb('identify', 'fit parameters of the arm to measured shapes',
+             'analysis.identification:main'),
         Verb('validate', 'compare the models with measured shapes',
-             'cli.validate:main'),
+             'analysis.validation:main'),
         Verb('converge', 'check the convergence of the model with its resolution',
-             'cli.converge:main'),
-        Verb('workspace', 'sample the positions that the tip reaches', 'cli.workspace:main'),
-        Verb('study', 'compare designs of arms', 'cli.study:main'),
-        Verb('report', 'write a one-page report of a recording', 'cli.report:main'),
-        Verb('replay', 'play a recording in a browser', 'browser.replay:main'),
+             'analysis.convergence:main'),
+        Verb('workspace', 'sample the positions that the tip reaches', 'analysis.workspace:main'),
+        Verb('study', 'compare designs of arms', 'study.summary:main'),
+        Verb('report', 'write a one-page report of a recording', 'analysis.report:main'),
+        Verb('replay', 'play a recording in a browser', 'browser.main:replay'),
         Verb('export', 'export a recording as CSV, MATLAB or Parquet', 'cli.export:main'),
     ),
     'single nodes and devices, as `ros2 run soft_continuum` names them': (
@@ -124,7 +124,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('modbus_emulator', 'the same as emulate modbus', 'emulators.modbus:main'),
     ),
     'shell': (
-        Verb('completion', 'print the script for tab completion', 'cli.completion:main'),
+        Verb('completion', 'print the script for tab completion', 'cli.main:completion'),
     ),
 }
 

@@ -3,18 +3,17 @@
 """``save-estimate``: writes the parameters that kinematics has estimated to a file."""
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from functools import partial
 from math import inf
 import sys
 from typing import TYPE_CHECKING
 
-from soft_continuum import version
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.arguments import FAILED, NO_NODES, Parser
-from soft_continuum.cli.common import run_verb
+from soft_continuum.analysis.verbs import origin, run_verb
+from soft_continuum.arguments import Parser
+from soft_continuum.client.errors import ClientError
 from soft_continuum.client.estimate import LearnedParameter, parameter_text, ParameterText
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import write_parameters
@@ -30,7 +29,7 @@ HOW_TO_SEE = 'does the node camera or disc_sensors run? See `soft_continuum stat
 HOW_TO_LEARN = ('the stiffness of a segment can be estimated while it is soft and carried by its '
                 'own spring, its K when its load changes while it is stiff: set other shapes')
 OF_HOMING = 'it belongs to the zero of the tendons: home them, or straighten the arm and reference'
-BENDING = 'arm.bending_stiffnesses'
+BENDING, RATIOS = 'arm.bending_stiffnesses', 'arm.stiffness_ratios'
 CHECKS = {p.name: p.check for p in ARM_PARAMETERS}
 
 
@@ -56,11 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     f'K and payload, as far as they are determined. Writes {FILE}; pass it to the '
                     'nodes after the other parameter files. Moves nothing.',
                     '--namespace', '--timeout', '--output', '--force')
-    from soft_continuum.client.errors import ClientError, NodesMissingError
-    try:
-        return run_verb(parser, _run, argv)
-    except ClientError as error:
-        return parser.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -70,7 +65,7 @@ def _run(options: argparse.Namespace) -> None:
     with RunningArm(options.namespace, timeout=options.timeout) as arm:
         estimate = arm.state.estimate
         learned = estimated_parameters(_known(estimate), arm.description)
-        title = _title(arm.is_simulated)
+        title = origin(NAME, arm.is_simulated, 'Estimated from measurements')
     _say(learned)
     assert estimate is not None
     write_parameters(path, learned.values, [
@@ -84,16 +79,8 @@ def _run(options: argparse.Namespace) -> None:
     print(f'\nWritten: {path}. Pass it to the nodes as another parameter file, after the others.')
 
 
-def _title(simulated: bool) -> str:
-    what = 'SIMULATED arm (twin), not a measurement' if simulated else 'Estimated from '
-    'measurements'
-    return (f'{what}; soft_continuum {NAME} {version()} on '
-            f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
-
-
 def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
     """Return the parameters of an estimate; raises ClientError if it has none."""
-    from soft_continuum.client.errors import ClientError
     from soft_continuum.client.state import source_text
     if estimate is None:
         raise ClientError('kinematics publishes no shape, so there is no estimate to save; see '
@@ -106,7 +93,6 @@ def _known(estimate: 'Estimate | None') -> tuple[LearnedParameter, ...]:
 
 def _say(learned: Learned) -> None:
     """Print the estimates; raise ClientError if none of them can be written."""
-    from soft_continuum.client.errors import ClientError
     for text in learned.offsets:
         print(f'offset, not written: {text}')
     if not learned.values:
@@ -122,12 +108,18 @@ def _say(learned: Learned) -> None:
 
 def estimated_parameters(parameters: Sequence[LearnedParameter], arm: 'Arm') -> Learned:
     """Return the estimates that fit into the description of the arm."""
-    from soft_continuum.analysis.unknowns import stiffnesses_of
-    learned = Learned()
-    stiffnesses = stiffnesses_of(arm)
-    ratios = [0.0 if s.jam.ratio == inf else s.jam.ratio for s in arm.segments]
-    stiffness = _Lists(stiffnesses)
-    ratio = _Lists({'arm.stiffness_ratios': ratios})
+    from soft_continuum.analysis.unknowns import stiffnesses_of, with_mean
+    learned, stiffnesses = Learned(), stiffnesses_of(arm)
+    ratios = tuple(0.0 if s.jam.ratio == inf else s.jam.ratio for s in arm.segments)
+    lists: dict[str, Value] = {**stiffnesses, RATIOS: ratios}
+
+    def put(names: Sequence[str], index: int, value: float) -> dict[str, Value]:
+        """Return the lists with a number of the first; the others stay in proportion to it."""
+        new = with_mean(lists, names, (index,), value)
+        checked = {name: CHECKS[name](new[name]) for name in names}
+        lists.update(checked)
+        return checked
+
     for parameter in parameters:
         text, segment = parameter_text(parameter), parameter.segment
         if parameter.kind == 'offset':
@@ -143,41 +135,18 @@ def estimated_parameters(parameters: Sequence[LearnedParameter], arm: 'Arm') -> 
                 learned.left_out.append(f'{text.label}: a measured table replaces it')
             else:
                 _take(learned, parameter, text, stiffnesses[BENDING][segment - 1], 'N m^2',
-                      partial(stiffness.put, segment - 1))
+                      partial(put, tuple(stiffnesses), segment - 1))
         elif parameter.kind == 'stiff_ratio' and segment is not None:
             if arm.segments[segment - 1].jam.law is not None:
                 learned.left_out.append(f'{text.label}: a measured table replaces it')
             else:
-                _take(learned, parameter, text, 1.0, '', partial(ratio.put, segment - 1),
+                _take(learned, parameter, text, 1.0, '', partial(put, (RATIOS,), segment - 1),
                       ratios[segment - 1] or inf)
         elif parameter.kind == 'payload':
             _take(learned, parameter, text, 1.0, 'kg', _payload, arm.payload)
         else:
             learned.left_out.append(f'{text.label}: no parameter of a description')
     return learned
-
-
-class _Lists:
-    """Parameters with a value for each segment; as described if nothing was estimated."""
-
-    def __init__(self, lists: Mapping[str, Sequence[float]]) -> None:
-        self._lists = lists
-
-    def put(self, index: int, value: float) -> dict[str, Value]:
-        """
-        Return the parameters with another estimated value; raises ParameterError.
-
-        It is one of the first; the others stay in proportion to it.
-        """
-        first, *others = self._lists
-        new = {first: value} | {
-            name: self._lists[name][index] * (value / self._lists[first][index])
-            for name in others}
-        lists = {name: [new[name] if i == index else before for i, before in enumerate(values)]
-                 for name, values in self._lists.items()}
-        checked = {name: CHECKS[name](values) for name, values in lists.items()}
-        self._lists = lists
-        return checked
 
 
 def _payload(value: float) -> dict[str, Value]:

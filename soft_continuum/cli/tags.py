@@ -6,8 +6,8 @@ import argparse
 from collections.abc import Sequence
 
 from soft_continuum.analysis.results import reserve_outputs
+from soft_continuum.analysis.verbs import run_verb
 from soft_continuum.arguments import FOR_ANALYSIS, Parser
-from soft_continuum.cli.common import run_verb
 
 NAME = 'tags'
 

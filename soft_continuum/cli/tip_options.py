@@ -1,15 +1,17 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Options for goals of the tip on the command line."""
+"""Goals of the tip on the command line: options, and paths from files."""
 
 from argparse import ArgumentTypeError, Namespace
 from math import degrees, inf, isfinite, pi, radians
+from pathlib import Path
 
 from soft_continuum.arguments import number_in, Parser
 from soft_continuum.client.tip import Tip
 
 UNITS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3}
 MAX_POSITION = 10.0  # m
+MAX_POINTS = 200  # of a path; shape_sequencer accepts no more
 
 
 def add_tip(parser: Parser, needed: bool = True) -> None:
@@ -62,6 +64,42 @@ def given_tip(options: Namespace) -> Tip:
     return Tip(tuple(scale * value for value in options.position),
                None if options.angle is None else radians(options.angle), options.direction, None,
                scale * options.tolerance, min(pi, radians(options.angle_tolerance)))
+
+
+def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0,
+                  decimal: str | None = None) -> list[Tip]:
+    """
+    Return the goals of a CSV file with the columns x, z, and optionally y and angle.
+
+    unit: of lengths if the header has none; angles are then in degrees.  tolerance: m, 0 for the
+    default.  decimal: the mark, if the numbers are ambiguous.  Raises MeasurementError naming
+    file, line and remedy.
+    """
+    from soft_continuum.analysis.delimited import MeasurementError, Quantity, read_table
+    table = read_table(path, [
+        Quantity('x', ('x',), 'm'), Quantity('z', ('z',), 'm'),
+        Quantity('y', ('y',), 'm', required=False),
+        Quantity('angle', ('angle',), 'rad', required=False)],
+        usual={'x': unit, 'y': unit, 'z': unit, 'angle': 'deg'}, decimal=decimal)
+    names = [name for name in 'xyz' if table.has(name)]
+    rows = list(zip(*(table.column(name).numbers().tolist() for name in names), strict=True))
+    if len(rows) > MAX_POINTS:
+        raise MeasurementError(f'{path}: {len(rows)} points; allowed: {MAX_POINTS}; leave some '
+                               'out, such as every second one')
+    for number, row in enumerate(rows, start=1):
+        for name, value in zip(names, row, strict=True):
+            if abs(value) > MAX_POSITION:
+                raise MeasurementError(
+                    f'{path}: {name} of point {number} is {value:g} m; allowed: up to '
+                    f'{MAX_POSITION:g} m; in mm? use --unit mm, or {name} [mm] in the header')
+    angles = (table.column('angle').numbers().tolist() if table.has('angle')
+              else [None] * len(rows))
+    for number, angle in enumerate(angles, start=1):
+        if angle is not None and abs(angle) > 2.0 * pi:
+            raise MeasurementError(f'{path}: the angle of point {number} is {angle:g} rad; '
+                                   'allowed: one turn either way')
+    return [Tip(row, angle, tolerance=tolerance)
+            for row, angle in zip(rows, angles, strict=True)]
 
 
 def _number(text: str) -> float:

@@ -1,14 +1,17 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``twin``: a simulated rig in MuJoCo behind emulated boards on serial ports."""
+"""``twin``: a simulated rig in MuJoCo behind emulated boards; ``twin_camera``: one before it."""
 
-from argparse import Namespace
+from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from math import degrees, radians
+import re
 import threading
 
-from soft_continuum.arguments import DONE, given_path, Parser, WRONG_USAGE
+from soft_continuum.arguments import DONE, given_path, number_in, Parser, WRONG_USAGE
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
+from soft_continuum.extras import require
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.twin.model_errors import (
@@ -19,6 +22,10 @@ from soft_continuum.twin.model_errors import (
     read_model_errors,
     TwinError,
 )
+
+CAMERA_RATE = 10.0  # Hz
+CAMERA_DIRECTION = 165.0  # degrees, from where every disc of the shipped shapes is seen best
+CAMERA_NAME = re.compile(r'[a-z]\w{0,30}', re.ASCII)
 
 
 def add_preset_options(parser: Parser) -> None:
@@ -95,3 +102,51 @@ def main(argv: Sequence[str] | None = None) -> int:
             'file of the nodes:']), flush=True)
 
     return serve(parser, begin)
+
+
+def camera(argv: Sequence[str] | None = None) -> int:
+    """Publish images until Ctrl-C; return the exit status."""
+    parser = Parser('twin_camera', 'A simulated camera in front of the twin: draws the arm and '
+                    'its tags, and publishes NAME/image_raw and NAME/camera_info for the node '
+                    'camera of that name.',
+                    '--params-file', '--namespace')
+    add_preset_options(parser)
+    parser.add_argument('--rate', type=number_in(0.1, 60.0, 'Hz'), default=CAMERA_RATE,
+                        metavar='HZ', help=f'images per second (default: {CAMERA_RATE:g}); '
+                        'drawing one takes about 0.05 s of a core')
+    parser.add_argument('--name', type=_name, default='camera',
+                        help='name of the camera (default: camera)')
+    parser.add_argument('--direction', type=number_in(-360.0, 360.0, 'degrees'), metavar='DEGREES',
+                        help='direction from the arm to the camera, for a spatial arm: angle '
+                        'about z from x; fixed tags must be in view '
+                        f'(default: {CAMERA_DIRECTION:g})')
+    options = parser.parse_args(argv)
+    require('cv2')
+    from soft_continuum.parameters.files import load_description
+    from soft_continuum.ros.names import CAMERA
+    from soft_continuum.sensing.layout import FRONT, layout_of, RingLayout
+    from soft_continuum.twin.camera import TwinCamera
+    from soft_continuum.twin.pictures import Pictures
+    from soft_continuum.user_files import description_file
+
+    def begin(running: ExitStack) -> None:
+        layout = layout_of(load_description(
+            *options.params_file or [description_file()], node=CAMERA,
+            namespace=options.namespace))
+        rings, direction = isinstance(layout, RingLayout), options.direction
+        if direction is not None and not rings:
+            raise ParameterError('--direction is for spatial arms; a planar arm is seen from -y')
+        if direction is None:
+            direction = CAMERA_DIRECTION if rings else degrees(FRONT)
+        camera = TwinCamera(layout, chosen_model_errors(options), radians(direction))
+        running.enter_context(Pictures(camera, options.rate, options.namespace, options.name))
+        print(f'Simulated pictures on {options.name}/image_raw. Ctrl-C ends it.', flush=True)
+
+    return serve(parser, begin)
+
+
+def _name(text: str) -> str:
+    if not CAMERA_NAME.fullmatch(text):
+        raise ArgumentTypeError(f'{text!r} is not a valid camera name; allowed: letters, digits '
+                                'and _, such as camera_2')
+    return text

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Runs the nodes of an arm as separate processes, without launch_ros: ``./run up``.
 
@@ -12,27 +11,24 @@ import atexit
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from tempfile import NamedTemporaryFile
-from time import sleep
+import subprocess
+from tempfile import NamedTemporaryFile, TemporaryDirectory
+from time import monotonic, sleep
 
 from ament_index_python.packages import get_packages_with_prefixes
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
-from soft_continuum.cli.processes import NodeProcesses
-from soft_continuum.cli.twin_process import add_twin_options, twin_process
+from soft_continuum.cli.processes import Child, end, NodeProcesses
+from soft_continuum.emulators.driving import board_links, driving_parameters
+from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
-from soft_continuum.nodes.runtime import (
-    argument_error,
-    check_parameter_files,
-    ROS_ARGUMENT_ERRORS,
-    Signals,
-)
+from soft_continuum.nodes.runtime import check_parameter_files, Signals
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description, parameters_text
+from soft_continuum.parameters.files import load_arm, load_description, parameters_text
 from soft_continuum.parameters.overrides import Overrides
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.parameters.scalars import EXACT
@@ -45,7 +41,10 @@ from soft_continuum.ros.names import (
     SERVO,
     SHAPE_SEQUENCER,
     TELEOP,
+    TWIN,
+    TWIN_CAMERA,
 )
+from soft_continuum.twin.model_errors import DEFAULT_PRESET, load_cell_parameters, PRESETS
 from soft_continuum.user_files import description_file
 
 DRIVERS = ('tendon_driver', 'jamming_driver')
@@ -53,7 +52,10 @@ STEERING = (SERVO, TELEOP)
 ALL, RIG, WORKSTATION = 'all', 'rig', 'workstation'
 COMPUTERS = (ALL, RIG, WORKSTATION)
 COMPUTER_HELP = ('nodes to start: those that own devices (rig), the others (workstation), or all')
-PERIOD = 0.05  # s between two checks of the processes
+PERIOD = 0.05  # s between two checks of processes
+TWIN_TIMEOUT = 120.0  # s: it imports MuJoCo, and makes the model of the arm
+NO_OTHER_CAMERA: dict[str, Value] = {'camera.source': '', 'camera.calibration': ''}
+CAMERA_RATE = 5  # Hz of the images: drawing and processing one takes 0.1 s of a core
 
 
 def start_parser(verb: str, description: str) -> Parser:
@@ -103,11 +105,6 @@ def start_arguments(namespace: str, files: Sequence[str | Path]) -> list[str]:
             *(word for path in files for word in ('--params-file', str(path)))]
 
 
-def ros_arguments(options: Namespace) -> list[str]:
-    """Return the options of start_parser as ROS arguments, without those that override files."""
-    return ['up', *start_arguments(_namespace(options), description_files(options))]
-
-
 def _namespace(options: Namespace) -> str:
     return (options.namespace or '').strip('/')
 
@@ -127,12 +124,6 @@ def asked_file(files: Sequence[str | Path], asked: Mapping[str, Value]) -> Path:
                                    digits=EXACT, section=section))
     atexit.register(Path(file.name).unlink, missing_ok=True)
     return Path(file.name)
-
-
-def with_asked(options: Namespace, asked: Mapping[str, Value]) -> list[str]:
-    """Return ros_arguments with parameters that override those of the files."""
-    files = [asked_file(description_files(options), asked)] if asked else []
-    return [*ros_arguments(options), *start_arguments('', files)]
 
 
 def nodes_of(files: Sequence[str | Path], namespace: str = '') -> tuple[str, ...]:
@@ -155,9 +146,8 @@ def nodes_for(arm: Arm, jamming: bool) -> tuple[str, ...]:
 def chosen_nodes(options: Namespace) -> tuple[str, ...]:
     """Return the nodes that the options of start_parser ask for, as nodes_of."""
     nodes = nodes_of(description_files(options), _namespace(options))
-    given = {'computer': ALL, 'teleop': False, **vars(options)}  # demo has no such options
-    return nodes_on(given['computer'], (
-        *nodes, *[CAMERA] * options.camera, *STEERING * given['teleop']))
+    return nodes_on(options.computer, (
+        *nodes, *[CAMERA] * options.camera, *STEERING * options.teleop))
 
 
 def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
@@ -166,21 +156,29 @@ def nodes_on(computer: str, nodes: Iterable[str]) -> tuple[str, ...]:
                  if computer == ALL or (name in HARDWARE) == (computer == RIG))
 
 
-@contextmanager
-def asked_of(options: Namespace) -> Iterator[dict[str, Value]]:
-    """
-    Yield the parameters from the options of start_parser, which override the files.
-
-    Meanwhile the twin runs if requested, see twin_process.
-    """
+def check_twin(options: Namespace) -> None:
+    """Raise ParameterError for options of start_parser that contradict ``--twin``."""
     if options.twin and options.jamming_driver:
         raise ParameterError('--twin brings its own boards; leave out --jamming-driver')
     if options.twin and options.computer == WORKSTATION:
         raise ParameterError('--twin brings the boards of a rig; start it on that computer, with '
                              '--computer rig')
+
+
+@contextmanager
+def arguments_of(options: Namespace) -> Iterator[list[str]]:
+    """
+    Yield the options of start_parser as arguments of the nodes, with the program.
+
+    Meanwhile the twin runs if requested, see twin_process.
+    """
+    files = description_files(options)
     with twin_process(options.twin, options.params_file, _namespace(options),
                       camera=options.camera, tendon_driver=options.tendon_driver) as driving:
-        yield {name: value for name in DRIVERS if (value := getattr(options, name))} | driving
+        asked = {name: value for name in DRIVERS if (value := getattr(options, name))} | driving
+        if asked:
+            files.append(asked_file(files, asked))
+        yield ['up', *start_arguments(_namespace(options), files)]
 
 
 def main() -> int:
@@ -188,19 +186,76 @@ def main() -> int:
     parser = start_parser('up', 'Start the nodes of an arm: all four, or those that it needs.')
     options = parser.parse_args()
     signals = Signals()
-    arguments = ros_arguments(options)
     try:
-        with (asked_of(options) as asked,
-              NodeProcesses(chosen_nodes(options), with_asked(options, asked)) as nodes):
+        check_twin(options)
+        with (arguments_of(options) as arguments,
+              NodeProcesses(chosen_nodes(options), arguments) as nodes):
             signals.starting = False
             while not signals.received and nodes.running:
                 sleep(PERIOD)
     except ParameterError as error:
         return parser.fail(error, WRONG_USAGE)
-    except ROS_ARGUMENT_ERRORS as error:
-        return parser.fail(argument_error(arguments, error), WRONG_USAGE)
     except KeyboardInterrupt:
         return DONE
     finally:
         signals.ignore()
     return DONE if signals.received else FAILED
+
+
+def add_twin_options(parser: Parser) -> None:
+    """Add ``--twin [PRESET]`` and ``--camera``."""
+    parser.add_argument('--twin', nargs='?', const=DEFAULT_PRESET, metavar='PRESET',
+                        help='also start a simulated rig in MuJoCo and drive it: '
+                        f'{", ".join(PRESETS)} (without a name: {DEFAULT_PRESET})')
+    parser.add_argument('--camera', action='store_true',
+                        help='also start the node camera, and with --twin a simulated camera')
+
+
+@contextmanager
+def twin_process(preset: str | None, params_files: Sequence[Path], namespace: str, *,
+                 camera: bool, tendon_driver: str | None) -> Iterator[dict[str, Value]]:
+    """
+    Run the twin of the described arm; yield the node parameters that drive it.
+
+    camera: with one before it.  tendon_driver: one of TENDON_MOTORS, grbl if None.  Without a
+    preset nothing is started and nothing yielded.  Raises ParameterError for a twin that does not
+    start; it has said why by then.
+    """
+    if preset is None:
+        yield {}
+        return
+    from soft_continuum.user_files import description_file
+    tendons = len(load_arm(
+        *params_files or [description_file()], namespace=namespace).tendon_names)
+    with TemporaryDirectory(prefix='soft_continuum_') as directory:
+        driver = tendon_driver or 'grbl'
+        if driver not in TENDON_MOTORS:
+            raise ParameterError(f'the twin has no motors for --tendon-driver {driver}; it has '
+                                 f'those for {", ".join(TENDON_MOTORS)}')
+        ports = {'tendon': Path(directory) / driver, 'modbus': Path(directory) / 'modbus'}
+        arguments = [f'--preset={preset}', f'--namespace={namespace}',
+                     *(f'--params-file={path}' for path in params_files)]
+        links = [f'--{name}-link={path}' for name, path in ports.items()]
+        twin = Child(TWIN, [*arguments, *links, f'--tendon-driver={driver}'],
+                     'the nodes have lost their boards', subprocess.DEVNULL)
+        children = [twin]
+        try:
+            boards = board_links(ports['tendon'], tendons if driver == 'grbl' else 1)
+            deadline = monotonic() + TWIN_TIMEOUT
+            while not all(path.is_symlink() for path in (*map(Path, boards), ports['modbus'])):
+                if not twin.running:
+                    raise ParameterError('the twin did not start; see the lines above')
+                if monotonic() > deadline:
+                    raise ParameterError(f'the twin has no serial ports {TWIN_TIMEOUT:g} s after '
+                                         'its start; is the computer overloaded?')
+                sleep(PERIOD)
+            parameters = driving_parameters(
+                modbus=ports['modbus'], tendons=tendons, **{driver: ' '.join(boards)})
+            parameters |= load_cell_parameters(tendons)
+            if camera:
+                children.append(Child(TWIN_CAMERA, [*arguments, f'--rate={CAMERA_RATE}'],
+                                      'there are no more images', subprocess.DEVNULL))
+                parameters |= NO_OTHER_CAMERA
+            yield parameters
+        finally:
+            end(children)

@@ -386,8 +386,13 @@ def reached_text(reached: Reached) -> str:
             .replace('  ', ' ') + again)
 
 
-def error_text(error: float, aim: str) -> str:
-    """Return the error of a shape being set, in the unit of its aim ('': unknown)."""
-    if aim == 'tip':
-        return f'{millimetres(error)} mm'
-    return f'{degrees(error):.2f} deg' if aim else f'{error:.2g} m or rad'
+def progress_text(now: Progress) -> str:
+    """Return what a sequence does with which segment, and the measured error of the shape."""
+    text = f'{f"segment {now.segment}" if now.segment else "whole arm"}: {now.phase}'
+    if now.correction:
+        text += f', correction {now.correction}'
+    if now.error is None:
+        return text
+    error = (f'{millimetres(now.error)} mm' if now.aim == 'tip' else
+             f'{degrees(now.error):.2f} deg' if now.aim else f'{now.error:.2g} m or rad')
+    return f'{text}, {error} off, measured'

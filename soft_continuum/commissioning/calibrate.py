@@ -13,9 +13,17 @@ import sys
 from typing import Any
 
 from soft_continuum.analysis.results import reserve_outputs
-from soft_continuum.arguments import FOR_ANALYSIS, number_in, Parser, WRONG_USAGE
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number, one_of
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import (
+    ask,
+    confirm,
+    FOR_ANALYSIS,
+    number,
+    number_in,
+    one_of,
+    Parser,
+    WRONG_USAGE,
+)
 from soft_continuum.commissioning import (
     calibrate_camera,
     calibrate_load_cells,
@@ -96,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(ended, signal.default_int_handler)
     try:
         return run_verb(parser, _run, argv)
-    except (HardwareError, DeclinedError) as error:
+    except HardwareError as error:
         return parser.fail(error)
     except CalibrationError as error:
         return parser.fail(error, WRONG_USAGE)

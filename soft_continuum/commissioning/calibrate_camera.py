@@ -9,8 +9,8 @@ from pathlib import Path
 from time import monotonic
 
 from soft_continuum.analysis.results import reserve_outputs
+from soft_continuum.analysis.verbs import run_verb
 from soft_continuum.arguments import FOR_ANALYSIS, Parser
-from soft_continuum.cli.common import run_verb
 from soft_continuum.sensing.pictures import Picture
 from soft_continuum.sensing.sources import is_device, pictures
 

@@ -12,9 +12,8 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.arguments import FAILED, FOR_ANALYSIS, NO_NODES, number_in, Parser
-from soft_continuum.cli.common import described_arm, run_verb
-from soft_continuum.cli.prompts import ask, confirm, DeclinedError, number
+from soft_continuum.analysis.verbs import described_arm, run_verb
+from soft_continuum.arguments import ask, confirm, FOR_ANALYSIS, number, number_in, Parser
 from soft_continuum.commissioning.calibration import CalibrationError
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.parameters.files import write_parameters
@@ -52,7 +51,6 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='the cells show N: measure their zeros only')
     parser.add_argument('--yes', action='store_true',
                         help='with --zero-only: do not ask, the tendons are slack')
-    from soft_continuum.client.errors import ClientError, NodesMissingError
     given = parser.parse_args(argv)
     if given.yes and not given.zero_only:
         parser.error('--yes needs --zero-only: otherwise a mass has to be hung up in between')
@@ -60,9 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error('--mass or --zero-only, not both')
     try:
         return run_verb(parser, _run, argv)
-    except ClientError as error:
-        return parser.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
-    except (CalibrationError, DeclinedError) as error:
+    except CalibrationError as error:
         return parser.fail(error)
 
 

@@ -5,9 +5,8 @@
 import argparse
 from collections.abc import Sequence
 
-from soft_continuum.arguments import Parser
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import confirm, DeclinedError
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import confirm, Parser
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
 from soft_continuum.hardware.dynamixel.registers import explain_hardware_error, HARDWARE_ERROR
@@ -38,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='do not ask: the tendons are slack')
     try:
         return run_verb(parser, _run, argv)
-    except (HardwareError, DeclinedError) as error:
+    except HardwareError as error:
         return parser.fail(error)
 
 

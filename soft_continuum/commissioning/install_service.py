@@ -20,10 +20,17 @@ from typing import Any
 
 from serial.tools.list_ports import comports
 
-from soft_continuum.arguments import INTERRUPTED, Parser, whole_number_in, WRONG_USAGE
-from soft_continuum.cli.common import run_verb
-from soft_continuum.cli.prompts import ask, DeclinedError, one_of
-from soft_continuum.cli.up import check_start, description_files, nodes_of, ros_arguments
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import (
+    ask,
+    DeclinedError,
+    INTERRUPTED,
+    one_of,
+    Parser,
+    whole_number_in,
+    WRONG_USAGE,
+)
+from soft_continuum.cli.up import check_start, description_files, nodes_of, start_arguments
 from soft_continuum.hardware.real_time import NICENESS, PRIORITY
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError, Value
@@ -94,10 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='ROS_DOMAIN_ID (default: that of this terminal)')
     parser.add_argument('--yes', action='store_true', help='write without asking')
     parser.add_argument('--remove', action='store_true', help='remove the files it has written')
-    try:
-        return run_verb(parser, _run, argv)
-    except DeclinedError as error:
-        return parser.fail(error)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -119,7 +123,8 @@ def _install(options: argparse.Namespace) -> None:
     check_start(namespace, options.params_file)
     nodes = [node for node in nodes_of(options.params_file, namespace)
              if options.nodes == 'all' or node in HARDWARE]
-    command = [sys.executable, '-m', 'soft_continuum', '%i', *ros_arguments(options)[1:],
+    command = [sys.executable, '-m', 'soft_continuum', '%i',
+               *start_arguments(namespace, options.params_file),
                '--disable-external-lib-logs']  # systemd keeps the log, within bounds
     files = {_folder() / name: text for name, text in units(
         namespace, nodes, command, _environment(options.domain)).items()}

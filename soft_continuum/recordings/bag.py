@@ -10,6 +10,7 @@ import re
 import struct
 from typing import Any, BinaryIO, NamedTuple, Self
 
+from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.extras import needed
 from soft_continuum.text import MAX_NAME, printable
 
@@ -25,7 +26,7 @@ MAX_ARRAY = 100_000  # elements of the arrays of fixed size in a definition, mul
 FIXED_SIZE = re.compile(r'\[(\d+)\]')
 
 
-class BagError(ValueError):
+class BagError(MeasurementError):
     """A file is not a recording; the message has the reason."""
 
 

@@ -9,12 +9,11 @@ import sys
 from time import monotonic
 from typing import Any
 
+from soft_continuum.arguments import DONE, FAILED
 from soft_continuum.client.connection import Connection
-from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import SEQUENCER_STATE
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
-from soft_continuum.recordings.bag import BagError
 from soft_continuum.recordings.topics import (
     about,
     attach_parameters,
@@ -77,14 +76,12 @@ def record(path: Path, *, namespace: str = '', duration: float = inf, goal: bool
     Record until the time is over, a goal has ended, or Ctrl-C; return the exit status.
 
     path: of the file, which is overwritten.  duration: s.  goal: whether to end with the running
-    or the next goal.  pictures: whether to record camera images too.
+    or the next goal.  pictures: whether to record camera images too.  Raises as Recording.run.
     """
     begin = monotonic()
-    connection: Connection | None = None
+    connection = Connection('record', namespace)
     try:
-        connection = Connection('record', namespace)
-        requests = connection.requests
-        recording = Recording(requests, path, pictures, goal)
+        recording = Recording(connection.requests, path, pictures, goal)
 
         def interrupt(number: int, _: Any) -> None:
             # An exception would be lost in a callback, such as those of an import.
@@ -93,29 +90,20 @@ def record(path: Path, *, namespace: str = '', duration: float = inf, goal: bool
 
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, interrupt)
-        requests.start(recording.run(duration)).result()
-    except (BagError, ClientError) as error:
-        print(f'record: {error}', file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(f'record: {path} cannot be written: {error.strerror}; choose another directory with '
-              '--output', file=sys.stderr)
-        return 1
+        connection.requests.start(recording.run(duration)).result()
     finally:
-        if connection is not None:
-            connection.close()
-    topics, seconds = recording.topics, monotonic() - begin
+        connection.close()
+    topics, seconds, problem = recording.topics, monotonic() - begin, ''
     if topics is None:
-        print('record: nothing was recorded', file=sys.stderr)
-        return 1
-    if topics.failure:
-        print(f'record: can no longer write to {path}: {topics.failure}; the first {seconds:.1f} '
-              's are kept', file=sys.stderr)
-        return 1
-    print(f'{seconds:.1f} s recorded in {path}: {topics.counts.total()} messages of '
-          f'{len(topics.counts)} topics')
-    if topics.lost:
-        print(f'record: {topics.lost} messages were lost: too large, or the disk was too slow',
-              file=sys.stderr)
-        return 1
-    return 0
+        problem = 'nothing was recorded'
+    elif topics.failure:
+        problem = (f'can no longer write to {path}: {topics.failure}; the first {seconds:.1f} s '
+                   'are kept')
+    else:
+        print(f'{seconds:.1f} s recorded in {path}: {topics.counts.total()} messages of '
+              f'{len(topics.counts)} topics')
+        if topics.lost:
+            problem = f'{topics.lost} messages were lost: too large, or the disk was too slow'
+    if problem:
+        print(f'record: {problem}', file=sys.stderr)
+    return FAILED if problem else DONE

@@ -15,11 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics import Arm, set_shape, Statics, StaticsError
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import hinged
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.inverse import set_shape
-from soft_continuum.mechanics.statics import Statics
 from soft_continuum.obstacles import CollisionScene
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.plans import Shape, TipGoal

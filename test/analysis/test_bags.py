@@ -16,9 +16,9 @@ import pytest
 
 from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.analysis.delimited import MeasurementError
+from soft_continuum.analysis.report import main as report
 from soft_continuum.cli.export import _fields
 from soft_continuum.cli.export import main as export
-from soft_continuum.cli.report import main as report
 from soft_continuum.recordings.bag import BagError, BagReader, BagWriter, Topic
 
 TEXT = Topic('/arm/said', 'std_msgs/msg/String', 'string data\n', '')

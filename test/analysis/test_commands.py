@@ -13,7 +13,11 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from soft_continuum.cli import characterize, converge, identify, validate, workspace
+from soft_continuum.analysis import characterisation as characterize
+from soft_continuum.analysis import convergence as converge
+from soft_continuum.analysis import identification as identify
+from soft_continuum.analysis import validation as validate
+from soft_continuum.analysis import workspace
 from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soft_continuum.analysis.convergence import converge
-from soft_continuum.cli import converge as cli_converge
+from soft_continuum.analysis.convergence import converge, main
 from soft_continuum.mechanics.arm import SECOND_ORDER
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -61,5 +60,5 @@ def test_with_spacers_the_bodies_are_multiples_of_their_spans():
 
 
 def test_too_few_bodies_to_compare_are_refused(capsys):
-    assert cli_converge.main(['--params-file', str(TENDON_ARM), '--most', '19']) == 2
+    assert main(['--params-file', str(TENDON_ARM), '--most', '19']) == 2
     assert 'multiples of 10, so up to 19 bodies' in capsys.readouterr().err

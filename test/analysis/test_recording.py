@@ -10,8 +10,8 @@ import pytest
 from soft_continuum.analysis import report
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.recording import FILES, read_tables, Recording, write_tables
+from soft_continuum.analysis.report import main as report_verb
 from soft_continuum.analysis.report import report_html
-from soft_continuum.cli.report import main as report_verb
 from soft_continuum.parameters.files import load_description
 
 THREE = ('front', 'rear_left', 'rear_right')

@@ -10,8 +10,8 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
+from soft_continuum.analysis import workspace
 from soft_continuum.analysis.workspace import furthest_apart, Reach, reach
-from soft_continuum.cli import workspace
 from soft_continuum.mechanics import set_shape
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.space.statics import SpaceStatics

@@ -18,9 +18,8 @@ from soft_continuum.browser import html
 from soft_continuum.browser.access import open_server
 from soft_continuum.browser.bar import Bar, bar_state, BarState, LOST, PAGE, PATH
 from soft_continuum.browser.charts import chart, History, LENGTH
-from soft_continuum.browser.messages import LENGTH as TEXT_LENGTH
-from soft_continuum.browser.messages import plain
-from soft_continuum.browser.session import Description, Session
+from soft_continuum.browser.session import Description, plain, Session
+from soft_continuum.browser.session import MAX_TEXT as TEXT_LENGTH
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.observed import KINEMATICS_STATE
 from soft_continuum.client.state import Pose, Progress

@@ -11,7 +11,7 @@ from time import monotonic
 
 import pytest
 
-from soft_continuum.cli.completion import cached_shapes
+from soft_continuum.cli.operate import cached_shapes
 from soft_continuum.client.own_file import save_sequence, save_shape
 from soft_continuum.user_files import saved_shapes
 

@@ -22,8 +22,8 @@ import yaml
 
 from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.analysis.recording import BAG, DESCRIPTION
+from soft_continuum.analysis.report import main as report
 from soft_continuum.cli.export import main as export
-from soft_continuum.cli.report import main as report
 from soft_continuum.client import Arm
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.recordings.bag import BagReader
@@ -227,7 +227,7 @@ def test_without_force_nothing_is_overwritten_and_with_it_not_before_there_are_n
     before.write_text('precious')
     assert call(*record, timeout=None)[0] == 2
     status, _, err = call(*record, '--force', timeout=None)
-    assert status == 1 and './run up' in err
+    assert status == 3 and './run up' in err
     assert before.read_text() == 'precious'
 
 

@@ -9,8 +9,12 @@ import re
 import numpy as np
 import pytest
 
+from soft_continuum.analysis import characterisation as characterize
+from soft_continuum.analysis import identification as identify
+from soft_continuum.analysis import report, workspace
+from soft_continuum.analysis import validation as validate
 from soft_continuum.analysis.recording import BAG, FILES, Recording, write_tables
-from soft_continuum.cli import characterize, export, identify, record, report, validate, workspace
+from soft_continuum.cli import export, record
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
 

@@ -14,8 +14,11 @@ import re
 
 import pytest
 
+from soft_continuum.analysis import characterisation as characterize
+from soft_continuum.analysis import identification as identify
+from soft_continuum.analysis import validation as validate
 from soft_continuum.arguments import Parser
-from soft_continuum.cli import characterize, identify, plan, validate
+from soft_continuum.cli import plan
 from soft_continuum.cli.registry import VERBS
 
 PACKAGE = Path(__file__).parents[2] / 'soft_continuum'

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from soft_continuum.cli.up import asked_of, check_start, chosen_nodes, start_parser
+from soft_continuum.cli.up import check_start, check_twin, chosen_nodes, start_parser
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.user_files import description_file
 
@@ -38,5 +38,5 @@ def test_each_of_two_computers_has_its_nodes(options: Sequence[str], nodes: set[
 
 def test_the_boards_of_the_twin_are_not_on_the_workstation() -> None:
     options = start_parser('up', '').parse_args(['--twin', '--computer', 'workstation'])
-    with pytest.raises(ParameterError, match='with --computer rig'), asked_of(options):
-        pass
+    with pytest.raises(ParameterError, match='with --computer rig'):
+        check_twin(options)

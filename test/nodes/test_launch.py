@@ -39,8 +39,8 @@ def by_up(node: str, files: Sequence[Path], **asked: str) -> list[str]:
     options = up.start_parser('up', '').parse_args([
         *(f'--params-file={path}' for path in files),
         *(f'--{name.replace("_", "-")}={value}' for name, value in asked.items())])
-    with up.asked_of(options) as parameters:
-        return up.with_asked(options, parameters)
+    with up.arguments_of(options) as arguments:
+        return arguments
 
 
 def given(node: str, arguments: Sequence[str]) -> dict[str, Any]:

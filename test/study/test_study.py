@@ -161,7 +161,7 @@ def test_another_study_is_not_mixed_in_and_a_long_one_needs_consent(
         assert [row['shapes'] for row in csv.DictReader(file)] == ['20'] * 8
     assert main(['study', str(study_file(more)), *scheduler]) == 2
     assert 'another study' in capsys.readouterr().err
-    monkeypatch.setattr('soft_continuum.cli.study.ASK_AFTER', 0.0)
+    monkeypatch.setattr('soft_continuum.study.summary.ASK_AFTER', 0.0)
     monkeypatch.setattr(sys, 'stdin', io.StringIO())
     long = study_file(SMALL.replace('120', '20').replace('steps: 4', 'steps: 12'), 'long.yaml')
     assert main(['study', str(long), '--output', 'long', *scheduler]) == 1

@@ -1,29 +1,33 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Shared by the verbs that need no nodes: the arm, and one-line errors."""
+"""Shared by the verbs: the arm, the recording, and one-line errors."""
 
 import argparse
 from collections.abc import Callable, Sequence
+from datetime import datetime
 from pathlib import Path
 import sys
 
+from soft_continuum import version
 from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.recording import Recording
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
 from soft_continuum.arguments import (
+    DeclinedError,
     DONE,
+    FAILED,
     FOR_ANALYSIS,
     given_path,
     INTERRUPTED,
+    NO_NODES,
     Parser,
     WRONG_USAGE,
 )
+from soft_continuum.client.errors import ClientError, NodesMissingError
 from soft_continuum.extras import require
-from soft_continuum.mechanics.arm import Arm, ArmError
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.laws import LawError
+from soft_continuum.mechanics import Arm, ArmError, LawError, StaticsError
 from soft_continuum.obstacles import ObstacleError
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
@@ -34,8 +38,7 @@ from soft_continuum.sequencing.plans import PlanError
 
 BESIDE = Path('RECORDING')  # as --output: where the recording is
 BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError, ArmError,
-             LawError, StaticsError, LensError, SourceError,
-             ObstacleError, PlanError)
+             LawError, StaticsError, LensError, SourceError, ObstacleError, PlanError)
 
 
 def shapes_parser(name: str, description: str, known: str) -> Parser:
@@ -73,6 +76,13 @@ def given_recording(options: argparse.Namespace, done: str) -> tuple[Recording, 
     return recording, beside if options.output is BESIDE else options.output
 
 
+def origin(verb: str, simulated: bool, measured: str) -> str:
+    """Return the title of a file from a running arm; measured: what it has unless simulated."""
+    return (f'{"SIMULATED arm (twin), not a measurement" if simulated else measured}; '
+            f'soft_continuum {verb} {version()} on '
+            f'{datetime.now().astimezone().isoformat(timespec="seconds")}')
+
+
 def described_arm(options: argparse.Namespace) -> tuple[dict[str, Value], Arm]:
     """Return the parameters and the arm of ``--params-file``; raises ParameterError."""
     values = load_description(*options.params_file, namespace=options.namespace)
@@ -93,11 +103,11 @@ def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],
         return run(options) or DONE
     except BAD_INPUT as error:
         return parser.fail(error, WRONG_USAGE)
+    except (ClientError, DeclinedError) as error:
+        return parser.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
     except BrokenPipeError:
         raise
     except OSError as error:
-        if isinstance(error, TimeoutError) and error.errno is None:  # of nodes, not of a disk
-            raise
         place = error.filename or getattr(options, 'output', 'the result')
         return parser.fail(f'{place}: cannot be written: {error.strerror}; choose another place',
                            WRONG_USAGE)
