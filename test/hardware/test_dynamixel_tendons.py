@@ -10,6 +10,7 @@ from soft_continuum.emulators import dynamixel_motor, dynamixel_servo
 from soft_continuum.emulators.driving import SPOOL_RADIUS
 from soft_continuum.emulators.dynamixel_packets import Error, Instruction
 from soft_continuum.hardware.dynamixel.following import Track
+from soft_continuum.hardware.dynamixel.reference import ZeroFile
 from soft_continuum.hardware.protocols import HardwareError
 from support.driver_waits import at_rest, failed
 from support.servo_rig import BEYOND_TURN, driver_of, in_motion, PULSE_PULL, refusal, rig, servos
@@ -229,6 +230,29 @@ def test_a_zero_that_cannot_be_kept_is_an_error(tmp_path):
         tendons.open()
         tendons.reference()
         assert 'the zero cannot be saved' in failed(tendons)
+        tendons.close()
+
+
+def test_a_busy_disk_keeps_no_watchdog_waiting(monkeypatch, tmp_path):
+    with servos(2) as emulator:
+        tendons, write = driver_of(emulator, tmp_path), ZeroFile.write
+
+        def slow(*arguments):
+            emulator.clock.sleep(1.0)
+            write(*arguments)
+
+        monkeypatch.setattr(ZeroFile, 'write', slow)
+        tendons.open()
+        tendons.reference()
+        emulator.clock.sleep(0.9)
+        assert not (tmp_path / 'zeros.json').exists()
+        tendons.move((0.005, -0.005), 0.3)
+        assert at_rest(tendons).pulls == pytest.approx((0.005, -0.005), abs=CLOSE)
+        emulator.clock.sleep(0.5)
+        assert (tmp_path / 'zeros.json').exists()
+        tendons.close()
+        tendons.open()
+        assert tendons.read().referenced
         tendons.close()
 
 

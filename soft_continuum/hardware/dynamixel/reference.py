@@ -11,11 +11,13 @@ within pull_limits.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import Future
 import contextlib
 from dataclasses import dataclass
 import json
 from math import ceil, floor
 from pathlib import Path
+from threading import Thread
 
 from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
@@ -125,6 +127,25 @@ class ZeroFile:
             raise HardwareError(f'the zero cannot be saved in {self._path} ({error.strerror}); '
                                 'make it writable, and reference again') from None
 
+    def begin_write(self, servos: Sequence[Servo], zeros: Sequence[int]) -> 'Future[None]':
+        """
+        Keep zeros (Present Positions), as ``write``, on a thread of its own.
+
+        A busy disk would hold up the thread of the bus for longer than the servos' watchdogs wait.
+        """
+        done: Future[None] = Future()
+
+        def write() -> None:
+            try:
+                self.write([servo.id for servo in servos], _raw(servos, zeros))
+            except HardwareError as error:
+                done.set_exception(error)
+            else:
+                done.set_result(None)
+
+        Thread(target=write, name='dynamixel_zeros').start()
+        return done
+
     def _all(self) -> dict[str, dict[str, int | None]]:
         try:
             known = json.loads(read_bytes(self._path, MAX_FILE))
@@ -160,17 +181,19 @@ def clear_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> N
         bus.write(servo, SPARE, 0)
 
 
-def keep_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int],
-               zero_file: ZeroFile) -> None:
-    """Mark zeros (Present Positions) in the servos and store them here; raises HardwareError."""
-    ids = [servo.id for servo in servos]
-    raw = [zero - servo.homing_offset for zero, servo in zip(zeros, servos, strict=True)]
-    zero_file.write(ids, raw)
-    marks = {servo: mark(servo, zero) for servo, zero in zip(ids, raw, strict=True)}
+def _raw(servos: Sequence[Servo], zeros: Sequence[int]) -> list[int]:
+    """Return Present Positions without Homing Offset."""
+    return [zero - servo.homing_offset for zero, servo in zip(zeros, servos, strict=True)]
+
+
+def mark_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int]) -> None:
+    """Mark zeros (Present Positions) in the servos; raises HardwareError."""
+    marks = {servo.id: mark(servo.id, zero)
+             for servo, zero in zip(servos, _raw(servos, zeros), strict=True)}
     for _ in range(ATTEMPTS):
         bus.sync_write(SPARE, marks)
         with contextlib.suppress(NoReplyError, DamagedReplyError):
-            replies = bus.sync_read(ids, SPARE.address, SPARE.end)
+            replies = bus.sync_read([*marks], SPARE.address, SPARE.end)
             if [SPARE.decode(reply.data) for reply in replies] == [*marks.values()]:
                 return
     raise HardwareError(

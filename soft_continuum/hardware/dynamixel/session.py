@@ -9,6 +9,7 @@ the next hundredth of a second and reads all servos.
 """
 
 from collections.abc import Sequence
+from concurrent.futures import Future
 import contextlib
 from dataclasses import replace
 from enum import Enum
@@ -17,7 +18,7 @@ from soft_continuum.hardware.dynamixel.bus import DynamixelBus
 from soft_continuum.hardware.dynamixel.exchange import Exchange, profile_speed, ServoState
 from soft_continuum.hardware.dynamixel.following import Following, REST_TIME, Track
 from soft_continuum.hardware.dynamixel.path import HeldPath
-from soft_continuum.hardware.dynamixel.reference import keep_zeros, Zero, ZeroFile
+from soft_continuum.hardware.dynamixel.reference import mark_zeros, Zero, ZeroFile
 from soft_continuum.hardware.dynamixel.registers import (
     BUS_WATCHDOG,
     GOAL_POSITION,
@@ -70,6 +71,7 @@ class DynamixelSession(Session[DynamixelBus]):
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
         self._mark_due = not self._unreferenced  # where the zero was found in another way
+        self._kept: tuple[Future[None], list[int]] | None = None  # zeros that a file gets now
         self._since = self._stepped = self._near = bus.clock()
         self._take_up: TakeUp | None = None
         self._accuracy = Accuracy(
@@ -84,7 +86,8 @@ class DynamixelSession(Session[DynamixelBus]):
     @property
     def busy(self) -> bool:
         """Whether the tendons may move, or writes or replies are pending."""
-        return self.moving or self._mark_due or self._exchange.missed > 0
+        return (self.moving or self._mark_due or self._kept is not None
+                or self._exchange.missed > 0)
 
     # Requests
 
@@ -168,10 +171,13 @@ class DynamixelSession(Session[DynamixelBus]):
         self._receive()
         with self._lock:
             self._judge(self.link.clock())
-            marks, self._mark_due = self._mark_due, False
-            zeros = list(self._path.zeros)
-        if marks:
-            keep_zeros(self.link, self._servos, zeros, self._zero_file)
+            if self._mark_due and self._kept is None:
+                self._mark_due, zeros = False, list(self._path.zeros)
+                self._kept = self._zero_file.begin_write(self._servos, zeros), zeros
+        if self._kept is not None and self._kept[0].done():
+            (written, zeros), self._kept = self._kept, None
+            written.result()
+            mark_zeros(self.link, self._servos, zeros)  # last: a mark proves that both are there
 
     def _plan(self, now: float) -> None:
         """Set what the servos are to do in this cycle."""
