@@ -10,8 +10,8 @@ from unittest.mock import patch
 
 import yaml
 
-from soft_continuum.emulators.grbl_board import GrblEmulator
-from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
+from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.grbl import session as grbl_session
 from support import grbl_rig
