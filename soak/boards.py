@@ -16,8 +16,8 @@ import time
 from typing import Any, ClassVar, Generic, TypeVar
 
 from soft_continuum.emulators.driving import dynamixel_parameters
-from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.dynamixel import DynamixelEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from support.ros_rig import TENDONS
 from support.servo_rig import repair, servos, SIGNS, TOLERANCE

@@ -5,8 +5,8 @@
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
 from functools import partial
-from math import isfinite
 from pathlib import Path
 import signal
 import sys
@@ -30,20 +30,23 @@ from soft_continuum.commissioning import (
     calibrate_servos,
     calibrate_vacuum,
 )
-from soft_continuum.commissioning.calibrate_job import Job, MM
 from soft_continuum.commissioning.calibration import (
-    assess_vacuum,
     CalibrationError,
     corrected_scale,
     corrected_steps,
     MARK_TIME,
     MAX_MOVE,
-    measure_segment,
-    SegmentVacuum,
     TendonBench,
 )
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.commissioning import Drive
+from soft_continuum.hardware.drivers import (
+    commissioning,
+    JAMMING_DRIVERS,
+    make_driver,
+    TENDON_DRIVERS,
+)
+from soft_continuum.hardware.grbl.commissioning import DRIVE
 from soft_continuum.hardware.protocols import (
     HardwareError,
     JammingDriver,
@@ -58,6 +61,9 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.names import CAMERA, LOAD_CELLS
 
+MM = 1e3  # per m
+PER_TENDON = 'measured', 'seen', 'take_up'
+"""Options with a value for each tendon."""
 NAME = 'calibrate'
 GUIDE = 'docs/how_to/set_up_a_rig.md'
 SIGN_MOVE = 2.0  # mm
@@ -72,6 +78,64 @@ WITH_VALUE = ('--output', '--params-file', '--namespace')
 APPLIES = {'measured': 'steps', 'distance': 'steps', 'seen': 'signs', 'take_up': 'zero',
            'leak_time': 'vacuum'}
 """The procedure that each option belongs to."""
+
+
+@dataclass
+class Job:
+    """
+    The options, the parameters corrected so far, the results and the failures.
+
+    names: of the tendons, as they are typed.  family: the module COMMISSIONING of the tendon
+    driver, or None.
+    """
+
+    options: argparse.Namespace
+    values: dict[str, Any]
+    results: dict[str, tuple[float, ...] | float] = field(default_factory=dict)
+    failures: list[str] = field(default_factory=list)
+    names: tuple[str, ...] = field(init=False)
+    family: Any = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Find these; raises CalibrationError if an option lacks a value, and HardwareError."""
+        self.family = commissioning(TENDON_DRIVERS, self.values['tendon_driver'])
+        tendons = arm_from_parameters(self.values).tendon_names
+        self.names = tuple(name.removesuffix('_tendon') for name in tendons)
+        for option in PER_TENDON:
+            given = getattr(self.options, option)
+            if given is not None and len(given) != len(self.names):
+                raise CalibrationError(
+                    f'--{option.replace("_", "-")} has {len(given)} values; needed: one for each '
+                    f'of {", ".join(self.names)}')
+
+    @property
+    def jamming(self) -> bool:
+        """Whether the arm has segments that can be stiffened."""
+        return bool(self.values['arm.jamming'])
+
+    def per_tendon(self, name: str) -> tuple[float, ...]:
+        """Return a parameter with a value for each tendon; raises CalibrationError."""
+        values: tuple[float, ...] = self.values[name]
+        if len(values) == 1 and self.drive.shared:
+            return values * len(self.names)
+        if len(values) != len(self.names):
+            raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
+                                   f'each of {", ".join(self.names)}; begin with estimates')
+        return values
+
+    @property
+    def own_drive(self) -> Drive | None:
+        """The parameters of the tendon driver; None where it has none to correct."""
+        return getattr(self.family, 'DRIVE', None)
+
+    @property
+    def drive(self) -> Drive:
+        """The parameters of the tendon driver; those of grbl where it has none."""
+        return self.own_drive or DRIVE
+
+    def one(self, tendon: int, distance: float) -> tuple[float, ...]:
+        """Return the distances (m) of all tendons that move only one, by ``distance`` in mm."""
+        return tuple(distance / MM if i == tendon else 0.0 for i in range(len(self.names)))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -359,21 +423,14 @@ def _vacuum(job: Job) -> None:
              'becomes soft. Support it, with all tendons slack. Afterwards a switched pump is off '
              f'and all segments are soft. This takes about {segments * (leak_time + 12):.0f} s. '
              'Ctrl-C stops.', job.options.yes)
-    results: list[SegmentVacuum] = []
     with _jamming(job) as jamming:
         if isinstance(jamming, RegulatorDriver):
             job.failures += calibrate_vacuum.regulators(jamming, job.values, settings)
-            return
-        for segment in range(segments):
-            print(f'segment {segment + 1} ...', flush=True)
-            results.append(measure_segment(
-                jamming, segment, segments, settings, job.values['soft_vacuum'], leak_time))
-    calibrate_vacuum.show(results, [assess_vacuum(result, settings) for result in results])
-    stiff = [r for r in results if isfinite(r.time_to_stiff)]
-    job.failures += [f'segment {r.segment + 1} does not become stiff' for r in results
-                     if r not in stiff]
-    if stiff:
-        job.results |= calibrate_vacuum.simulated(stiff)
+        else:
+            failures, results = calibrate_vacuum.segments(
+                jamming, segments, settings, job.values['soft_vacuum'], leak_time)
+            job.failures += failures
+            job.results |= results
 
 
 PROCEDURES: dict[str, Callable[[Job], None]] = {

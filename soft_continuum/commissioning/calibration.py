@@ -1,24 +1,21 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Calibration of a rig: small, slow tendon motions, and evacuation of one segment at a time.
+Calibration of tendons: small, slow motions while some segments are soft.
 
 Everything goes through the driver protocols.  If a procedure ends early, also by Ctrl-C, its
-motion ends and its pump stops.
+motion ends.
 """
 
 from collections.abc import Callable, Sequence
 import contextlib
-from dataclasses import dataclass
 from functools import partial
-from math import inf, isfinite, log, nan
+from math import isfinite
 from typing import TypeVar
-
-import numpy as np
 
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.commissioning import Drive
-from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
+from soft_continuum.hardware.jamming_controller import RESPONSE_TIME
 from soft_continuum.hardware.protocols import (
     describe_pulls,
     HardwareError,
@@ -42,16 +39,7 @@ POLL_INTERVAL = 0.01  # s
 RETRY_TIME = 3.0  # s for which a reading or a switch is tried again when a reply was missed
 MARK_TIME = 1.0  # s for a driver to mark the reference in the controller
 
-PLATEAU_TIME, PLATEAU_RISE, MIN_EVACUATION_TIME = 1.0, 0.01, 3.0
-"""A vacuum that rises by less than this share in so many s has settled; first checked after s."""
-MAX_EVACUATION_TIME = 30.0  # s
-PUMP_STOP_TIME, VENT_TIME = 0.5, 2.0
-"""s for the pump to stop, and for a soft segment to lose the rest of its vacuum."""
-USUAL_TIME_TO_STIFF = 1.0  # s, in the arm of the paper
-MIN_PUMP_REST = 10.0
-"""s between two starts of the pump where segments are tight enough."""
 
-Samples = list[tuple[float, float]]
 T = TypeVar('T')
 
 
@@ -172,46 +160,6 @@ def _mm(lengths: Sequence[float]) -> str:
     return ' and '.join(f'{1e3 * x:.2f}' for x in lengths) + ' mm'
 
 
-@dataclass(frozen=True)
-class SegmentVacuum:
-    """
-    How a segment (0-based) is evacuated, holds its vacuum, and is vented.
-
-    time_to_stiff: s from switching to stiff_vacuum; inf: never.  ultimate_vacuum: Pa below
-    ambient.  evacuation_time, venting_time: time constants, s.  leak_rate: Pa/s while the pump
-    rests.  All but the first two are nan for a segment that does not become stiff.
-    """
-
-    segment: int
-    time_to_stiff: float
-    ultimate_vacuum: float
-    evacuation_time: float = nan
-    leak_rate: float = nan
-    venting_time: float = nan
-
-
-def assess_vacuum(result: SegmentVacuum, settings: JammingSettings) -> tuple[str, ...]:
-    """Return faults of a segment or the pump, each with a remedy; empty for none."""
-    if result.time_to_stiff == inf:
-        return (f'never stiff: {result.ultimate_vacuum / 1e3:.1f} kPa of vacuum, stiff_vacuum is '
-                f'{settings.stiff_vacuum / 1e3:g} kPa; look for a leak, check valve and pump',)
-    problems = []
-    if result.time_to_stiff > USUAL_TIME_TO_STIFF:
-        problems.append(f'slow: {USUAL_TIME_TO_STIFF:g} s is usual; look for narrow or long '
-                        'tubes, a clogged filter, a weak pump')
-    if result.ultimate_vacuum < settings.pump_stop_vacuum:
-        problems.append(
-            f'the pump would never stop: it reaches {result.ultimate_vacuum / 1e3:.1f} kPa, '
-            f'pump_stop_vacuum is {settings.pump_stop_vacuum / 1e3:g} kPa; lower that or use '
-            'another pump')
-    rest = settings.pump_stop_vacuum - settings.pump_start_vacuum
-    if result.leak_rate * MIN_PUMP_REST > rest:
-        problems.append(
-            f'leaks: the pump would start every {rest / result.leak_rate:.1f} s; look for the '
-            'leak, and for a pump without a check valve')
-    return tuple(problems)
-
-
 def vent(jamming: JammingDriver | RegulatorDriver, segment: int) -> None:
     """Vent a segment (0-based) by its valve or by its regulator."""
     if isinstance(jamming, RegulatorDriver):
@@ -230,118 +178,6 @@ def retry(action: Callable[[], T], clock: Clock = STEADY) -> T:
             if clock() > deadline:
                 raise
             clock.sleep(POLL_INTERVAL)
-
-
-def measured_vacuum(driver: JammingDriver | RegulatorDriver, segment: int,
-                    settings: JammingSettings, clock: Clock) -> float:
-    """Return the vacuum of a segment (0-based), Pa; HardwareError where its sensor is broken."""
-    value = settings.ambient_pressure - retry(driver.read, clock).pressures[segment]
-    if not isfinite(value):
-        raise HardwareError(f'segment {segment + 1}: no pressure; check the wire and the '
-                            'supply of its pressure sensor')
-    return value
-
-
-def rest_all(jamming: JammingDriver, segments: int, clock: Clock = STEADY) -> None:
-    """
-    Switch the pump off and vent all segments, trying again where the line was disturbed.
-
-    A lasting failure does not prevent the other switches; HardwareError is raised at the end.
-    """
-    deadline = clock() + TIMEOUT
-    due: list[Callable[[], None]] = [
-        partial(jamming.set_pump, False),
-        *(partial(jamming.set_evacuated, segment, False) for segment in range(segments))]
-    while due:
-        for action in due[:]:
-            try:
-                action()
-                due.remove(action)
-            except HardwareError:
-                if clock() > deadline:
-                    raise
-        clock.sleep(POLL_INTERVAL)
-
-
-def measure_segment(jamming: JammingDriver, segment: int, segments: int,
-                    settings: JammingSettings, soft_vacuum: float,
-                    leak_time: float, clock: Clock = STEADY) -> SegmentVacuum:
-    """
-    Evacuate one segment (0-based) of ``segments``, let the pump rest for ``leak_time`` s, vent it.
-
-    The other segments are vented: a resting pump would connect them.  soft_vacuum: Pa below
-    ambient.  Before and after, also when it fails, everything is vented and the pump rests.
-    Raises HardwareError when a device fails or a segment cannot be vented.
-    """
-    def vacuum() -> float:
-        return measured_vacuum(jamming, segment, settings, clock)
-
-    def vent() -> None:
-        jamming.set_evacuated(segment, False)
-
-    stuck = (f'segment {segment + 1} keeps its vacuum after venting; check its vent, valve and '
-             'pressure sensor')
-    try:
-        rest_all(jamming, segments, clock)
-        _record(clock, vacuum, lambda samples: samples[-1][1] < soft_vacuum, vent, stuck)
-        clock.sleep(VENT_TIME)
-        retry(lambda: jamming.set_pump(True), clock)
-        rise = _record(clock, vacuum, _has_levelled, lambda: jamming.set_evacuated(segment, True))
-        ultimate = rise[-1][1]
-        if ultimate < settings.stiff_vacuum:
-            return SegmentVacuum(segment, inf, ultimate)
-        retry(lambda: jamming.set_pump(False), clock)
-        clock.sleep(PUMP_STOP_TIME)
-        loss = np.array(_record(clock, vacuum, lambda samples: samples[-1][0] > leak_time))
-        held = loss[-1, 1]
-        fall = [(time, -value) for time, value in _record(
-            clock, vacuum, lambda samples: samples[-1][1] < 0.2 * held, vent, stuck)]
-        return SegmentVacuum(
-            segment, _reaches(rise, settings.stiff_vacuum), ultimate,
-            # Between two levels of an exponential, whatever the delay of the valve.
-            (_reaches(rise, 0.8 * ultimate) - _reaches(rise, 0.3 * ultimate)) / log(0.7 / 0.2),
-            max(0.0, -float(np.polyfit(loss[:, 0], loss[:, 1], 1)[0])),
-            (_reaches(fall, -0.3 * held) - _reaches(fall, -0.8 * held)) / log(0.8 / 0.3))
-    finally:
-        rest_all(jamming, segments, clock)
-
-
-def _record(clock: Clock, vacuum: Callable[[], float], enough: Callable[[Samples], bool],
-            start: Callable[[], None] = lambda: None, failure: str = '') -> Samples:
-    """Return times (s) since ``start`` and vacuum (Pa) until ``enough``, or raise failure."""
-    def begin_now() -> float:
-        now = clock()
-        start()
-        return now
-
-    begin = retry(begin_now, clock)
-    samples: Samples = []
-    while not samples or not enough(samples):
-        if samples and failure and samples[-1][0] > RESPONSE_TIME:
-            raise HardwareError(failure)
-        value = vacuum()
-        samples.append((clock() - begin, value))
-        clock.sleep(POLL_INTERVAL)
-    return samples
-
-
-def _has_levelled(samples: Samples) -> bool:
-    """Whether an evacuation has come to its end."""
-    time, value = samples[-1]
-    if time < MIN_EVACUATION_TIME:
-        return False
-    before = next(v for t, v in reversed(samples) if t <= time - PLATEAU_TIME)
-    return value - before < PLATEAU_RISE * abs(value) or time > MAX_EVACUATION_TIME
-
-
-def _reaches(samples: Samples, level: float) -> float:
-    """Return when (s) samples first reach a level from below, interpolated; inf: never."""
-    times, values = np.transpose(samples)
-    if values.max() < level:
-        return inf
-    reached = int(np.argmax(values >= level))
-    around = [max(0, reached - 1), reached]
-    return float(np.interp(level, values[around], times[around]))
 
 
 def corrected_steps(steps_per_mm: float, commanded: float, measured: float) -> float:

@@ -130,11 +130,6 @@ class PacketReader:
         """Drop an incomplete packet whose rest was not received in time."""
         self._buffer.clear()
 
-    @property
-    def waiting(self) -> bool:
-        """Whether a packet has begun and not ended."""
-        return bool(self._buffer)
-
     def feed(self, data: bytes) -> Iterator[Packet]:
         """Return the packets that end in these bytes; damaged ones as far as parsed."""
         buffer = self._buffer

@@ -17,9 +17,8 @@ from soft_continuum.emulators.driving import (
     SERVO_MODEL,
     STEPS_PER_MM,
 )
-from soft_continuum.emulators.dynamixel import make_servos
-from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.dynamixel import DynamixelEmulator, make_servos
+from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import Clock
 from soft_continuum.parameters.parameter import Value
 

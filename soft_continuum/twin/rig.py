@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 
 from soft_continuum.emulators.driving import modbus_parameters
-from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant

@@ -7,7 +7,7 @@ import signal
 import pytest
 
 from soft_continuum.commissioning import calibrate
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.parameters.files import load_rig
 from support.command import CTRL_C, Terminal

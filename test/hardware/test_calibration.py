@@ -12,18 +12,21 @@ import threading
 
 import pytest
 
-from soft_continuum.commissioning.calibration import (
+from soft_continuum.commissioning.calibrate_vacuum import (
+    assess_regulator,
     assess_vacuum,
+    measure_regulator,
+    measure_segment,
+    SegmentVacuum,
+)
+from soft_continuum.commissioning.calibration import (
     CalibrationError,
     corrected_steps,
     MAX_MOVE,
-    measure_segment,
     POLL_INTERVAL,
-    SegmentVacuum,
     SPEED,
     TendonBench,
 )
-from soft_continuum.commissioning.regulator_calibration import assess_regulator, measure_regulator
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.simulated_jamming import (

@@ -11,8 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.emulators.dynamixel import execute_command, main, make_servos
-from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
+from soft_continuum.emulators.dynamixel import (
+    DynamixelEmulator,
+    execute_command,
+    main,
+    make_servos,
+)
 from soft_continuum.emulators.dynamixel_models import MODELS
 from soft_continuum.emulators.dynamixel_motor import Tendon
 from soft_continuum.emulators.dynamixel_packets import (

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.emulators import dynamixel_packets, modbus_rig
+from soft_continuum.emulators import dynamixel_packets, modbus
 from soft_continuum.emulators.dynamixel_packets import (
     BROADCAST,
     fast_blocks,
@@ -109,7 +109,7 @@ def streams(draw, replies, seal, places):
 
 
 def sealed(data):
-    return data + modbus_rig.crc(data)
+    return data + modbus.crc(data)
 
 
 MODBUS = {

@@ -6,7 +6,7 @@ from contextlib import contextmanager, ExitStack
 
 import pytest
 
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblBoards, GrblTendons

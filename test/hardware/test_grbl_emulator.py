@@ -7,7 +7,7 @@ import os
 import pytest
 import serial
 
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.emulators.grbl_firmware import RECEIVE_BUFFER
 from soft_continuum.hardware.clock import Clock, STEADY
 from support.driver_waits import until

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
 from support.driver_waits import at_rest, failed, until

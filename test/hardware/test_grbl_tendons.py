@@ -9,7 +9,7 @@ import threading
 
 import pytest
 
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError

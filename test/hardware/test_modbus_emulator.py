@@ -7,8 +7,7 @@ import tty
 
 import pytest
 
-from soft_continuum.emulators.modbus import execute_command
-from soft_continuum.emulators.modbus_rig import crc
+from soft_continuum.emulators.modbus import crc, execute_command
 from soft_continuum.hardware.serial_ports import open_serial
 from support.modbus_line import emulated, eventually, receive
 

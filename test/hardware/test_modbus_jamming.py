@@ -14,8 +14,7 @@ import termios
 
 import pytest
 
-from soft_continuum.emulators.modbus import execute_command
-from soft_continuum.emulators.modbus_rig import crc
+from soft_continuum.emulators.modbus import crc, execute_command
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.jamming_controller import (
     JammingController,

@@ -18,9 +18,9 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from soft_continuum.emulators import modbus_rig
-from soft_continuum.emulators.grbl_board import GrblEmulator
-from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.emulators import modbus
+from soft_continuum.emulators.grbl import GrblEmulator
+from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.nodes import managed_node, shape_sequencer
 from soft_continuum_interfaces.action import RunShapeSequence
@@ -73,7 +73,7 @@ class Bench:
 def quick() -> Iterator[None]:
     """Let the boards evacuate and vent a segment within a fifth of a second, no goal wait long."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(modbus_rig, 'JammingPlant', partial(
+        patch.setattr(modbus, 'JammingPlant', partial(
             JammingPlant, evacuation_time=0.05, venting_time=0.05, valve_delay=0.0))
         patch.setattr(shape_sequencer, 'FIRST_MESSAGE_TIMEOUT', 0.5)
         yield

@@ -10,13 +10,11 @@ from unittest.mock import patch
 
 import yaml
 
-from soft_continuum.emulators.grbl_board import GrblEmulator
-from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
+from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.grbl import session as grbl_session
-from soft_continuum.hardware.grbl.motion import Motors
-from soft_continuum.hardware.grbl.tendons import GrblTendons
-from soft_continuum.mechanics.arm import PAIR
+from support import grbl_rig
 from support.virtual_clock import VirtualClock
 
 DEADLINE = 60.0  # s until a test gives up waiting; a loaded computer is slow
@@ -94,8 +92,7 @@ def _references(tendons):
 
 def steppers(rig):
     """The driver of the rig's tendons, as a node has it."""
-    motors = Motors(PAIR, (200.0, 200.0), (1.0, 1.0), 0.03, 0.3, (-0.06, 0.06))
-    return GrblTendons(str(rig.grbl.port), 115200, motors)
+    return grbl_rig.driver(rig.grbl)
 
 
 def is_referenced(rig):

@@ -4,7 +4,7 @@
 
 from contextlib import contextmanager
 
-from soft_continuum.emulators.grbl_board import GrblEmulator
+from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblTendons

@@ -4,7 +4,7 @@
 
 from contextlib import contextmanager
 
-from soft_continuum.emulators.modbus_rig import ModbusEmulator
+from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.modbus.jamming import ModbusJamming, registers_from_parameters
 from soft_continuum.hardware.modbus.regulators import ModbusRegulators, Outputs

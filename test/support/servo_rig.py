@@ -14,8 +14,7 @@ from pathlib import Path
 from random import Random
 
 from soft_continuum.emulators.driving import SERVO_MODEL, SPOOL_RADIUS, tension_limit
-from soft_continuum.emulators.dynamixel import make_servos
-from soft_continuum.emulators.dynamixel_bus import DynamixelEmulator
+from soft_continuum.emulators.dynamixel import DynamixelEmulator, make_servos
 from soft_continuum.emulators.dynamixel_models import PULSE
 from soft_continuum.emulators.dynamixel_packets import Instruction
 from soft_continuum.hardware.clock import Clock

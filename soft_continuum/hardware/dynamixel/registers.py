@@ -55,7 +55,6 @@ class Register:
         return f'{self.name} ({self.address})'
 
 
-MODEL_NUMBER = Register(0, 2, 'Model Number')
 FIRMWARE = Register(6, 1, 'Firmware Version')
 BAUD_RATE = Register(8, 1, 'Baud Rate')
 RETURN_DELAY = Register(9, 1, 'Return Delay Time')

@@ -10,7 +10,7 @@ since, and where zero is.  A status report has their sum now and then (WCO), the
 reset always: ``bears_mark``.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -191,7 +191,7 @@ def _wait_for_rest(link: GrblLink, deadline: float) -> bool:
     state = ''
     while link.waited < deadline:
         link.write(STATUS_QUERY)
-        for message in _collect(link, QUERY_INTERVAL):
+        for message in list(_received(link, link.waited + QUERY_INTERVAL)):
             if isinstance(message, Alarm):
                 raise HardwareError(explain_alarm(message.number))
             if isinstance(message, Status):
@@ -252,23 +252,19 @@ def _ask(link: GrblLink, line: str, deadline: float) -> list[Message]:
     link.send(line)
     deadline = min(deadline, link.waited + ANSWER_TIMEOUT)
     messages: list[Message] = []
-    while link.waited < deadline:
-        for message in link.receive(min(QUERY_INTERVAL, deadline - link.waited)):
-            if isinstance(message, Banner):
-                raise ResetSeenError
-            if isinstance(message, Acknowledgement):
-                link.answered()
-                if message.error:
-                    raise HardwareError(explain_error(line, message.error))
-                return messages
-            messages.append(message)
+    for message in _received(link, deadline):
+        if isinstance(message, Banner):
+            raise ResetSeenError
+        if isinstance(message, Acknowledgement):
+            link.answered()
+            if message.error:
+                raise HardwareError(explain_error(line, message.error))
+            return messages
+        messages.append(message)
     raise HardwareError(f'the GRBL controller did not answer {line!r}; check the cable')
 
 
-def _collect(link: GrblLink, seconds: float) -> list[Message]:
-    """Return all that is received within a time."""
-    until = link.waited + seconds
-    messages: list[Message] = []
+def _received(link: GrblLink, until: float) -> Iterator[Message]:
+    """Yield what is received until a time granted to the board, s."""
     while link.waited < until:
-        messages += link.receive(until - link.waited)
-    return messages
+        yield from link.receive(min(QUERY_INTERVAL, until - link.waited))
