@@ -98,7 +98,7 @@ def read_curves(paths: Sequence[str | Path], columns: Mapping[str, str] | None =
 
 def _sides(table: Table) -> list[tuple[Column, Column]]:
     """Return displacement and force, for each repetition if headers repeat them."""
-    found = table.all('displacement'), table.all('force')
+    found = table.columns['displacement'], table.columns['force']
     if len(found[0]) == len(found[1]) and all(
             len({column.header for column in columns}) == 1 for columns in found):
         sides = list(zip(*found, strict=True))
@@ -147,14 +147,14 @@ def _split(table: Table, displacement: Column, force: Column, start: int, end: i
            ) -> list[tuple[Column, Array, Array]]:
     """Return the successive repetitions in the rows of a block."""
     # Repetitions side by side differ in length.
-    while (len(table.all('force')) > 1 and end > start
+    while (len(table.columns['force']) > 1 and end > start
            and not displacement.cells[end - 1] and not force.cells[end - 1]):
         end -= 1
     column = displacement.part(start, end)
     u, f = column.numbers(), force.part(start, end).numbers()
-    labels = {_changes(c.part(start, end).cells) for c in table.all('repetition')}
+    labels = {_changes(c.part(start, end).cells) for c in table.columns['repetition']}
     starts = [0, *labels.pop()] if len(labels) == 1 else _starts(u)
-    if len(times := table.all('time')) == 1:
+    if len(times := table.columns['time']) == 1:
         _check_time(times[0].part(start, end), starts)
     ends = [*starts[1:], len(u)]
     # A machine counts the end of the last cycle as another one.

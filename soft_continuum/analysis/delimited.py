@@ -102,13 +102,14 @@ class Column:
     number: of the column in the file, from 1.
     """
 
+    quantity: Quantity
     path: Path
     header: str
     factor: float
     cells: tuple[str, ...]
     lines: tuple[int, ...]
-    decimal: str
-    number: int = 0
+    number: int
+    decimal: str = '.'
 
     def part(self, start: int, end: int) -> 'Column':
         """Return the rows from start to end."""
@@ -138,27 +139,23 @@ class Column:
 @dataclass(frozen=True)
 class Table:
     """
-    The columns of each quantity; several if the header has several.
+    The columns of each quantity, by its name; several if the header has several.
 
     blocks: first row and the row after the last of each block; one unless the header is repeated.
     above, below: line and cells of rows above the headers, and from there to the numbers.
     """
 
     path: Path
-    columns: Mapping[Quantity, tuple[Column, ...]]
+    columns: Mapping[str, tuple[Column, ...]]
     blocks: tuple[tuple[int, int], ...]
     above: Sequence[tuple[int, Sequence[str]]]
     below: Sequence[tuple[int, Sequence[str]]]
 
-    def all(self, name: str) -> tuple[Column, ...]:
-        """Return all columns that may be the quantity."""
-        return next(found for q, found in self.columns.items() if q.name == name)
-
     def column(self, name: str) -> Column:
         """Return the only column of a quantity; raises MeasurementError if there are more."""
-        found = self.all(name)
+        found = self.columns[name]
         if len(found) > 1:
-            quantity = next(q for q in self.columns if q.name == name)
+            quantity = found[0].quantity
             alike = len({c.header for c in found}) < len(found)
             raise MeasurementError(
                 f'{self.path}: {len(found)} columns may be the {name}: '
@@ -167,9 +164,10 @@ class Table:
                 + ', by its number' * (alike and quantity.options))
         return found[0]
 
-    def has(self, name: str) -> bool:
-        """Whether the file has a column of that quantity."""
-        return bool(self.all(name))
+    def numbers(self, name: str, usual: Any) -> list[Any]:
+        """Return the values (rows) of a quantity in SI; usual: of each row without the column."""
+        return (self.column(name).numbers().tolist() if self.columns[name] else
+                [usual] * self.blocks[-1][1])
 
 
 @dataclass
@@ -236,20 +234,17 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
             _check_width(path, number, row, first.header, delimiter)
     rows = [row for block in blocks for row in block.rows]
     lines = tuple(number for number, _ in rows)
-    columns = {quantity: tuple(Column(
-        path, first.header[place],
+    cells = [tuple(row[place] for _, row in rows) for place in range(len(first.header))]
+    found = [Column(
+        quantity, path, first.header[place],
         _factor(f'{path}, line {first.line}', quantity, first.header[place],
                 first.units[place:place + 1],
                 units.get(quantity.name, ''), usual.get(quantity.name, '')),
-        tuple(row[place] for _, row in rows), lines, decimal or '.', place + 1)
-        for place in places)
-        for quantity, places in first.places.items()}
-    if not decimal:
-        measured = [c for q, found in columns.items() if q.unit for c in found]
-        decimal = _decimal(measured, delimiter, [
-            tuple(row[place] for _, row in rows) for place in range(len(first.header))])
-        columns = {q: tuple(replace(c, decimal=decimal) for c in found)
-                   for q, found in columns.items()}
+        cells[place], lines, place + 1)
+        for quantity, places in first.places.items() for place in places]
+    decimal = decimal or _decimal([c for c in found if c.quantity.unit], delimiter, cells)
+    columns = {quantity.name: tuple(replace(c, decimal=decimal) for c in found
+                                    if c.quantity == quantity) for quantity in quantities}
     ends = np.cumsum([len(block.rows) for block in blocks]).tolist()
     return Table(path, columns, tuple(zip([0, *ends[:-1]], ends, strict=True)), above,
                  [row for block in blocks for row in block.words])

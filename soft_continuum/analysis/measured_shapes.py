@@ -200,14 +200,10 @@ def _read_pulls(table: Table, arm: Arm, jamming: bool
                 ) -> dict[str, tuple[tuple[Step, ...], float]]:
     names = table.column('shape')
     segments = (table.column('segment').whole_numbers() if jamming else [None] * len(names.cells))
-    angles = (table.column('angle').numbers().tolist() if table.has('angle')
-              else [np.nan] * len(names.cells))
-    payloads = (table.column('payload').numbers().tolist() if table.has('payload')
-                else [0.0] * len(names.cells))
     steps: dict[str, list[Step]] = {}
     payload: dict[str, float] = {}
     for name, segment, angle, mass, pulls, line in zip(
-            names.cells, segments, angles, payloads,
+            names.cells, segments, table.numbers('angle', np.nan), table.numbers('payload', 0.0),
             zip(*(_pulls(table.column(t)) for t in arm.tendon_labels), strict=True),
             names.lines,
             strict=True):

@@ -9,9 +9,8 @@ from pathlib import Path
 import sys
 
 from soft_continuum import version
-from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.analysis.recording import Recording
+from soft_continuum.analysis.recording import read_recording, Recording
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.analysis.unknowns import IdentificationError
 from soft_continuum.arguments import (

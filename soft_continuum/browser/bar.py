@@ -79,14 +79,10 @@ def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
 def alarm_text(state: ArmState) -> str:
     """Return the anomalies of the arm, one in each line; empty for none."""
     anomalies = state.estimate.anomalies if state.estimate else ()
-    lines = [_cut(plain(anomaly_text(anomaly))) for anomaly in anomalies]
+    lines = [plain(anomaly_text(anomaly), ALARM_LENGTH) for anomaly in anomalies]
     if len(lines) > MAX_ALARMS:
         lines[MAX_ALARMS:] = [f'{len(lines) - MAX_ALARMS} more under Measured shape']
     return '\n'.join(f'{line[:1].upper()}{line[1:]}' for line in lines)
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= ALARM_LENGTH else f'{text[:ALARM_LENGTH - 1]}…'
 
 
 def _motion(state: ArmState) -> tuple[str, str, str]:

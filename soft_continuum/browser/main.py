@@ -162,8 +162,8 @@ def replay(argv: Sequence[str] | None = None) -> int:
                         help='directory that record wrote, or an MCAP file')
     add_view_options(parser)
     options = parser.parse_args(argv)
-    from soft_continuum.analysis.bag_tables import bag_in
     from soft_continuum.analysis.delimited import MeasurementError
+    from soft_continuum.analysis.recording import bag_in
     from soft_continuum.recordings.playback import Playback
     signal.signal(signal.SIGTERM, interrupt)
     try:

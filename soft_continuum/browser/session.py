@@ -72,13 +72,13 @@ SOURCE = re.compile(f'^(?:{NODE}(?:/[a-z_0-9]+)*: )+')
 SERVICE = re.compile(f'(call )?(?:~|{NODE})/({"|".join(BUTTONS)})' r'\b')
 
 
-def plain(text: str) -> str:
+def plain(text: str, most: int = MAX_TEXT) -> str:
     """Return a text with the names of buttons instead of services, cut, in one line."""
     text = text[:2 * MAX_TEXT]
     text = ''.join(c if c.isprintable() else ' ' for c in text)
     text = SERVICE.sub(lambda m: ('press ' if m[1] else '') + BUTTONS[m[2]],
                        SOURCE.sub('', text))
-    return text if len(text) <= MAX_TEXT else f'{text[:MAX_TEXT - 1]}…'
+    return text if len(text) <= most else f'{text[:most - 1]}…'
 
 
 class CameraPicture:

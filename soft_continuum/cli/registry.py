@@ -69,7 +69,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         _operate('reference', 'set the present pulls as the zero of the straight arm'),
         _operate('reset', 'reset kinematics to the straight arm'),
         _operate('tare', 'take the present measurements as those of the straight arm'),
-        Verb('record', 'record everything that the arm publishes', 'cli.record:main'),
+        Verb('record', 'record everything that the arm publishes', 'recordings.record:main'),
         Verb('measure', 'set shapes and measure the discs for identify and validate',
              'cli.measure:main'),
         Verb('save-estimate', 'save the estimated parameters of the arm',

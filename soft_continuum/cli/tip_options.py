@@ -81,7 +81,7 @@ def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0,
         Quantity('y', ('y',), 'm', required=False),
         Quantity('angle', ('angle',), 'rad', required=False)],
         usual={'x': unit, 'y': unit, 'z': unit, 'angle': 'deg'}, decimal=decimal)
-    names = [name for name in 'xyz' if table.has(name)]
+    names = [name for name in 'xyz' if table.columns[name]]
     rows = list(zip(*(table.column(name).numbers().tolist() for name in names), strict=True))
     if len(rows) > MAX_POINTS:
         raise MeasurementError(f'{path}: {len(rows)} points; allowed: {MAX_POINTS}; leave some '
@@ -92,8 +92,7 @@ def read_tip_path(path: Path, unit: str = 'm', tolerance: float = 0.0,
                 raise MeasurementError(
                     f'{path}: {name} of point {number} is {value:g} m; allowed: up to '
                     f'{MAX_POSITION:g} m; in mm? use --unit mm, or {name} [mm] in the header')
-    angles = (table.column('angle').numbers().tolist() if table.has('angle')
-              else [None] * len(rows))
+    angles = table.numbers('angle', None)
     for number, angle in enumerate(angles, start=1):
         if angle is not None and abs(angle) > 2.0 * pi:
             raise MeasurementError(f'{path}: the angle of point {number} is {angle:g} rad; '

@@ -75,7 +75,7 @@ def start_parser(verb: str, description: str) -> Parser:
 
 def description_files(options: Namespace) -> list[str | Path]:
     """Return the parameter files from the options, or that of the paper's arm."""
-    return list(vars(options).get('params_file') or [description_file()])
+    return [*options.params_file] or [description_file()]
 
 
 def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = (),
@@ -173,7 +173,7 @@ def arguments_of(options: Namespace) -> Iterator[list[str]]:
     Meanwhile the twin runs if requested, see twin_process.
     """
     files = description_files(options)
-    with twin_process(options.twin, options.params_file, _namespace(options),
+    with twin_process(options.twin, files, _namespace(options),
                       camera=options.camera, tendon_driver=options.tendon_driver) as driving:
         asked = {name: value for name in DRIVERS if (value := getattr(options, name))} | driving
         if asked:
@@ -212,7 +212,7 @@ def add_twin_options(parser: Parser) -> None:
 
 
 @contextmanager
-def twin_process(preset: str | None, params_files: Sequence[Path], namespace: str, *,
+def twin_process(preset: str | None, files: Sequence[str | Path], namespace: str, *,
                  camera: bool, tendon_driver: str | None) -> Iterator[dict[str, Value]]:
     """
     Run the twin of the described arm; yield the node parameters that drive it.
@@ -224,9 +224,7 @@ def twin_process(preset: str | None, params_files: Sequence[Path], namespace: st
     if preset is None:
         yield {}
         return
-    from soft_continuum.user_files import description_file
-    tendons = len(load_arm(
-        *params_files or [description_file()], namespace=namespace).tendon_names)
+    tendons = len(load_arm(*files, namespace=namespace).tendon_names)
     with TemporaryDirectory(prefix='soft_continuum_') as directory:
         driver = tendon_driver or 'grbl'
         if driver not in TENDON_MOTORS:
@@ -234,7 +232,7 @@ def twin_process(preset: str | None, params_files: Sequence[Path], namespace: st
                                  f'those for {", ".join(TENDON_MOTORS)}')
         ports = {'tendon': Path(directory) / driver, 'modbus': Path(directory) / 'modbus'}
         arguments = [f'--preset={preset}', f'--namespace={namespace}',
-                     *(f'--params-file={path}' for path in params_files)]
+                     *(f'--params-file={path}' for path in files)]
         links = [f'--{name}-link={path}' for name, path in ports.items()]
         twin = Child(TWIN, [*arguments, *links, f'--tendon-driver={driver}'],
                      'the nodes have lost their boards', subprocess.DEVNULL)

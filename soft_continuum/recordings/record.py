@@ -1,7 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Records a run of an arm in a separate process: the verb ``record``."""
+"""``record``: records all topics of a running arm to an MCAP file."""
 
+import argparse
+from collections.abc import Sequence
 from math import inf
 from pathlib import Path
 import signal
@@ -9,7 +11,10 @@ import sys
 from time import monotonic
 from typing import Any
 
-from soft_continuum.arguments import DONE, FAILED
+from soft_continuum.analysis.recording import BAG
+from soft_continuum.analysis.results import reserve_outputs
+from soft_continuum.analysis.verbs import run_verb
+from soft_continuum.arguments import DONE, FAILED, number_in, Parser
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.observed import SEQUENCER_STATE
 from soft_continuum.client.requests import Requests
@@ -70,18 +75,28 @@ class Recording:
             topics.close()
 
 
-def record(path: Path, *, namespace: str = '', duration: float = inf, goal: bool = False,
-           pictures: bool = False) -> int:
-    """
-    Record until the time is over, a goal has ended, or Ctrl-C; return the exit status.
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the verb; return the exit status."""
+    parser = Parser('record', f'Record to {BAG} everything that a running arm publishes, until '
+                    'Ctrl-C. It can be read with report, export and replay, and with ros2 bag, '
+                    'Foxglove and PlotJuggler.', '--namespace', '--output', '--force')
+    parser.add_argument('--duration', type=number_in(0.1, 1e6, 's'), metavar='S', default=inf,
+                        help='stop after this many seconds')
+    parser.add_argument('--goal', action='store_true',
+                        help='stop when the running goal, or the next one, has ended')
+    parser.add_argument('--pictures', action='store_true',
+                        help='also record camera images: tens of MB per second')
+    parser.set_defaults(output=Path('recording'))
+    return run_verb(parser, _run, argv, 'mcap')
 
-    path: of the file, which is overwritten.  duration: s.  goal: whether to end with the running
-    or the next goal.  pictures: whether to record camera images too.  Raises as Recording.run.
-    """
+
+def _run(options: argparse.Namespace) -> int:
+    """Record until the time is over, a goal has ended, or Ctrl-C; return the exit status."""
+    path, = reserve_outputs(options.output, [BAG], options.force)
     begin = monotonic()
-    connection = Connection('record', namespace)
+    connection = Connection('record', options.namespace)
     try:
-        recording = Recording(connection.requests, path, pictures, goal)
+        recording = Recording(connection.requests, path, options.pictures, options.goal)
 
         def interrupt(number: int, _: Any) -> None:
             # An exception would be lost in a callback, such as those of an import.
@@ -90,7 +105,7 @@ def record(path: Path, *, namespace: str = '', duration: float = inf, goal: bool
 
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, interrupt)
-        connection.requests.start(recording.run(duration)).result()
+        connection.requests.start(recording.run(options.duration)).result()
     finally:
         connection.close()
     topics, seconds, problem = recording.topics, monotonic() - begin, ''

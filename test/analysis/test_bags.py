@@ -14,8 +14,8 @@ from mcap_ros2.writer import Writer as OtherWriter
 import numpy as np
 import pytest
 
-from soft_continuum.analysis.bag_tables import read_recording
 from soft_continuum.analysis.delimited import MeasurementError
+from soft_continuum.analysis.recording import read_recording
 from soft_continuum.analysis.report import main as report
 from soft_continuum.cli.export import _fields
 from soft_continuum.cli.export import main as export

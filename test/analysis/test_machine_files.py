@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.analysis.curves import read_curves
-from soft_continuum.analysis.delimited import _decimal, _unit, Column, MeasurementError
+from soft_continuum.analysis.delimited import _decimal, _unit, Column, MeasurementError, Quantity
 from support.curve_files import read, refused
 
 FILES = Path(__file__).parent / 'measurements'
@@ -329,7 +329,8 @@ def test_no_number_is_read_a_thousand_times_too_large(values, decimals, mark, by
     numbers = [value / 10**decimals for value in values]
     cells = tuple(grouped(number, other if by == 'other' else by, decimals, mark)
                   for number in numbers)
-    column = Column(Path('a.csv'), 'u', 1.0, cells, tuple(range(len(cells))), '.')
+    column = Column(Quantity('u', ('u',)), Path('a.csv'), 'u', 1.0, cells,
+                    tuple(range(len(cells))), 1)
     # Programs that separate columns by commas write points, unless they quote.
     quoted |= mark == ',' or by == 'other'
     try:

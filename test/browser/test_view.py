@@ -23,7 +23,7 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
 
-from soft_continuum.analysis.bag_tables import read_recording
+from soft_continuum.analysis.recording import read_recording
 from soft_continuum.obstacles import Box, Capsule, Obstacle, Sphere
 from soft_continuum.ros.obstacles import obstacle_to_ros
 from soft_continuum.ros.qos import LATCHED, OBSTACLES, STREAM

@@ -20,8 +20,7 @@ from sensor_msgs.msg import Image, JointState
 from std_srvs.srv import SetBool
 import yaml
 
-from soft_continuum.analysis.bag_tables import read_recording
-from soft_continuum.analysis.recording import BAG, DESCRIPTION
+from soft_continuum.analysis.recording import BAG, DESCRIPTION, read_recording
 from soft_continuum.analysis.report import main as report
 from soft_continuum.cli.export import main as export
 from soft_continuum.client import Arm

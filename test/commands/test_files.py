@@ -14,9 +14,10 @@ from soft_continuum.analysis import identification as identify
 from soft_continuum.analysis import report, workspace
 from soft_continuum.analysis import validation as validate
 from soft_continuum.analysis.recording import BAG, FILES, Recording, write_tables
-from soft_continuum.cli import export, record
+from soft_continuum.cli import export
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.recordings import record
 
 DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
 POINTS, PULLS = (DATA / f'SIMULATED_paper_{kind}.csv' for kind in ('points', 'pulls'))
