@@ -242,7 +242,7 @@ def segments_worth_correcting(planner: Planner, state: Any, pulls: Sequence[floa
 def _released(planner: Planner, state: Any, pulls: Sequence[float], segment: int) -> float:
     """Return the motion of the tip when a segment is softened, m; inf if unknown."""
     try:
-        there = planner.softened(state, pulls, segment)
+        there = planner.held(state, pulls, segment)
     except StaticsError:
         return inf
     return float(np.linalg.norm(there.backbone[-1] - state.backbone[-1]))

@@ -73,59 +73,59 @@ class ClosedLoopRunner(Runner):
         return replace(super()._outcome(code, message), measured=self._measured,
                        corrections=self._corrections, lost=bool(self._lost_since))
 
-    def _set(self, index: int, shape: Shape) -> Iterator[None]:
+    def _set(self, shape: Shape) -> Iterator[None]:
         if self._fresh(self._now):
             self._measured, self.warning, self._lost_since = True, '', ''
             try:
                 if shape.vacuums:
-                    yield from self._set_to_relax(index, shape)
+                    yield from self._set_to_relax(shape)
                 else:
-                    yield from self._set_measured(index, shape)
+                    yield from self._set_measured(shape)
                 return
             except _LostError:
                 self._lost()
         elif self._measured:
             self._lost()
         self.warning = self._lost_since
-        yield from self._set_as_predicted(index, shape)
+        yield from self._set_as_predicted(shape)
 
-    def _set_as_predicted(self, index: int, shape: Shape) -> Iterator[None]:
+    def _set_as_predicted(self, shape: Shape) -> Iterator[None]:
         self.aim = None
         self.progress = replace(self.progress, error=None, correction=0)
         yield from self._all_stiff()
-        yield from super()._set(index, shape)
+        yield from super()._set(shape)
 
-    def _set_to_relax(self, index: int, shape: Shape) -> Iterator[None]:
+    def _set_to_relax(self, shape: Shape) -> Iterator[None]:
         """Set a shape with vacuums to the state from which it relaxes, as planned."""
         self.aim = None
-        yield from self._set_segments(index, shape)
+        yield from self._set_segments(shape)
         self.aim = None
 
-    def _relax(self, index: int, shape: Shape) -> Iterator[None]:
-        yield from self._relax_as_planned(index, shape)
+    def _relax(self, shape: Shape) -> Iterator[None]:
+        yield from self._relax_as_planned(shape)
         if not (shape.vacuums and self._measured):
             return
         try:
-            yield from self._correct_held(index, shape)
+            yield from self._correct_held(shape)
         except _LostError:
             self._lost()
             if not self._held:
-                yield from self._set_as_predicted(index, shape)
-                yield from self._relax_as_planned(index, shape)
+                yield from self._set_as_predicted(shape)
+                yield from self._relax_as_planned(shape)
 
-    def _relax_as_planned(self, index: int, shape: Shape) -> Iterator[None]:
-        yield from super()._relax(index, shape)
+    def _relax_as_planned(self, shape: Shape) -> Iterator[None]:
+        yield from super()._relax(shape)
         if self._lost_since not in self.warning:  # that of the plan took its place
             self.warning = f'{self._lost_since}; {self.warning}'.strip('; ')
 
-    def _correct_held(self, index: int, shape: Shape) -> Iterator[None]:
+    def _correct_held(self, shape: Shape) -> Iterator[None]:
         """Measure a shape as it is held; as long as it is off, set it by what that taught."""
         plan = self.plan
         assert plan is not None
         final = yield from self._planned(self._loop.aim(plan.shape))
         why, before = '', inf
         for left in reversed(range(self.loop_settings.max_passes)):
-            yield from self._measure(index, None)
+            yield from self._measure()
             self.aim, error = final, self._error(final)
             why, before = why or _worse(final, before, error), error
             self.warning = '' if error <= self._tolerance(final) else (
@@ -134,10 +134,10 @@ class ClosedLoopRunner(Runner):
                 return
             self._corrections += 1
             plan = self.plan or plan
-            self._report(index, self._part(index), Phase.STIFFENING, segment=0)
+            self._report(Phase.STIFFENING, segment=0)
             yield from self._all_stiff()
             try:
-                yield from self._set_to_relax(index, shape)
+                yield from self._set_to_relax(shape)
             except EndError as end:
                 if end.code is not Code.MODEL_FAILURE or self.plan is not None:
                     raise  # the relaxation of a partly set arm is not planned
@@ -145,76 +145,73 @@ class ClosedLoopRunner(Runner):
                 yield from self._wind_down()
                 yield from self._all_stiff()
                 self.plan, self.move = plan, len(plan.moves)
-            yield from super()._relax(index, shape)
+            yield from super()._relax(shape)
 
     def _fresh(self, since: float) -> bool:
         """Whether the arm was measured at most ``sensor_timeout`` before a time."""
         measured = self._observed.measured
         return measured is not None and measured >= since - self.loop_settings.sensor_timeout
 
-    def _set_measured(self, index: int, shape: Shape) -> Iterator[None]:
-        plan, aim = yield from self._set_segments(index, shape)
-        yield from self._measure(index, None)
+    def _set_measured(self, shape: Shape) -> Iterator[None]:
+        plan, aim = yield from self._set_segments(shape)
+        yield from self._measure()
         worse: str | None = None
         for _ in range(1, self.loop_settings.max_passes):
-            worse = yield from self._set_again(index, plan.shape, aim, inf)
+            worse = yield from self._set_again(aim, inf)
             if worse != '':
                 break
         if (error := self._error(aim)) > self._tolerance(aim):
             self.warning = f'{shape.name} is {aim.text(error)} off{worse or ""}'
 
-    def _set_segments(self, index: int, shape: Shape
-                      ) -> Generator[None, None, tuple[ShapePlan, Aim]]:
+    def _set_segments(self, shape: Shape) -> Generator[None, None, tuple[ShapePlan, Aim]]:
         """Plan a shape, and set one segment after the other by measurements."""
-        yield from self._measure(index, None)
+        yield from self._measure()
         plan = yield from self._plan_of(shape)
         aim = self.aim = yield from self._planned(self._loop.aim(plan.as_set))
         segments: tuple[int, ...] = tuple(move.segment for move in plan.moves)
         for done, segment in enumerate(segments):
             self.move = done
             self._check_plan()
-            self._report(index, done / (len(segments) + 1), Phase.PREPARING)
+            self._report(Phase.PREPARING, done / (len(segments) + 1))
             left, here = segments[done:], aim
             if len(set(left)) < len(left):  # one is set twice: up to there it is done as planned
                 left, here = (segment,), _way_point(plan, done)
             on_path = plan.moves[done] if len(shape.tips) > 1 else None
-            yield from self._set_segment(index, left, segment, here, on_path)
+            yield from self._set_segment(left, segment, here, on_path)
         self.move = len(segments)
         return plan, aim
 
-    def _set_again(self, index: int, shape: Shape, aim: Aim, release_limit: float
-                   ) -> Generator[None, None, str | None]:
+    def _set_again(self, aim: Aim, release_limit: float) -> Generator[None, None, str | None]:
         """
         Set the segments again that are worth it, and back if that made the shape worse.
 
         Returns how much worse, for people; empty if it is not worse, None if nothing was set.
         """
         before = self._loop.state()
-        if not (yield from self._set_worthwhile(index, shape, aim, release_limit)):
+        if not (yield from self._set_worthwhile(aim, release_limit)):
             return None
         error = self._error(aim)
         if before is None or not (worse := _worse(aim, aim.error(before), error)):
             return ''
-        back = yield from self._set_worthwhile(index, shape, aim.at(before), release_limit)
+        back = yield from self._set_worthwhile(aim.at(before), release_limit)
         return f'{worse} ({aim.text(error)} after it), and was undone' if back else worse
 
-    def _set_worthwhile(self, index: int, shape: Shape, aim: Aim, release_limit: float
-                        ) -> Generator[None, None, bool]:
+    def _set_worthwhile(self, aim: Aim, release_limit: float) -> Generator[None, None, bool]:
         """Set the segments again that are worth it, and measure; return whether any was."""
-        self._report(index, self._part(index), Phase.PREPARING, segment=0)
-        every = tuple(range(len(shape.bending_angles)))
+        self._report(Phase.PREPARING, segment=0)
+        every = tuple(range(len(self._observed.stiff)))
         segments = yield from self._planned(self._loop.again(
             every if self._settings.jamming else (WHOLE_ARM,), aim, release_limit))
         for done, segment in enumerate(segments):
             self._check_plan()
-            yield from self._set_segment(index, segments[done:], segment, aim)
-        yield from self._measure(index, None)
+            yield from self._set_segment(segments[done:], segment, aim)
+        yield from self._measure()
         return bool(segments)
 
-    def _hold(self, index: int, shape: Shape) -> Iterator[None]:
+    def _hold(self, shape: Shape) -> Iterator[None]:
         shape = shape if self.plan is None else self.plan.shape
         until, at_first, within = self._now + shape.hold_time, nan, self._now
-        self._report(index, 1.0, Phase.HOLDING, segment=0)
+        self._report(Phase.HOLDING, 1.0, segment=0)
         while self._now < until and self._measured and self.aim is not None:
             aim, settings = self.aim, self.loop_settings
             self._check_stiff(None)
@@ -231,16 +228,15 @@ class ClosedLoopRunner(Runner):
                 if self._held:
                     self.warning += '; the drift of a shape with vacuums is not corrected'
                 elif settings.correct_drift:
-                    yield from self._correct_drift(index, shape, aim)
+                    yield from self._correct_drift(aim)
                 at_first, within = self._error(aim), self._now
             yield
-        yield from super()._hold(index, replace(shape, hold_time=max(0.0, until - self._now)))
+        yield from super()._hold(replace(shape, hold_time=max(0.0, until - self._now)))
 
-    def _correct_drift(self, index: int, shape: Shape, aim: Aim) -> Iterator[None]:
+    def _correct_drift(self, aim: Aim) -> Iterator[None]:
         """Set segments again; if that fails, warn and hold the present shape."""
         try:
-            worse = yield from self._set_again(
-                index, shape, aim, self.loop_settings.release_limit)
+            worse = yield from self._set_again(aim, self.loop_settings.release_limit)
         except _LostError:
             self._lost()
             yield from self._all_stiff()
@@ -258,7 +254,7 @@ class ClosedLoopRunner(Runner):
                 self.warning = ''
             else:
                 self.warning += worse
-        self._report(index, 1.0, Phase.HOLDING, segment=0)
+        self._report(Phase.HOLDING, 1.0, segment=0)
 
     def _lost(self) -> None:
         """End the run when measurements have stopped, or continue as predicted and warn."""
@@ -285,18 +281,18 @@ class ClosedLoopRunner(Runner):
         self.progress = replace(self.progress, error=error)
         return nan if error is None else error
 
-    def _set_segment(self, index: int, left: Sequence[int], segment: int, aim: Aim,
+    def _set_segment(self, left: Sequence[int], segment: int, aim: Aim,
                      on_path: Move | None = None) -> Iterator[None]:
         """Set a segment; on_path: how it is moved first, where the way there counts."""
         yield from self._pause(None)
-        self._report(index, self._part(index), Phase.SOFTENING, segment=segment + 1)
+        self._report(Phase.SOFTENING, segment=segment + 1)
         yield from self._switch(segment, False)
         before = inf
         if on_path is not None and on_path.duration:
-            self._report(index, self._part(index), Phase.MOVING)
-            yield from self._move(self._from_here(on_path), index, self._part(index), 0.0)
+            self._report(Phase.MOVING)
+            yield from self._move(self._from_here(on_path))
         for correction in range(on_path is not None, self.loop_settings.max_corrections + 1):
-            yield from self._measure(index, segment)
+            yield from self._measure(segment)
             step = yield from self._planned(self._loop.step(left, aim), segment)
             self.progress = replace(self.progress, error=step.error, correction=correction)
             if step.move is None or (correction > 1
@@ -304,10 +300,9 @@ class ClosedLoopRunner(Runner):
                 break
             before = step.change
             self._corrections += correction > 0
-            part = self._part(index)
-            self._report(index, part, Phase.MOVING)
-            yield from self._move(step.move, index, part, 0.0)
-        self._report(index, self._part(index), Phase.STIFFENING)
+            self._report(Phase.MOVING)
+            yield from self._move(step.move)
+        self._report(Phase.STIFFENING)
         yield from self._switch(segment, True)
         self.progress = replace(self.progress, correction=0)
 
@@ -317,15 +312,10 @@ class ClosedLoopRunner(Runner):
         fades = 1.0 - minimum_jerk(move.times / move.duration)
         return replace(move, pulls=move.pulls + fades[:, None] * off)
 
-    def _part(self, index: int) -> float:
-        """Return the part of the running shape that is done."""
-        return self.progress.fraction * len(self._shapes) - index
-
-    def _measure(self, index: int, soft: int | None) -> Generator[None, None, None]:
+    def _measure(self, soft: int | None = None) -> Generator[None, None, None]:
         """Wait until the arm rests and has been measured since."""
         settings = self.loop_settings
-        self._report(index, self._part(index), Phase.MEASURING,
-                     segment=0 if soft is None else soft + 1)
+        self._report(Phase.MEASURING, segment=0 if soft is None else soft + 1)
         rests = self._now + settings.settling_time
         while not (self._now >= rests + settings.measuring_time
                    and self._observed.measured is not None

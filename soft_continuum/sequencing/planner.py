@@ -63,7 +63,7 @@ class PlanSettings:
         """
         Return the same with more slack, for tendons whose lengths are estimated.
 
-        deviations: (tendons,) m, standard, of their lengths.
+        stddevs: (tendons,) m, of their lengths.
         """
         more = SLACK_DEVIATIONS * float(np.max(stddevs))
         return replace(self, antagonist_slack=self.antagonist_slack + more)
@@ -134,7 +134,7 @@ class Planner:
         counts in the goal; the path to it is straight.  Raises PlanError beyond a limit,
         StaticsError if no tendon holds the segment at its goal.
         """
-        bent = self.softened(state, start, segment)
+        bent = self.held(state, start, segment)
         if bent.jumped and np.abs(bent.bending - state.bending).max() > MAX_SOFTENING_TILT:
             raise PlanError('the arm would snap to another equilibrium when this segment softens, '
                             'because its tendons do not hold it; pull them in, or straighten the '
@@ -153,7 +153,7 @@ class Planner:
         pulls = np.array(points)
         self.check_limits(pulls, tension)
         end = self.held(bent, pulls[-1], segment, sliding)
-        times, pulls = self._timed(pulls)
+        times, pulls = timed(pulls, self.settings.speed, self.settings.acceleration)
         return Move(segment, goal, times, pulls, tension, sliding), end
 
     def bent(self, state: Any, segment: int, goal: Array) -> Any:
@@ -179,14 +179,6 @@ class Planner:
         limited = copy(self)
         limited._abandoned = lambda: self._abandoned() or spent()
         return limited
-
-    def softened(self, state: Any, pulls: Sequence[float] | Array, segment: int) -> Any:
-        """
-        Return the state in which a segment (0-based) becomes soft.
-
-        pulls: (tendons,) of the motors, m.  Raises StaticsError.
-        """
-        return self.held(state, pulls, segment)
 
     def held(self, state: Any, pulls: Sequence[float] | Array, segment: int,
              sliding: Sequence[int] = ()) -> Any:
@@ -221,9 +213,6 @@ class Planner:
         if tension > settings.tension_limit:
             raise PlanError(f'needs a tendon tension of {tension:.1f} N; '
                             f'tension_limit: {settings.tension_limit:g} N', 'tension_limit')
-
-    def _timed(self, pulls: Array) -> tuple[Array, Array]:
-        return timed(pulls, self.settings.speed, self.settings.acceleration)
 
 
 def soft_flags(segment: int, count: int) -> list[bool]:

@@ -69,6 +69,7 @@ class Runner:
         self._port = port
         self._settings = settings
         self._tendons = tendons
+        self._index = 0  # of the running shape
         self._completed = 0
         self._motions, self._replans = 0, 0
         self._held: dict[int, float] = {}  # vacuum of segments that are not stiff any more, Pa
@@ -136,19 +137,20 @@ class Runner:
     def _run(self) -> Iterator[None]:
         yield from self._all_stiff()
         for index, shape in enumerate(self._shapes):
-            self._report(index, 0.0, Phase.PREPARING, segment=0)
+            self._index = index
+            self._report(Phase.PREPARING, segment=0)
             if self._held:
                 yield from self._all_stiff()
-            yield from self._set_or_plan_again(index, shape)
-            yield from self._hold(index, shape)
+            yield from self._set_or_plan_again(shape)
+            yield from self._hold(shape)
             self._completed += 1
 
-    def _set_or_plan_again(self, index: int, shape: Shape) -> Iterator[None]:
+    def _set_or_plan_again(self, shape: Shape) -> Iterator[None]:
         """Set a shape; whenever its plan must not be followed any further, by a new one."""
         for left in reversed(range(self._settings.max_replans + 1)):
             try:
-                yield from self._set(index, shape)
-                yield from self._relax(index, shape)
+                yield from self._set(shape)
+                yield from self._relax(shape)
             except PlanInvalidError as reason:
                 self.plan = None
                 if not left:
@@ -157,7 +159,7 @@ class Runner:
                 self._replans += 1
                 yield from self._wind_down()
                 yield from self._all_stiff()
-                self._report(index, 0.0, Phase.PREPARING, segment=0)
+                self._report(Phase.PREPARING, segment=0)
             else:
                 return
 
@@ -172,21 +174,21 @@ class Runner:
             yield
         return plan
 
-    def _set(self, index: int, shape: Shape) -> Iterator[None]:
+    def _set(self, shape: Shape) -> Iterator[None]:
         """Set a shape, from an arm of which every segment is stiff."""
         moves = (yield from self._plan_of(shape)).moves
         for self.move, move in enumerate(moves):
             self._check_plan()
             done, part = self.move / len(moves), 1.0 / len(moves)
-            self._report(index, done, Phase.SOFTENING, segment=move.segment + 1)
+            self._report(Phase.SOFTENING, done, segment=move.segment + 1)
             yield from self._switch(move.segment, False)
-            self._report(index, done + 0.3 * part, Phase.MOVING)
-            yield from self._move(move, index, done + 0.3 * part, 0.4 * part)
-            self._report(index, done + 0.7 * part, Phase.STIFFENING)
+            self._report(Phase.MOVING, done + 0.3 * part)
+            yield from self._move(move, done + 0.3 * part, 0.4 * part)
+            self._report(Phase.STIFFENING, done + 0.7 * part)
             yield from self._switch(move.segment, True)
         self.move = len(moves)
 
-    def _relax(self, index: int, shape: Shape) -> Iterator[None]:
+    def _relax(self, shape: Shape) -> Iterator[None]:
         """Lower the vacuums of a shape that is set, one after the other."""
         def lowered() -> bool:
             self._check_plan()
@@ -195,7 +197,7 @@ class Runner:
         lower = [(segment, vacuum) for segment, vacuum in enumerate(shape.vacuums)
                  if abs(vacuum - self._settings.full_vacuum) > 1.0]
         for segment, vacuum in lower:
-            self._report(index, 1.0, Phase.RELAXING, segment=segment + 1)
+            self._report(Phase.RELAXING, 1.0, segment=segment + 1)
             self._check_plan()
             self._held[segment] = vacuum
             yield from self._request(
@@ -221,19 +223,20 @@ class Runner:
     def _off(self, segment: int) -> float:  # Pa, from the vacuum that it is held with
         return abs(self._observed.vacuum[segment] - self._held[segment])
 
-    def _hold(self, index: int, shape: Shape) -> Iterator[None]:
+    def _hold(self, shape: Shape) -> Iterator[None]:
         """Hold a shape, with every segment stiff but those that have less vacuum."""
-        self._report(index, 1.0, Phase.HOLDING, segment=0)
+        self._report(Phase.HOLDING, 1.0, segment=0)
         until = self._now + shape.hold_time
         while self._now < until:
             self._check_stiff(None)
             yield
 
-    def _report(self, index: int, part: float, phase: Phase, segment: int | None = None) -> None:
+    def _report(self, phase: Phase, part: float = 0.0, segment: int | None = None) -> None:
+        """Report a phase of the running shape, and the part of it that is done, if more."""
         self.progress = replace(
-            self.progress, shape_index=index, shape=self._shapes[index].name,
+            self.progress, shape_index=self._index, shape=self._shapes[self._index].name,
             segment=self.progress.segment if segment is None else segment, phase=phase,
-            fraction=max(self.progress.fraction, (index + part) / len(self._shapes)))
+            fraction=max(self.progress.fraction, (self._index + part) / len(self._shapes)))
 
     def _planned(self, plan: 'Future[Result]', soft: int | None = None
                  ) -> Generator[None, None, Result]:
@@ -327,7 +330,7 @@ class Runner:
             self._check_stiff(segment)
             yield
 
-    def _move(self, move: Move, index: int, done: float, part: float) -> Iterator[None]:
+    def _move(self, move: Move, done: float = 0.0, part: float = 0.0) -> Iterator[None]:
         """Send the motion piece by piece, so that it ends soon when this process does."""
         self._motions += 1
         start, end, sent, settings = self._now, 0.0, 0.0, self._settings
@@ -349,7 +352,7 @@ class Runner:
                     [np.interp(times, move.times, tendon) for tendon in move.pulls.T], axis=1)
                 self._port.follow(self._motions, start, times, pulls)
                 sent, due = end, self._now + settings.piece_period
-            self._report(index, done + part * elapsed / move.duration, Phase.MOVING)
+            self._report(Phase.MOVING, done + part * elapsed / move.duration)
             yield
         deadline = self._now + settings.settle_timeout
         target = move.pulls[-1]

@@ -214,7 +214,7 @@ class MotionValidator:
     def _followed(self, node: Node, move: Move) -> Node:
         """Follow the pulls of a move, from a node on."""
         soft = None if move.segment == WHOLE_ARM else move.segment
-        state = self.planner.softened(node.state, node.pulls, move.segment)
+        state = self.planner.held(node.state, node.pulls, move.segment)
         way = _ClearanceChecker(
             self, self.needed(node.locked, soft), lambda state, pulls: self.planner.held(
                 state, pulls, move.segment, move.sliding))
