@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.ring_sight import RingSight
+from benchmarks.sight import Sight
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
@@ -24,11 +24,9 @@ from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.layout import layout_of, RingLayout
+from soft_continuum.sensing.layout import layout_of
 from soft_continuum.sensing.rigid import mean_pose, planar_pose, UNKNOWN
-from soft_continuum.sensing.tag_camera import TagDetections
 from soft_continuum.sequencing.planner import PlanSettings
-from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors
 from soft_continuum.twin.plant import Plant, Sensors, TIME_STEP
 from soft_continuum.user_files import description_file
@@ -118,18 +116,17 @@ class Lab:
         self._steps = 0
         self._tensions = np.zeros(tendons)  # sum of those not yet averaged
         self._sensor = sensor
-        self._drawn: TwinCamera | None = None
+        self._sight: Sight | None = None
         self.sensors = Sensors(self.plant)
         self._straight: list[tuple[Array, float]] = []  # discs, and when, to be tared on
         self._read()
         self.wait(START)
-        self._rings: RingSight | None = None
-        self._first = self.truth[::2]
-        in_space = isinstance(description.layout, RingLayout)
-        if tared and sensor == CAMERA and not in_space:
+        if not description.arm.planar:
+            self._straight = [(self.plant.poses[::2], self.time)] * TARE_PICTURES
+        elif tared and sensor == CAMERA:
             for _ in range(TARE_PICTURES):
                 self.wait(PICTURE_PERIOD)
-                self._straight.append((self.truth[::2], self.time))
+                self._straight.append((self.plant.poses[::2], self.time))
 
     @property
     def time(self) -> float:
@@ -284,30 +281,12 @@ class Lab:
         if self._sensor == TRUTH:
             covariance = known(self.plant.arm, TRUTH_DEVIATION * np.ones(6))
             return {n: DiscMeasurement(n, pose, covariance) for n, pose in enumerate(discs)}
-        layout = self.description.layout
-        if isinstance(layout, RingLayout):
-            if self._rings is None:  # drawn only now: not every contender looks
-                self._rings = RingSight(layout, self.differences, self._first,
-                                        1 + (self._sensor == TWO_CAMERAS))
-            self.pictures += 1
-            return {n: DiscMeasurement(n, *seen)
-                    for n, seen in self._rings.discs(discs).items()}
-        if self._drawn is None:
-            self._drawn = TwinCamera(layout, self.differences)
-            stuck = layout.stuck_as({'tags.offsets': (0.0,)})
-            self._camera = layout.camera(self._drawn.lens, stuck)
-            # Drawn only now: not every contender looks.
-            _, stuck, _ = layout.tared(stuck, [self._sight(*then) for then in self._straight])
-            self._camera = layout.camera(self._drawn.lens, stuck)
+        if self._sight is None:  # drawn only now: not every contender looks
+            self._sight = Sight(self.description.layout, self.differences, self._straight,
+                                1 + (self._sensor == TWO_CAMERAS))
         self.pictures += 1
-        return {n: DiscMeasurement(n, disc.pose, disc.covariance)
-                for n, disc in self._sight(discs, self.time).discs.items()}
-
-    def _sight(self, discs: Array, time: float) -> TagDetections:
-        """Draw a picture and return what is measured in it."""
-        assert self._drawn is not None
-        sight: TagDetections = self._camera.measure(self._drawn.picture(discs, time))
-        return sight
+        return {n: DiscMeasurement(n, *seen)
+                for n, seen in self._sight.discs(discs, self.time).items()}
 
 
 def known(arm: Arm, deviations: Array) -> Array:

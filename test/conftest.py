@@ -41,7 +41,7 @@ SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation
         'analysis/test_identification_in_space.py', 'estimation/test_anomaly_causes.py',
         'estimation/test_space.py', 'mechanics/test_elastica.py',
         'mechanics/test_inverse_problems.py', 'mechanics/test_kernel.py',
-        'mechanics/test_mujoco.py', 'sensing/test_printing.py',
+        'mechanics/test_mujoco.py', 'sensing/test_cameras.py', 'sensing/test_printing.py',
         'sensing/test_ring_camera.py', 'sensing/test_tag_camera.py', 'sequencing/test_aiming.py',
         'sequencing/test_angle_servo.py', 'sequencing/test_closed_loop.py',
         'sequencing/test_held_shapes.py', 'sequencing/test_reach.py',

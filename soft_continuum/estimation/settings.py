@@ -81,7 +81,7 @@ ESTIMATION_PARAMETERS = (
     Parameter('estimation.tension_relative_stddev', 0.1, 'relative standard deviation, added '
               'to tension_stddev: scale error of the load cell, and undescribed friction of the '
               'guides; ignored if the device reports one', 0.0, 1.0),
-    *(Parameter(f'estimation.{group}.{one.name}', one.default, **one.metadata)
+    *(Parameter(f'estimation.{group}.{one.name}', getattr(kind, one.name), **one.metadata)
       for group, kind in (('prior', Prior), ('drift', Drift)) for one in fields(kind)),
 )
 

@@ -30,45 +30,22 @@ STRETCH = 3e-5
 @dataclass(frozen=True)
 class Layout:
     """
-    Position of each unknown in the vector.
+    Positions of the unknowns in the vector, in their order.
 
-    In order: error of the held shape (rad about x and y), logarithms of stiffness factors and of
-    K, per segment; the offset of each tendon (m pulled in beyond the motor position); the payload
-    (kg); the bias of all poses of each disc, from the base; the bias of all measured tensions of
-    each tendon (N).
+    held: error of the held shape, rad about x and y of each segment.  stiffness, ratio: logarithms
+    of stiffness factors and of K, per segment.  offset: of each tendon, m pulled in beyond the
+    motor position.  payload: kg.  biases: of all poses of each disc, from the base, and then of
+    all measured tensions of each tendon, N.
     """
 
     segments: int
     tendons: int
-
-    @property
-    def held(self) -> slice:
-        """Shapes held by stiff segments."""
-        return slice(0, 2 * self.segments)
-
-    def held_by(self, segment: int) -> slice:
-        """Shape held by one segment."""
-        return slice(2 * segment, 2 * (segment + 1))
-
-    @property
-    def stiffness(self) -> slice:
-        """Logarithms of stiffness factors."""
-        return slice(self.held.stop, self.held.stop + self.segments)
-
-    @property
-    def ratio(self) -> slice:
-        """Logarithms of K."""
-        return slice(self.stiffness.stop, self.stiffness.stop + self.segments)
-
-    @property
-    def offset(self) -> slice:
-        """Offsets of the tendons."""
-        return slice(self.ratio.stop, self.ratio.stop + self.tendons)
-
-    @property
-    def payload(self) -> int:
-        """The payload."""
-        return 4 * self.segments + self.tendons
+    held: slice
+    stiffness: slice
+    ratio: slice
+    offset: slice
+    payload: int
+    biases: slice
 
     @property
     def model(self) -> int:
@@ -76,9 +53,18 @@ class Layout:
         return self.payload + 1
 
     @property
+    def size(self) -> int:
+        """Number of all unknowns."""
+        return int(self.biases.stop)
+
+    @property
     def parameters(self) -> slice:
         """Parameters estimated in addition to the shape."""
         return slice(self.held.stop, self.model)
+
+    def held_by(self, segment: int) -> slice:
+        """Shape held by one segment."""
+        return slice(2 * segment, 2 * (segment + 1))
 
     def bias(self, disc: int) -> slice:
         """Bias of all measurements of a disc."""
@@ -86,12 +72,7 @@ class Layout:
 
     def tension_bias(self, tendon: int) -> int:
         """Bias of all measured tensions of a tendon."""
-        return self.model + 6 * (self.segments + 1) + tendon
-
-    @property
-    def biases(self) -> slice:
-        """Biases of all measurements, of discs and tensions."""
-        return slice(self.model, self.size)
+        return self.size - self.tendons + tendon
 
     @property
     def observable_from_tension(self) -> list[int]:
@@ -99,15 +80,14 @@ class Layout:
         return [*range(self.stiffness.start, self.stiffness.stop),
                 *range(self.tension_bias(0), self.size)]
 
-    @property
-    def size(self) -> int:
-        """Number of all unknowns."""
-        return self.tension_bias(self.tendons)
-
 
 def layout_of(arm: Arm) -> Layout:
     """Return the positions of the unknowns of an arm."""
-    return Layout(len(arm.segments), len(arm.tendon_names))
+    segments, tendons = len(arm.segments), len(arm.tendon_names)
+    ends = np.cumsum([2 * segments, segments, segments, tendons, 1,
+                      6 * (segments + 1) + tendons]).tolist()
+    held, stiffness, ratio, offset, payload, biases = map(slice, [0, *ends[:-1]], ends)
+    return Layout(segments, tendons, held, stiffness, ratio, offset, payload.start, biases)
 
 
 def first_values(arm: Arm, layout: Layout, prior: Prior) -> Array:

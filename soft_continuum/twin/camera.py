@@ -78,16 +78,18 @@ class TwinCamera:
         self._layout, given, focal = layout, model_errors, WIDTH / 2.0 / FIELD
         tags = np.random.default_rng(given.seed)  # the same for all cameras of one arm
         random = np.random.default_rng([given.seed, round(1e3 * direction) % 2**16])
+        fixed = [_Piece(self._stuck(_face(row[:3], row[3], layout.fixed_size * WITH_MARGIN), tags,
+                                    given.fixed_offset, layout.fixed_size), 0.0, white_modules(n))
+                 for n, row in zip(layout.fixed_numbers, layout.fixed, strict=True)]
         self._radii: Sequence[float] = (layout.disc_size / 3.0,) * len(layout.heights)
-        self._axis = np.zeros(7)
+        self._axis, obstacles = np.zeros(7), []
         if isinstance(layout, RingLayout):
             self._radii = layout.disc_radii
         else:  # in the plane that is measured are its tags, before its axis
             self._axis[1] = self._radii[0] + tags.normal(0.0, given.depth_offset)
+            obstacles = [_Piece([one.x, self._axis[1], one.z] + one.radius * CIRCLE, DARK)
+                         for one in given.obstacles]
         self._discs = [self._disc(n, tags, given.tag_offset) for n in range(len(layout.heights))]
-        still = [_Piece(self._stuck(_face(row[:3], row[3], layout.fixed_size * WITH_MARGIN), tags,
-                                    given.fixed_offset, layout.fixed_size), 0.0, white_modules(n))
-                 for n, row in zip(layout.fixed_numbers, layout.fixed, strict=True)]
         self._focal, self._middle = focal, np.array([WIDTH / 2.0 - 0.5, HEIGHT / 2.0 - 0.5])
         self._bent = given.lens_distortion
         self._turn = cv2.Rodrigues(random.uniform(-1.0, 1.0, 3) * given.camera_tilt)[0]
@@ -97,16 +99,13 @@ class TwinCamera:
             [focal * wrong, 0, self._middle[0], 0, focal * wrong, self._middle[1], 0, 0, 1],
             [self._bent * wrong, 0, 0, 0, 0], 'plumb_bob')
         self._place(direction, random, given.camera_shift, [
-            piece.corners for piece, row in zip(still, layout.fixed, strict=True)
+            piece.corners for piece, row in zip(fixed, layout.fixed, strict=True)
             if cos(row[3] - direction) > FACING])
         flat = _undistorted(focal, *self._middle.tolist(), self._bent)
         rays = np.concatenate([flat, np.ones((HEIGHT, WIDTH, 1))], axis=-1) @ self._turn
         self._flat = (rays[..., :2] / rays[..., 2:]).astype(np.float32)
         self._changes = np.gradient(self._flat, axis=(1, 0))
-        if not isinstance(layout, RingLayout):
-            still += [_Piece([one.x, self._axis[1], one.z] + one.radius * CIRCLE, DARK)
-                      for one in given.obstacles]
-        self._still = self._with(blotched(random), still)
+        self._still = self._with(blotched(random), fixed + obstacles)
         self.sensor, self.occluders = Sensor(given, random), Occluders(given.occluders, given.seed)
 
     def picture(self, discs: Array, time: float = 0.0) -> Picture:

@@ -63,6 +63,7 @@ class ModelErrors:
     besides; angle_error, rad, standard deviation of the angles of the tendons.
     """
 
+    obstacles: tuple[Obstacle, ...]
     stiffness_factors: tuple[float, ...] = _in(0.2, 5.0)
     mass_factor: float = _in(0.0, 5.0)
     stiff_ratio: float = _in(1.1, 1e5)
@@ -75,7 +76,6 @@ class ModelErrors:
     slip_tension: float = _in(0.1, 1e6)
     backlash: float = _in(0.0, 0.01)
     zero_offset: float = _in(-0.01, 0.01)
-    obstacles: tuple[Obstacle, ...]
     tension_noise: float = _in(0.0, 100.0)
     load_cell_zero: float = _in(0.0, 100.0)
     load_cell_scale: float = _in(0.0, 0.5)

@@ -12,7 +12,7 @@ from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.measuring import predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
-from soft_continuum.estimation.unknowns import arm_with, first_values, Layout
+from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.nodes.measurements import (
@@ -53,7 +53,7 @@ def remembered(estimator):
 
 @pytest.mark.parametrize('pulls', [BENDING, (-0.020, 0.010), (0.004, -0.0035)])
 def test_derivatives_are_those_of_the_tensions_and_of_the_slack(pulls):
-    layout = Layout(3, 2)
+    layout = layout_of(ARM)
     statics = Statics(arm_with(ARM, layout, first_values(ARM, layout, Prior())))
     state = statics.solve(statics.chain.straight(), pulls, only(0))
     found, step = predicted(statics, layout, state), 1e-6

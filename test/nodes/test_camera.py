@@ -20,18 +20,19 @@ from rclpy.time import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
-from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.nodes import camera
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import CHANNELS, grey_message, grey_picture, pose_from_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.sensing.layout import FRONT
-from support import space_views, views
+from soft_continuum.sensing.rigid import displacement, planar_pose
 from support.descriptions import given_in
 from support.planar import planar
 from support.ros_rig import Rig, STREAM
+from support.views import space_views, views
 
-TRUTH = views.discs(0.3, -0.2, 0.4)
+BENT = views.poses(0.3, -0.2, 0.4)
+TRUTH = planar_pose(BENT)
 RATE = 20.0  # Hz
 
 
@@ -42,7 +43,7 @@ def drawn() -> Any:
 
 @pytest.fixture(scope='module')
 def picture(drawn: Any) -> Any:
-    return drawn.picture(full_poses(TRUTH))
+    return drawn.picture(BENT)
 
 
 def statuses(rig: Rig) -> Any:
@@ -135,7 +136,7 @@ def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
     assert 'no disc was detected' in driver.tare().message
     driver.tare_until('parameter file: camera: {ros__parameters',
                       drawn.picture(views.poses(0.0, 0.0, 0.0)))
-    bent, tared = drawn.picture(full_poses(TRUTH)), rig.observer.get_clock().now().nanoseconds
+    bent, tared = drawn.picture(BENT), rig.observer.get_clock().now().nanoseconds
     driver.send_until(lambda: all(Time.from_msg(p.last.header.stamp).nanoseconds > tared
                                   for p in driver.poses), 'a bent arm', bent)
     for truth, recorded in zip(TRUTH, driver.poses, strict=True):
@@ -191,13 +192,13 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
 
 def test_a_second_camera_of_an_arm_in_space(rig: Rig) -> None:
     """It measures all six coordinates, and has topics and parameters of its own name."""
-    truth = space_views.discs((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))
+    truth = space_views.poses((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))
     drawn = space_views.camera(direction=FRONT - pi / 3)
     picture = drawn.picture(truth)
     driver = Driver(rig, drawn, name='camera_2', **given_in(space_views.PATH, 'camera'))
     tip = driver.poses[2]
     driver.send_until(lambda: len(tip), 'disc 2', picture)
-    error = space_views.error(np.array(pose_from_ros(tip.last.pose.pose)), truth[2])
+    error = displacement(np.array(pose_from_ros(tip.last.pose.pose)), truth[2])
     covariance = np.reshape(tip.last.pose.covariance, (6, 6))
     assert error == pytest.approx(np.zeros(6), abs=5e-3)
     assert np.abs(error[:3]).max() < 2e-3
@@ -206,7 +207,7 @@ def test_a_second_camera_of_an_arm_in_space(rig: Rig) -> None:
     wait_for(rig, driver.statuses, 'all discs are detected')
     driver.tare_until('is the arm straight', picture)
     driver.tare_until('camera_2: {ros__parameters: {tags: {reference_corners',
-                      drawn.picture(space_views.discs(*[(0, 0)] * 3)))
+                      drawn.picture(space_views.poses(*[(0, 0)] * 3)))
 
 
 @pytest.mark.parametrize(('parameters', 'named'), [

@@ -7,10 +7,10 @@ import re
 import cv2
 import numpy as np
 import pytest
+from scipy.special import chdtri
 
 from soft_continuum.sensing.lens import Lens
-from support import space_views, views
-from support.views import covered, without_pose
+from support.views import covered, errors, space_views, views, without_pose
 
 
 def measuring(of_arm, lens, **changes):
@@ -35,6 +35,22 @@ def ideal(request):
 def test_a_picture_in_which_nothing_can_be_measured(ideal, change, words):
     of_arm, lens, picture, *_ = ideal
     without_pose(measuring(of_arm, lens).measure(change(picture)), *words)
+
+
+@pytest.mark.parametrize(('of_arm', 'rigs', 'least'), [(views, 6, 48), (space_views, 4, 28)])
+def test_the_covariance_is_as_large_as_the_errors_are(of_arm, rigs, least):
+    random, squares, free = np.random.default_rng(2), [], of_arm.ARM.pose_axes.sum()
+    for seed in range(rigs):  # each has other tags, another place and another calibration
+        drawn = of_arm.camera('typical', seed=seed)
+        measuring = of_arm.layout().camera(drawn.lens)
+        for _ in range(2):
+            truth = of_arm.random_poses(random)
+            sight = measuring.measure(drawn.picture(truth))
+            squares += [error @ np.linalg.solve(disc.covariance, error) for disc, error in zip(
+                sight.discs.values(), errors(sight, truth), strict=True)]
+    assert len(squares) >= least  # of 8 a rig
+    assert 0.5 * free < np.mean(squares) < 1.5 * free  # but those of one rig go together
+    assert np.mean(np.array(squares) < chdtri(free, 0.05)) > 0.85
 
 
 @pytest.mark.parametrize('scale', [0.94, 1.06])

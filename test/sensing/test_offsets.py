@@ -21,7 +21,7 @@ from soft_continuum.sensing.tare import offset_of, straight_heights, tag_offset,
 from soft_continuum.sensing.tilt import SensorError
 from soft_continuum.sensing.tracker import Tracker
 from soft_continuum.user_files import description_file
-from support import space_views, views
+from support.views import space_views, views
 
 VALUES = {'frame_id': 'base_link', 'tracker.frame_id': 'world', 'tracker.offsets': (0.0,)}
 

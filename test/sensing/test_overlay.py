@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.sensing.overlay import overlay, SIZE
-from support import space_views, views
+from support.views import EXACT, space_views, views
 
 ANGLES = (0.3, -0.2, 0.4)
 
@@ -48,8 +48,7 @@ def ideal():
 
 @pytest.mark.parametrize('preset', ['ideal', 'severe'])
 def test_the_model_is_where_the_camera_sees_it(preset):
-    camera = views.camera(preset, tag_offset=0.0, fixed_offset=0.0, depth_offset=0.0,
-                          calibration_error=0.0)
+    camera = views.camera(preset, **EXACT, calibration_error=0.0)
     tags = camera._layout.camera(camera.lens)
     picture = camera.picture(views.poses(0.0, 0.0, 0.0))
     model = points(*ANGLES)
@@ -65,10 +64,10 @@ def test_the_model_is_where_the_camera_sees_it(preset):
 
 
 def test_the_model_of_an_arm_in_space_is_where_the_camera_sees_it():
-    camera = space_views.camera('typical', **space_views.EXACT)
+    camera = space_views.camera('typical', **EXACT, calibration_error=0.0)
     tags = space_views.layout().camera(camera.lens)
     poses = space_views.CHAIN.uniform([(0.3, 0.2), (-0.2, 0.4), (0.1, -0.5)]).poses
-    picture = camera.picture(space_views.discs(*np.zeros((3, 2))))
+    picture = camera.picture(space_views.poses(*np.zeros((3, 2))))
     pixels = magenta(drawn(picture, tags, tags.measure(picture), poses))
     outer, turns = tags.layout.radius / np.cos(np.pi / 6), np.pi / 6 + np.arange(6) * np.pi / 3
     rim = outer * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(6)])

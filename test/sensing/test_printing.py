@@ -13,7 +13,7 @@ from soft_continuum.sensing import printing
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.lens_calibration import board
 from soft_continuum.sensing.lens_calibration import calibrate as calibrate_lens
-from support import space_views, views
+from support.views import space_views, views
 
 DOTS = 6  # per mm
 SIZE, FOCAL = (640, 480), 600.0

@@ -17,8 +17,8 @@ from soft_continuum.sensing.tilt import (
     turn_between,
     UpFilter,
 )
-from support import space_views, views
 from support.imus import Errors, GRAVITY
+from support.views import space_views, views
 
 DEVIATION, STEP, LENGTH = 0.01, 0.02, 0.25
 SETTINGS, ALL = ImuSettings(GRAVITY, stddev=DEVIATION), SPATIAL_AXES[3:]

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Drawn pictures of the paper's arm with its tags, and where its discs are in them."""
+"""Drawn pictures of arms with their tags, and where their discs are in them."""
 
 from dataclasses import replace
 
@@ -9,53 +9,49 @@ import numpy as np
 from soft_continuum.mechanics import Chain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.layout import TagLayout
-from soft_continuum.sensing.rigid import planar_pose
+from soft_continuum.sensing.layout import FRONT, layout_of
+from soft_continuum.sensing.rigid import displacement
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
-from support.paper_arm import plane_points
 
-VALUES = load_description(description_file(), node='camera')
-ARM = arm_from_parameters(VALUES)
-CHAIN = Chain(ARM)
+EXACT = {'tag_offset': 0.0, 'fixed_offset': 0.0, 'depth_offset': 0.0}
 
 
-def layout(**changes):
-    """Return the tags of the paper's arm with other parameters tags.*."""
-    return TagLayout.of(VALUES | {f'tags.{k}': v for k, v in changes.items()}, ARM)
+class Views:
+    """Pictures of one arm."""
+
+    def __init__(self, name):
+        self.PATH = description_file().with_name(name)
+        self.VALUES = load_description(self.PATH, node='camera')
+        self.ARM = arm_from_parameters(self.VALUES)
+        self.CHAIN = Chain(self.ARM)
+
+    def layout(self, **changes):
+        """Return the tags of the arm with other parameters tags.*."""
+        return layout_of(self.VALUES | {f'tags.{k}': v for k, v in changes.items()})
+
+    def camera(self, preset='ideal', tags=None, direction=FRONT, **changes):
+        """Return a drawn camera; changes: of the preset of the twin."""
+        given = read_model_errors(description_file().with_name('twin.yaml'), preset)
+        return TwinCamera(tags or self.layout(), replace(given, **changes), direction)
+
+    def poses(self, *bending):
+        """Return the pose (7,) of every disc of an arm that bends in circles."""
+        return self.CHAIN.uniform(bending).poses[::2]
+
+    def random_poses(self, random):
+        """Return the poses of an arm with random bending."""
+        return self.poses(*random.uniform(-0.6, 0.6, (3, 2)) * self.ARM.bending_axes)
 
 
-def differences(preset, **changes):
-    """Return a preset of the twin with other values."""
-    path = description_file().with_name('twin.yaml')
-    return replace(read_model_errors(path, preset), **changes)
-
-
-def camera(preset='ideal', tags=None, **changes):
-    """Return a drawn camera."""
-    return TwinCamera(tags or layout(), differences(preset, **changes))
-
-
-def discs(*bending_angles):
-    """Return x, z and angle of the bottom of every disc of an arm bent in circles."""
-    return plane_points(CHAIN.uniform(bending_angles))[::2]
-
-
-def poses(*bending_angles):
-    """Return the pose (7,) of the bottom of every disc of an arm bent in circles."""
-    return CHAIN.uniform(bending_angles).poses[::2]
-
-
-def random_discs(random):
-    """Return the discs of an arm with random bending angles."""
-    return discs(*random.uniform(-0.6, 0.6, len(ARM.segments)))
+views, space_views = Views(description_file().name), Views('spatial_jamming.yaml')
 
 
 def errors(sight, truth):
-    """Return the errors of all discs that are seen, (discs, 3), m and rad."""
-    return np.array([planar_pose(found.pose) - truth[n] for n, found in sight.discs.items()]
-                    ).reshape(-1, 3)
+    """Return the errors of all discs that are seen, (discs, 6), m and rad."""
+    return np.array([displacement(found.pose, truth[n]) for n, found in sight.discs.items()]
+                    ).reshape(-1, 6)
 
 
 def without_pose(sight, *words):
