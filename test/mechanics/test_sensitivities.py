@@ -14,6 +14,7 @@ from soft_continuum.mechanics import Jam, Linearisation, MomentCurvature, SLACK,
 from support.differences import assert_are_differences, assert_is_difference, command
 from support.flat_arm import made_of
 from support.general_arms import arms, FEW, masks, paper_like, pulls
+from support.paper_arm import plane_points
 from support.spatial_arms import in_space, random_state, stretching, three_segments
 
 SOFT_TABLE = MomentCurvature((0.0, 3.0, 8.0), (0.0, 0.08, 0.15))
@@ -148,7 +149,7 @@ def test_by_tensions(seed, which):
 
 def numbers(state):
     """Return joint angles, tensions and the tip in one row."""
-    return np.concatenate([state.joint_angles, state.tensions, state.tip])
+    return np.concatenate([state.joint_angles, state.tensions, plane_points(state)[-1]])
 
 
 def column(found, k):

@@ -38,7 +38,7 @@ def test_the_prediction_is_a_translucent_ghost_along_the_backbone() -> None:
     assert (marker.type, marker.header.frame_id, marker.header.stamp.sec) == (
         Marker.LINE_STRIP, 'base_link', 3)
     assert colour(marker) == PREDICTED and 0.0 < marker.color.a < 1.0
-    x, z, _ = BENT.tip
+    x, _, z = BENT.tip
     assert (marker.points[-1].x, marker.points[-1].z) == pytest.approx((x, z))
     assert is_gone_when_not_repeated(marker)
 

@@ -242,8 +242,8 @@ def test_a_direction_is_reached_as_well():
     found = query.first()
     assert not found.why
     end = query.run(found, 1)[-1]
-    assert abs(end.tip[2] - turn) <= query.goal.angle_tolerance
-    assert np.hypot(*(end.tip[:2] - (0.15, 0.26))) <= query.goal.position_tolerance
+    assert abs(end.bending_angles.sum() - turn) <= query.goal.angle_tolerance
+    assert np.hypot(*(end.tip[::2] - (0.15, 0.26))) <= query.goal.position_tolerance
 
 
 def refused(*words, **changes):
