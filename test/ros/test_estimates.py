@@ -26,6 +26,7 @@ from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 from support.flat_arm import of_segments
+from support.paper_arm import plane_points
 
 ARM, SPATIAL = (replace(load_arm(description_file().with_name(f'{name}.yaml')),
                         bodies_per_segment=3) for name in ('manipulator', 'spatial_jamming'))
@@ -181,7 +182,7 @@ def test_of_an_arm_without_jamming_no_ratio_is_published():
 
 def test_when_it_was_measured_is_published(estimator):
     estimator.follow(Commands(1234.5, np.zeros(2), (True,) * 3))
-    truth = estimator.state.points
+    truth = plane_points(estimator.state)
     estimator.measure(1234.5, [
         DiscMeasurement(n, *in_plane(truth[2 * n], 1e-6 * np.eye(3))) for n in (1, 2, 3)])
     message = published(estimator)

@@ -86,8 +86,9 @@ class VirtualRig:
         self.steppers = Steppers(
             lambda: self.now, self.arm.tendon_names, SPEED, self.acceleration, 5e-6)
         self.steppers.rig = self
-        self.air = (SimulatedRegulators if self.regulators else SimulatedJamming)(
-            lambda: self.now, segments, JammingPlant(), self.stiff_at_start)
+        air = lambda: self.now, segments, JammingPlant(), self.stiff_at_start
+        self.air = (SimulatedRegulators(*air, 90e3, 500.0) if self.regulators
+                    else SimulatedJamming(*air))
         self.tendons = TendonController(
             self.steppers, TendonLimits(self.arm.tendon_names, (-0.06, 0.06), SPEED))
         self.jamming = JammingController(self.air, segments, JAMMING_SETTINGS)
