@@ -29,7 +29,7 @@ CORNER_DEVIATION = 0.1  # px, of each corner of a tag
 FULL_WIDTH = 32.0  # px of such a tag; those of a narrower one are worse by the square
 ITERATIONS, HALVINGS = 20, 6
 DONE = 1e-7  # m and rad: a smaller step is the last one
-SAME = 0.01  # rad between two poses that are one minimum
+SAME, NEAR = 0.01, 0.05  # rad between two poses that are, or lead to, one minimum
 
 
 @dataclass(frozen=True)
@@ -87,6 +87,8 @@ class TagGroup:
         """Return the minima that were found, the best first; none if no tag fits."""
         found: list[tuple[float, _Guess]] = []
         for start in self._starts():
+            if any(angle(start.turn, g.turn) < NEAR for _, g in found):
+                continue
             misfit, guess = self._refined(start)
             if np.isfinite(misfit) and all(angle(guess.turn, g.turn) > SAME for _, g in found):
                 found.append((misfit, guess))
@@ -146,6 +148,8 @@ class TagGroup:
             if not np.isfinite(misfit):
                 break
             step = self._step(guess)
+            if np.abs(step).max() < DONE:
+                return misfit, guess.moved(step)
             for _ in range(HALVINGS):
                 moved = guess.moved(step)
                 after = self._misfit(moved)
@@ -155,8 +159,6 @@ class TagGroup:
             else:
                 break
             guess, misfit = moved, after
-            if np.abs(step).max() < DONE:
-                break
         return misfit, guess
 
     def _fit(self, misfit: float, guess: '_Guess') -> PoseFit:
