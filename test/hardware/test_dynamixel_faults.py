@@ -136,12 +136,6 @@ def test_load_friction_inertia_and_a_late_computer_do_not_look_like_a_servo_that
         assert made.emulator.clock.late > 0.0
 
 
-def test_a_second_program_cannot_open_the_port(tmp_path):
-    with rig(tmp_path, tendons=2) as made:
-        assert 'in use by another program' in refused(made.emulator, tmp_path)
-        assert made.check()
-
-
 def refused(emulator, folder):
     """Why a driver cannot be opened; nothing moves."""
     before, why = emulator.pulls, refusal(driver_of(emulator, folder))

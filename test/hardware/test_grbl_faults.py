@@ -285,13 +285,6 @@ def test_a_refused_line_is_reported_with_its_meaning():
         assert 'error:15 (beyond its travel' in failed(tendons)
 
 
-def test_a_second_program_cannot_open_the_port():
-    with rig() as (emulator, tendons):
-        with pytest.raises(HardwareError, match='in use by another program'):
-            driver(emulator).open()
-        assert tendons.read().referenced
-
-
 @pytest.mark.parametrize(('port', 'words'), [
     ('nowhere', 'nowhere: does not exist; .*port'), ('file', 'cannot be opened'),
     ('', 'no serial port is configured')])
