@@ -25,7 +25,7 @@ import scipy
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.figures import DPI, new_figure
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes, simulate_steps
-from soft_continuum.analysis.results import progress, reserve_outputs, text_table
+from soft_continuum.analysis.results import cell, progress, reserve_outputs, text_table
 from soft_continuum.analysis.verbs import described_arm, run_verb, shapes_parser
 from soft_continuum.mechanics import SECOND_ORDER, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, Array
@@ -486,7 +486,8 @@ def _run(options: argparse.Namespace) -> None:
     print('\nLargest position error of each shape in mm; without it: of a fit that leaves it '
           'out.\n')
     print(text_table(['shape', 'as described', 'identified', 'without it'], [
-        [r.name, _mm(r.described), _mm(r.identified), _mm(r.held_out)] for r in results]))
+        [r.name, *(cell(1e3 * error, digits='.2f') for error in (
+            r.described, r.identified, r.held_out))] for r in results]))
     if not all(np.isfinite(r.held_out) for r in results if not options.hold_out):
         print('\n"-": without this shape the others do not determine every unknown.')
     identification_figure(figure, found, results)
@@ -516,10 +517,6 @@ def _largest(described: Values, shape: MeasuredShape) -> float:
         return float(shape_error(described, shape).max())
     except StaticsError:
         return nan
-
-
-def _mm(value: float) -> str:
-    return f'{1e3 * value:.2f}' if np.isfinite(value) else '-'
 
 
 def _values(found: Identification) -> str:
