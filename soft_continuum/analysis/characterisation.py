@@ -23,7 +23,7 @@ import scipy
 from soft_continuum.analysis.curves import Curve, read_curves
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.figures import DPI, new_figure
-from soft_continuum.analysis.results import reserve_outputs, text_table
+from soft_continuum.analysis.results import cell, reserve_outputs, text_table
 from soft_continuum.analysis.verbs import described_arm, run_verb
 from soft_continuum.arguments import FOR_ANALYSIS, given_path, number_in, Parser
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
@@ -404,7 +404,7 @@ def _run(options: argparse.Namespace) -> None:
         f'Stiffness of segment {options.segment}, by {NAME} from',
         *(f'  {path.name} ({name})' for name, paths in files.items() for path in paths),
         f'with a lever arm of {options.lever_arm:g} m.',
-        *(f'E I {name}: {r.bending_stiffness:.4g} N m^2, +- {_cell(r.half_width)} (95 %)'
+        *(f'E I {name}: {r.bending_stiffness:.4g} N m^2, +- {cell(r.half_width)} (95 %)'
           for name, r in results.items())])
     print(f'\nFigure: {figure}\nParameters: {layer}')
 
@@ -457,18 +457,17 @@ def _table(states: Sequence[MeasuredState], bodies: int, leaf: float | None, len
             'repetitions': str(len(state.curves)),
             'points on the way up': str(sum(len(c.loading[0]) for c in state.curves)),
             'k, N/mm': f'{1e-3 * line.slope:.4g}',
-            '  95 % confidence, +- N/mm': _cell(1e-3 * line.half_width),
+            '  95 % confidence, +- N/mm': cell(1e-3 * line.half_width),
             '  of each repetition, N/mm': _listed([f'{1e-3 * k:.4g}' for k in line.each]),
             '  R^2': f'{line.determination:.5f}',
             'E I, N m^2 (eq. 8)': f'{stiffness:.4g}',
-            '  95 % confidence, +- N m^2': _cell(result.half_width),
+            '  95 % confidence, +- N m^2': cell(result.half_width),
             'c_phi = E I / l, N m/rad': f'{stiffness / length:.4g}',
             f'c_phi_i, n = {bodies}, N m/rad (eq. 5)': f'{joint:.4g}',
             **beside,
-            'deviation from line, of largest force':
-                _cell(100 * result.linearity_error, ' %'),
-            'spread between repetitions, N': _cell(result.spread),
-            'settling, last over first force': _cell(100 * result.settling, ' %', '+.2g'),
+            'deviation from line, of largest force': cell(100 * result.linearity_error, ' %'),
+            'spread between repetitions, N': cell(result.spread),
+            'settling, last over first force': cell(100 * result.settling, ' %', '+.2g'),
             'hysteresis, work lost':
                 _listed([f'{100 * h:.2g} %' for h in result.hysteresis]) or '-',
         }
@@ -476,10 +475,6 @@ def _table(states: Sequence[MeasuredState], bodies: int, leaf: float | None, len
     columns = [column(state) for state in states]
     return text_table(['', *(s.name for s in states)],
                       [[label, *(c[label] for c in columns)] for label in columns[0]])
-
-
-def _cell(value: float, unit: str = '', digits: str = '.2g') -> str:
-    return f'{value:{digits}}{unit}' if isfinite(value) else '-'
 
 
 def _listed(items: Sequence[str]) -> str:

@@ -4,6 +4,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 import csv
+from math import isfinite
 import os
 from pathlib import Path
 import sys
@@ -65,6 +66,11 @@ def progress(items: Iterable[T], what: str, count: int | None = None) -> Iterato
             shown = monotonic()
             print(f'{what}: {number} of {total}', file=sys.stderr, flush=True)
         yield item
+
+
+def cell(value: float, unit: str = '', digits: str = '.2g') -> str:
+    """Return a number for a table; - for nan and infinite ones."""
+    return f'{value:{digits}}{unit}' if isfinite(value) else '-'
 
 
 def text_table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:

@@ -12,7 +12,6 @@ from soft_continuum import version
 from soft_continuum.analysis.delimited import MeasurementError
 from soft_continuum.analysis.recording import read_recording, Recording
 from soft_continuum.analysis.results import ResultError
-from soft_continuum.analysis.unknowns import IdentificationError
 from soft_continuum.arguments import (
     DeclinedError,
     DONE,
@@ -36,8 +35,8 @@ from soft_continuum.sensing.sources import SourceError
 from soft_continuum.sequencing.plans import PlanError
 
 BESIDE = Path('RECORDING')  # as --output: where the recording is
-BAD_INPUT = (MeasurementError, IdentificationError, ResultError, ParameterError, ArmError,
-             LawError, StaticsError, LensError, SourceError, ObstacleError, PlanError)
+BAD_INPUT = (MeasurementError, ResultError, ParameterError, ArmError, LawError, StaticsError,
+             LensError, SourceError, ObstacleError, PlanError)
 
 
 def shapes_parser(name: str, description: str, known: str) -> Parser:

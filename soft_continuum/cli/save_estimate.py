@@ -108,7 +108,7 @@ def _say(learned: Learned) -> None:
 
 def estimated_parameters(parameters: Sequence[LearnedParameter], arm: 'Arm') -> Learned:
     """Return the estimates that fit into the description of the arm."""
-    from soft_continuum.analysis.unknowns import stiffnesses_of, with_mean
+    from soft_continuum.analysis.identification import stiffnesses_of, with_mean
     learned, stiffnesses = Learned(), stiffnesses_of(arm)
     ratios = tuple(0.0 if s.jam.ratio == inf else s.jam.ratio for s in arm.segments)
     lists: dict[str, Value] = {**stiffnesses, RATIOS: ratios}

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.analysis.figures import DPI, new_figure, new_panels
-from soft_continuum.analysis.results import progress, text_table, write_rows
+from soft_continuum.analysis.results import cell, progress, text_table, write_rows
 from soft_continuum.analysis.verbs import run_verb
 from soft_continuum.arguments import (
     ask,
@@ -121,8 +121,7 @@ def text_row(one: Summary) -> list[str]:
             f'{100 * one.held:.1f}', f'{100 * one.falls:.1f}',
             f'{1e2**count * one.reach:.0f} cm{count}', f'{100 * one.dexterity:.1f}',
             f'{one.tension:.1f}', f'{one.worst_tension:.1f}', f'{one.softenings:.2f}',
-            *('-' if np.isnan(value) else f'{value:.{digits}f}' for value, digits in (
-                (100.0 * one.success, 0), (one.plan_softenings, 2)))]
+            cell(100.0 * one.success, digits='.0f'), cell(one.plan_softenings, digits='.2f')]
 
 
 def columns(found: Sequence[Summary]) -> dict[str, list[Any]]:

@@ -8,15 +8,17 @@ import generate as specimen
 import numpy as np
 import pytest
 
-from soft_continuum.analysis.identification import identify, shape_error, without
-from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps, Step
-from soft_continuum.analysis.unknowns import (
+from soft_continuum.analysis.identification import (
     find_unknowns,
     IdentificationError,
+    identify,
     parameters_of,
+    shape_error,
     spread_out,
     with_values,
+    without,
 )
+from soft_continuum.analysis.measured_shapes import MeasuredShape, simulate_steps, Step
 from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.arm import mounted, SECOND_ORDER
 from soft_continuum.mechanics.sensitivity import Linearisation

@@ -8,9 +8,8 @@ from math import atan2, pi
 import numpy as np
 import pytest
 
-from soft_continuum.analysis.identification import identify
+from soft_continuum.analysis.identification import find_unknowns, identify, spread_out
 from soft_continuum.analysis.measured_shapes import MeasuredShape, Step
-from soft_continuum.analysis.unknowns import find_unknowns, spread_out
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement

@@ -11,10 +11,15 @@ from scipy.spatial.transform import Rotation
 from benchmarks.measured import IDENTIFIED, read
 from soft_continuum.analysis import validation as validate
 from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.analysis.identification import identify, shape_error
+from soft_continuum.analysis.identification import (
+    find_unknowns,
+    IdentificationError,
+    identify,
+    shape_error,
+    spread_out,
+)
 from soft_continuum.analysis.identification import main as identify_main
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes, Step
-from soft_continuum.analysis.unknowns import find_unknowns, IdentificationError, spread_out
 from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.new_arm.description import complete, describe
