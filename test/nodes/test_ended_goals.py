@@ -167,8 +167,9 @@ def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(
         arm: Rig, away: Callable[[Rig], None], monkeypatch: pytest.MonkeyPatch) -> None:
     before = arm.pulls
     with monkeypatch.context() as patch:
-        patch.setattr(Runner, '_soften', lambda runner, segment: runner._switch(
-            segment, False, bool))  # never soft enough
+        request = Runner._request
+        patch.setattr(Runner, '_request', lambda runner, segment, ask, _, what: request(
+            runner, segment, ask, bool, what))  # never soft enough
         goal = arm.goal(BEND).wait_for_phase('softening')
         away(arm)
         goal.assert_ended('ABORTED', code=Result.STOPPED)
