@@ -105,7 +105,7 @@ def _round(bench: Workbench, tally: Tally, random: Random, fault: Fault | None) 
     """Run one goal and restore the arm; return False when the goal was rejected."""
     goal = _goal(bench, random)
     if not goal.accepted:  # a busy computer makes devices seem to fail
-        progress(f'rejected: {bench.rig.rejected()}')
+        progress(f'rejected: {bench.rig.rejection(goal)}')
         bench.restore()
         return False
     goals = [goal]

@@ -147,7 +147,7 @@ class GrblSession(Session[GrblLink]):
         self._zero = motors.to_steps(found.zero or (0.0,) * len(self.position))
         self._speeds = (0.0,) * len(self.position)  # m/s
         known = found.zero is not None and not found.locked
-        self._unreferenced = '' if known else 'the controller was reset'
+        self._unreferenced = '' if known else 'no zero since the controller was switched on or reset'
         self._marked = known  # whether the controller has the mark of the reference, or must have
         self._mark_found = False  # in the answer to OFFSETS
         self._jogs.place(self.position)
@@ -179,7 +179,8 @@ class GrblSession(Session[GrblLink]):
         slowest = 1.0 / max(self._motors.steps_per_metre) / MOVING_QUERY_INTERVAL
         pulls = self._motors.to_pulls(subtract(self.position, self._zero))
         return TendonReading(pulls, self._shown(self._speeds, (slowest,) * len(pulls)),
-                             referenced=not self._unreferenced, accuracy=self._motors.accuracy)
+                             referenced=not self._unreferenced, unreferenced=self._unreferenced,
+                             accuracy=self._motors.accuracy)
 
     def _move(self, pulls: tuple[float, ...], arrival: float) -> bool:
         self._target = add(self._zero, self._motors.from_pulls(pulls)), arrival

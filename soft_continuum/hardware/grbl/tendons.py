@@ -136,6 +136,8 @@ class GrblBoards:
             tuple(pull for reading in readings for pull in reading.pulls),
             tuple(speed for reading in readings for speed in reading.speeds),
             all(reading.referenced for reading in readings),
+            unreferenced='; '.join(dict.fromkeys(filter(None, (
+                reading.unreferenced for reading in readings)))),
             accuracy=Accuracy(tuple(tolerance for reading in readings
                                     for tolerance in reading.accuracy.pull_tolerances)))
 
