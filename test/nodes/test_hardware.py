@@ -279,7 +279,7 @@ def test_boards_plugged_in_later_are_found_and_nothing_moves(devices: Bench) -> 
     devices.modbus.plug()
     rig.wait_until_ready(*late)
     rig.wait_for(lambda: rig.statuses['tendon_actuation'].last.message
-                 == 'position not referenced: no zero since the controller was switched on or reset',
+                 == 'position not referenced: no zero since the controller was started or reset',
                  'no reference')
     rig.wait_for(lambda: 'not referenced' in rig.statuses['kinematics'].last.message, 'no shape')
     rig.assert_rests()

@@ -147,7 +147,7 @@ class GrblSession(Session[GrblLink]):
         self._zero = motors.to_steps(found.zero or (0.0,) * len(self.position))
         self._speeds = (0.0,) * len(self.position)  # m/s
         known = found.zero is not None and not found.locked
-        self._unreferenced = '' if known else 'no zero since the controller was switched on or reset'
+        self._unreferenced = '' if known else 'no zero since the controller was started or reset'
         self._marked = known  # whether the controller has the mark of the reference, or must have
         self._mark_found = False  # in the answer to OFFSETS
         self._jogs.place(self.position)
