@@ -5,6 +5,7 @@
 from dataclasses import replace
 from itertools import count
 import random
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,7 +15,8 @@ from soft_continuum.emulators.dynamixel_packets import crc, Instruction, packet,
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import FAIL, OK, WARN
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
-from soft_continuum.hardware.dynamixel.bus import DynamixelBus, NoReplyError
+from soft_continuum.hardware.dynamixel import setup
+from soft_continuum.hardware.dynamixel.bus import DamagedReplyError, DynamixelBus, NoReplyError
 from soft_continuum.hardware.dynamixel.commissioning import checks, clear_zero
 from soft_continuum.hardware.dynamixel.exchange import ServoState, Written
 from soft_continuum.hardware.dynamixel.reference import (
@@ -22,6 +24,7 @@ from soft_continuum.hardware.dynamixel.reference import (
     marked_zero,
     zero_within_turn,
 )
+from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
 from support.driver_waits import at_rest
@@ -266,3 +269,22 @@ def test_a_provisional_zero_is_forgotten(real, tmp_path):
     check = {check.step: check for check in checks(values)}['tendon reference']
     assert check.status == WARN
     assert 'no zero of it is stored' in check.message
+
+
+@pytest.mark.parametrize(('answers', 'problem'), [
+    ([1020, 1020, 1020], ''), ([NoReplyError, DamagedReplyError, 1020], ''),
+    ([NoReplyError, 1020, 1020], ''), ([DamagedReplyError, 1020, 1020], 'two servos'),
+    ([NoReplyError, DamagedReplyError, DamagedReplyError], 'two servos')])
+def test_a_reply_that_comes_with_the_next_one_is_not_that_of_a_second_servo(answers, problem):
+    def ping(number):
+        answer = answers.pop(0)
+        if isinstance(answer, int):
+            return answer
+        raise answer('nothing')
+
+    bus = SimpleNamespace(ping=ping)
+    if problem:
+        with pytest.raises(HardwareError, match=problem):
+            setup._ping(bus, 1, 'servo 1', (1,))
+    else:
+        assert setup._ping(bus, 1, 'servo 1', (1,)) == 1020

@@ -34,7 +34,7 @@ QUICK_PLAN = PlanSettings(speed=0.1, acceleration=5.0)
 def planned_tips(*shapes: tuple[float, ...]) -> list[Array]:
     """Return x and z of the tip in each shape, m, as the model plans them from straight."""
     plans = plans_to(Planner(ARM, QUICK_PLAN), [Shape('', s) for s in shapes])
-    return [plan.state.points[-1, :2] for plan in plans]
+    return [plan.state.tip[::2] for plan in plans]
 
 
 @dataclass

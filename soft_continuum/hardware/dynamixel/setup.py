@@ -250,14 +250,14 @@ def _table(bus: DynamixelBus, number: int, name: str) -> bytes:
 def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
     """Return the model number of a servo that answers every time, alone."""
     damaged = missed = 0
-    model = -1
+    model, late = -1, False
     for _ in range(PINGS):
         try:
-            model = bus.ping(number)
+            model, late = bus.ping(number), False
         except NoReplyError:
-            missed += 1
-        except DamagedReplyError:
-            damaged += 1
+            missed, late = missed + 1, True
+        except DamagedReplyError:  # to a computer that is busy, the last reply may come with this
+            damaged, late = damaged + (not late), False
     if damaged:
         raise _doubled(number, name, damaged)
     if missed == PINGS:
