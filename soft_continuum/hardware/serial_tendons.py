@@ -345,5 +345,5 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
                             'still move; cut the power of the motors if they do')
                 session.link.wait(begin + session.interval - self.clock())
         except Exception as error:  # nothing else would notice that the thread ended
-            session.fail(str(error) if isinstance(error, HardwareError) else
+            session.fail(str(error) if isinstance(error, HardwareError) and str(error) else
                          f'the driver failed: {type(error).__name__}: {error}')

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tendons on Dynamixel servos go where they are sent, stop, hold, and know where they are."""
 
+from contextlib import contextmanager
 import re
 
 import pytest
@@ -13,7 +14,16 @@ from soft_continuum.hardware.dynamixel.following import Track
 from soft_continuum.hardware.dynamixel.reference import ZeroFile
 from soft_continuum.hardware.protocols import HardwareError
 from support.driver_waits import at_rest, failed
-from support.servo_rig import BEYOND_TURN, driver_of, in_motion, PULSE_PULL, refusal, rig, servos
+from support.servo_rig import (
+    BEYOND_TURN,
+    driver_of,
+    in_motion,
+    PULSE_PULL,
+    refusal,
+    rig,
+    servos,
+    WITHIN_TURN,
+)
 
 CLOSE = 1e-4  # m
 
@@ -233,27 +243,58 @@ def test_a_zero_that_cannot_be_kept_is_an_error(tmp_path):
         tendons.close()
 
 
-def test_a_busy_disk_keeps_no_watchdog_waiting(monkeypatch, tmp_path):
+@contextmanager
+def slow_disk(monkeypatch, tmp_path):
+    """Yield a driver whose file of zeros takes a second to write, referenced and moved since."""
     with servos(2) as emulator:
-        tendons, write = driver_of(emulator, tmp_path), ZeroFile.write
+        tendons = driver_of(emulator, tmp_path, pull_limits=WITHIN_TURN)
+        write = ZeroFile.write
 
         def slow(*arguments):
             emulator.clock.sleep(1.0)
             write(*arguments)
 
-        monkeypatch.setattr(ZeroFile, 'write', slow)
         tendons.open()
         tendons.reference()
+        emulator.clock.sleep(0.2)
+        tendons.move((0.005, -0.005), 0.3)
+        at_rest(tendons)
+        monkeypatch.setattr(ZeroFile, 'write', slow)
+        yield emulator, tendons
+        tendons.close()
+
+
+def test_a_busy_disk_keeps_no_watchdog_waiting(monkeypatch, tmp_path):
+    with slow_disk(monkeypatch, tmp_path) as (emulator, tendons):
+        before = (tmp_path / 'zeros.json').read_text()
+        tendons.reference()
         emulator.clock.sleep(0.9)
-        assert not (tmp_path / 'zeros.json').exists()
+        assert (tmp_path / 'zeros.json').read_text() == before
         tendons.move((0.005, -0.005), 0.3)
         assert at_rest(tendons).pulls == pytest.approx((0.005, -0.005), abs=CLOSE)
-        emulator.clock.sleep(0.5)
-        assert (tmp_path / 'zeros.json').exists()
+        assert (tmp_path / 'zeros.json').read_text() != before
+
+
+@pytest.mark.parametrize('end', ['close', 'cable'])
+def test_a_session_that_ends_while_its_zero_is_written_leaves_the_new_zero(
+        monkeypatch, tmp_path, end):
+    with slow_disk(monkeypatch, tmp_path) as (emulator, tendons):
+        tendons.reference()
+        emulator.clock.sleep(0.1)
+        if end == 'cable':
+            emulator.drop = 60
+            assert 'stopped replying' in failed(tendons)
         tendons.close()
-        tendons.open()
-        assert tendons.read().referenced
-        tendons.close()
+        emulator.repair()
+        monkeypatch.undo()
+        for power in ('stays', 'is lost'):
+            tendons.open()
+            assert tendons.read().pulls == pytest.approx((0.0, 0.0), abs=CLOSE)
+            assert tendons.read().referenced
+            tendons.close()
+            if power == 'stays':
+                emulator.power_cycle()
+                emulator.clock.sleep(1.0)
 
 
 # Slack

@@ -133,12 +133,6 @@ def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
     raise HardwareError(f'the servos reply individually, but not together: {reason}')
 
 
-
-
-
-
-
-
 def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
               states: Sequence[ServoState]) -> list[ServoState]:
     """

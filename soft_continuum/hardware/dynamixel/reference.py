@@ -105,6 +105,7 @@ class ZeroFile:
     def __init__(self, path: Path, port: str) -> None:
         """Keep the zeros of the servos behind a port."""
         self._path, self._port = path, port
+        self._thread: Thread | None = None
 
     def read(self, servo: int) -> int | None:
         """Return the zero of a servo; None without a readable one."""
@@ -134,17 +135,24 @@ class ZeroFile:
         A busy disk would hold up the thread of the bus for longer than the servos' watchdogs wait.
         """
         done: Future[None] = Future()
+        before = self._thread
 
         def write() -> None:
+            if before is not None:
+                before.join()  # the newest is written last
             try:
-                self.write([servo.id for servo in servos], _raw(servos, zeros))
-            except HardwareError as error:
+                done.set_result(self.write([servo.id for servo in servos], _raw(servos, zeros)))
+            except BaseException as error:
                 done.set_exception(error)
-            else:
-                done.set_result(None)
 
-        Thread(target=write, name='dynamixel_zeros').start()
+        self._thread = Thread(target=write, name='dynamixel_zeros', daemon=False)
+        self._thread.start()
         return done
+
+    @property
+    def writing(self) -> bool:
+        """Whether zeros are being written."""
+        return self._thread is not None and self._thread.is_alive()
 
     def _all(self) -> dict[str, dict[str, int | None]]:
         try:

@@ -71,7 +71,7 @@ class DynamixelSession(Session[DynamixelBus]):
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
         self._mark_due = not self._unreferenced  # where the zero was found in another way
-        self._kept: tuple[Future[None], list[int]] | None = None  # zeros that a file gets now
+        self._kept: Future[None] | None = None  # whether the file has the last zero
         self._since = self._stepped = self._near = bus.clock()
         self._take_up: TakeUp | None = None
         self._accuracy = Accuracy(
@@ -86,8 +86,7 @@ class DynamixelSession(Session[DynamixelBus]):
     @property
     def busy(self) -> bool:
         """Whether the tendons may move, or writes or replies are pending."""
-        return (self.moving or self._mark_due or self._kept is not None
-                or self._exchange.missed > 0)
+        return self.moving or self._mark_due or self._exchange.missed > 0
 
     # Requests
 
@@ -171,13 +170,14 @@ class DynamixelSession(Session[DynamixelBus]):
         self._receive()
         with self._lock:
             self._judge(self.link.clock())
-            if self._mark_due and self._kept is None:
-                self._mark_due, zeros = False, list(self._path.zeros)
-                self._kept = self._zero_file.begin_write(self._servos, zeros), zeros
-        if self._kept is not None and self._kept[0].done():
-            (written, zeros), self._kept = self._kept, None
-            written.result()
-            mark_zeros(self.link, self._servos, zeros)  # last: a mark proves that both are there
+            marks, self._mark_due = self._mark_due, False
+            zeros = list(self._path.zeros)
+        if marks:
+            self._kept = self._zero_file.begin_write(self._servos, zeros)
+            mark_zeros(self.link, self._servos, zeros)  # now, for the servos are at rest
+        elif self._kept is not None and self._kept.done():
+            kept, self._kept = self._kept, None
+            kept.result()
 
     def _plan(self, now: float) -> None:
         """Set what the servos are to do in this cycle."""

@@ -19,7 +19,7 @@ from soft_continuum.hardware.dynamixel.reference import find_zeros, ZeroFile
 from soft_continuum.hardware.dynamixel.session import DynamixelSession
 from soft_continuum.hardware.dynamixel.setup import find_servos, problems, Spools
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_tendons import SerialTendons
+from soft_continuum.hardware.serial_tendons import POLL_INTERVAL, SerialTendons
 from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.user_files import dynamixel_zeros
 
@@ -57,6 +57,12 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
             spools.tendons, spools.pull_limits, spools.take_up_tension > 0.0, clock)
         self._port, self._baud_rate, self._spools = port, baud_rate, spools
         self._zero_file = ZeroFile(zeros, port)
+
+    def close(self) -> None:
+        """Disconnect, and wait until the zeros are written."""
+        super().close()
+        while self._zero_file.writing:
+            self.clock.sleep(POLL_INTERVAL)
 
     def connect(self) -> DynamixelBus:
         """Open the port."""
