@@ -210,6 +210,7 @@ class FollowServer(ActionServer):
                     self._finish(name, Result.INVALID_GOAL,
                                  'the trajectory was not validated in time')
             elif outcome.status == MotionRequest.REFUSED:
+                self._give_up(name)  # a part of it may have been accepted
                 old = goal.stamped and outcome.reason in STARTING
                 self._finish(name, Result.OLD_HEADER_TIMESTAMP if old else Result.INVALID_GOAL,
                              outcome.message)
