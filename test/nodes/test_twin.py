@@ -103,7 +103,8 @@ def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
     assert poses_from_ros(discs.last)[-1, 1] > 0.02  # y: out of the plane
     assert tendons.last.name == list(names)
     assert max(tendons.last.effort) > 0.4
-    assert rig.tendons.last.effort == pytest.approx(tendons.last.effort, abs=0.1)
+    rig.wait_for(lambda: rig.tendons.last.effort == pytest.approx(tendons.last.effort, abs=0.1),
+                 'load cells that have settled')
 
 
 def children(up: NodeProcess) -> set[str]:
