@@ -334,6 +334,20 @@ def test_a_row_of_a_table_has_all_that_is_known_of_a_parameter(parameter, row):
     assert table([parameter]).splitlines()[-1] == row
 
 
+@pytest.mark.parametrize(('text', 'value'), [
+    ('1e-3', 1e-3), ('010', 8), ('0x1F', 31), ('-.5', -0.5), ('.inf', inf), ('1_000', '1_000'),
+    ('1:30', '1:30'), ('0b11', '0b11'), ('2026-01-02', '2026-01-02'), ("'1'", '1'), ('yes', True),
+    ('~', None)])
+def test_other_files_have_the_numbers_that_rcl_reads(parameter_file, text, value):
+    read = files.read_yaml(parameter_file(f'y: {text}'))
+    assert read == {'y': value} and type(read['y']) is type(value)
+
+
+def test_a_key_that_any_file_has_twice_is_refused(parameter_file):
+    with pytest.raises(ParameterError, match='line 3, column 4.*key size stands there twice'):
+        files.read_yaml(parameter_file('boxes:\n - size: 1\n   size: 2\n   "x": 1\n'))
+
+
 # Whatever a file contains.
 
 names = st.sampled_from([p.name for p in ALL_PARAMETERS] + ['arm', 'shapes.bow', 'x', ''])

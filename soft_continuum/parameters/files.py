@@ -9,6 +9,7 @@ nested keys; parameters.overrides reads it.  A key that no table of parameters h
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+import re
 from textwrap import wrap
 from typing import Any
 
@@ -32,16 +33,17 @@ from soft_continuum.parameters.overrides import (
     parse_yaml,
 )
 from soft_continuum.parameters.parameter import name_hint, Parameter, ParameterError, Value
-from soft_continuum.parameters.scalars import as_yaml, NUMBER
+from soft_continuum.parameters.scalars import as_yaml, read_scalar
 from soft_continuum.parameters.shapes import (
     DIRECTION_PREFIX,
     SHAPE_PREFIX,
     shapes_from_parameters,
     VACUUM_PREFIX,
 )
-from soft_continuum.text import printable, write_whole
+from soft_continuum.text import MAX_NAME, printable, write_whole
 
 WIDTH = 99  # of the comments in one
+NUMERIC = '+-.0123456789'  # first characters of numbers
 
 UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'qos_overrides.')
 """Prefixes of names that are allowed without being in a table."""
@@ -181,10 +183,25 @@ def _known(name: str, table: Iterable[str]) -> str:
 
 
 class _Loader(Loader):
-    """Reads 1e-3 as a number, as ROS does; YAML 1.1 takes it as text."""
+    """Reads numbers as rcl does: 1e-3 is one, 1_000 and 1:30 are texts.  Keys are unique."""
+
+    yaml_implicit_resolvers = {first: found for first, found
+                               in Loader.yaml_implicit_resolvers.items() if first not in NUMERIC}
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Return the next mapping; of equal keys PyYAML would take the last."""
+        node, seen = super().compose_mapping_node(anchor), set()
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in seen:
+                raise yaml.composer.ComposerError(
+                    None, None, f'key {printable(key.value, MAX_NAME)} stands there twice; '
+                    'delete or rename one', key.start_mark)
+            seen.add(key.value)
+        return node
 
 
-_Loader.add_implicit_resolver('tag:yaml.org,2002:float', NUMBER, list('+-.0123456789'))
+_Loader.add_implicit_resolver('tag:yaml.org,2002:float', re.compile('.'), list(NUMERIC))
+_Loader.add_constructor('tag:yaml.org,2002:float', lambda _, node: read_scalar(node.value))
 
 
 def read_yaml(path: str | Path) -> Any:
