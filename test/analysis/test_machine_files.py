@@ -86,6 +86,21 @@ def test_a_header_on_every_page_makes_no_repetitions():
     assert curve.force == pytest.approx(FORCE)
 
 
+@pytest.mark.parametrize('labelled', [False, True])
+@pytest.mark.parametrize('back', [False, True])
+@pytest.mark.parametrize('starts', [(50, 54, 58), (50, 55, 51), (50, 58, 66), (50, 60, 70)])
+def test_specimens_at_other_positions_of_the_machine_are_repetitions(starts, back, labelled):
+    header = 'Specimen,Displacement [mm],Force [N]\n'
+    steps = [*range(30), *range(28, -1, -1)] if back else range(30)
+    blocks = [''.join(f'{k},{start + 0.27 * i:.2f},{0.02 * i:.2f}\n' for i in steps)
+              for k, start in enumerate(starts)]
+    curves = read(header + ('' if labelled else header).join(blocks))
+    assert [len(curve.force) for curve in curves] == [len(steps)] * 3
+    for curve, start in zip(curves, starts, strict=True):
+        assert curve.loading[0] == pytest.approx(UP + 1e-3 * start)
+        assert curve.loading[1] == pytest.approx(FORCE)
+
+
 def test_the_sensor_that_is_named_is_read():
     curves = read_curves([FILES / 'c08_two_sensors.csv'],
                          {'displacement': 'Traversenweg [mm]', 'force': 'Kraft Sensor 2'})
