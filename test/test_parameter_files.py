@@ -116,6 +116,20 @@ def test_a_file_none_of_whose_sections_is_for_all_nodes_is_not_read_as_nothing(p
         load_description(path)
 
 
+@pytest.mark.parametrize(('own', 'namespace', 'section_name'), [
+    ('kinematics', '', '/**'), ('/**/tendon_actuation', '/left', '/left/**'),
+    ('/left/kinematics', 'left', '/left/**')])
+def test_an_arm_that_single_nodes_would_read_otherwise_is_refused(
+        parameter_file, own, namespace, section_name):
+    path = parameter_file(section('arm.segment_lengths: [0.08, 0.08, 0.08]')
+                          + section('autostart: true\narm.segment_lengths: [0.1, 0.1, 0.1]', own))
+    with pytest.raises(ParameterError, match=re.escape(f'section {own} sets arm.segment_lengths '
+                                                       'for ')) as error:
+        files.load_arm(path, namespace=namespace)
+    assert str(error.value).startswith(str(path))
+    assert str(error.value).endswith(f'write it below {section_name}')
+
+
 def test_a_later_section_wins_and_that_of_another_node_is_left_alone(parameter_file):
     path = parameter_file(section('rate: 10.0\ncount: 4') + section('rate: 20.0', 'valves')
                           + section('unheard_of: 1', 'other'))

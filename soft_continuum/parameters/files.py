@@ -19,11 +19,12 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.parameter_table import (
     ALL_PARAMETERS,
     default_frame,
+    DESCRIBED,
     FRAME,
     jamming_settings,
     NODE_PARAMETERS,
 )
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
 from soft_continuum.parameters.overrides import (
     ALL_NODES,
     applies,
@@ -62,7 +63,8 @@ def load_description(*paths: str | Path, node: str = '', namespace: str = ''
 
     node: its name; without one, what is said for all nodes of the namespace.  Raises
     ParameterError naming the file and the key: also for keys that no node has, lists that do not
-    fit together, shapes outside the limits, and thresholds in the wrong order.
+    fit together, shapes outside the limits, and thresholds in the wrong order; without a name,
+    also for an arm that a node would read otherwise.
     """
     overrides, name = Overrides(*paths), full_name(node, namespace)
     for path, sections in overrides.files.items():  # a node may find nothing in a file
@@ -70,7 +72,16 @@ def load_description(*paths: str | Path, node: str = '', namespace: str = ''
             which = f'of {namespace}, only for' if namespace else 'only for'
             raise ParameterError(f'{path}: has no section for all nodes (/**), {which} '
                                  f'{", ".join(sections)}; name the namespace of the arm')
-    return described(overrides, name)
+    values = described(overrides, name)
+    for other in () if node else DESCRIBED:
+        own = full_name(other, namespace)
+        seen = described(overrides, own) if overrides.of(own) != overrides.of(name) else values
+        for key in (p.name for p in ARM_PARAMETERS if seen[p.name] != values[p.name]):
+            section, path = overrides.last_section(own, key)
+            raise ParameterError(
+                f'{path}: section {section} sets {key} for {other} alone, which is not the arm '
+                f'that other nodes and commands read; write it below {full_name("**", namespace)}')
+    return values
 
 
 def described(overrides: Overrides, node: str) -> dict[str, Value]:

@@ -113,6 +113,11 @@ class Overrides:
                 for name, entries in self._sections.items() if applies(name, node)
                 for entry in entries}
 
+    def last_section(self, node: str, parameter: str) -> tuple[str, str]:
+        """Return the section whose value of a parameter a node gets, and from where that is."""
+        return next((name, entry.where) for name, entries in reversed(self._sections.items())
+                    for entry in entries if entry.name == parameter and applies(name, node))
+
     def add_file(self, path: str | Path) -> None:
         """Read one more file."""
         try:
