@@ -103,8 +103,24 @@ def _sides(table: Table) -> list[tuple[Column, Column]]:
             len({column.header for column in columns}) == 1 for columns in found):
         sides = list(zip(*found, strict=True))
         _check_alike(table, sides)
-        return sides
-    return [(table.column('displacement'), table.column('force'))]
+    else:
+        sides = [(table.column('displacement'), table.column('force'))]
+    for side in sides:
+        _check_clocks(table.columns['time'], *sorted(side, key=lambda column: column.number))
+    return sides
+
+
+def _check_clocks(times: Sequence[Column], first: Column, second: Column) -> None:
+    """Raise an error if each of two columns stands behind its own time and these differ."""
+    before = [time for time in times if time.number < first.number]
+    between = [time for time in times if first.number < time.number < second.number]
+    for line, one, other in zip(first.lines, before[-1].cells, between[-1].cells, strict=True
+                                ) if before and between else ():
+        if one != other:
+            raise MeasurementError(
+                f'{first.path}, line {line}: {first.header} was taken at {one} and '
+                f'{second.header} at {other}; export both at the same times, or delete the '
+                'column of times that is none of them')
 
 
 def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:

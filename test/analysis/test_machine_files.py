@@ -177,6 +177,21 @@ SAME = {
                      + '\n\nMaximum;8.0\nMean;0.3;;;',
     'three decimals, and commas as separators': table(
         'Displacement [mm],Force [N]', lambda u, f: f'{u:.3f},{f:.3f}'),
+    'results below the time of day': table(
+        'Time of day,Displacement [mm],Force [N]', lambda u, f: f'10:00:{u:04.1f},{u:.2f},{f:.2f}'
+    ) + '\nMean,4.0,0.29\nCount,30,30',
+    'results below numbered points': table(
+        'Point;Weg [mm];Kraft [N]', lambda u, f: f'P{u:.0f};{u:.2f};{f:.2f}') + '\nn;30;30',
+    'results below nothing': table(
+        ',Displacement [mm],Force [N]', lambda u, f: f',{u:.2f},{f:.2f}') + '\nCount,30,30',
+    'columns with units of other quantities': table(
+        'Time under load [s],Displacement [mm],Force [N],Extension [%],Force [V],Position [count]',
+        lambda u, f: f'0,{u:.2f},{f:.2f},{u:.2f},{f:.2f},{u:.0f}'),
+    'such units in a row of their own': table(
+        'Extension,Load,Extension\n%,N,mm', lambda u, f: f'{u:.2f},{f:.2f},{u:.2f}'),
+    'a time of each column, the same': table(
+        'Time (s),Force (N),Time (s),Displacement (mm)',
+        lambda u, f: f'{u:.2f},{f:.2f},{u:.2f},{u:.2f}'),
     'all above one, but the time has decimal commas': table(
         'Zeit [s];Weg [um];Kraft [mN]', lambda u, f: f'{comma(u)};{1e3 * u:.0f};{1e3 * f:.0f}'),
 }
@@ -220,6 +235,16 @@ def test_habits_of_programs_give_the_same_curve(habit):
     (table('Weg [mm];Kraft [N]', lambda u, f: f'{comma(u, 3)};{comma(f)}').replace(
         '5,400;', '5.400;'),
      r"line 22: Weg \[mm\] is '5.400', which is 5400 .*: correct it, or give --decimal , if"),
+    (table('Time [s],Weg [mm],Kraft [N]\n1,2,3', lambda u, f: f'{u:.2f},{u:.2f},{f:.2f}'),
+     'line 2: the cells, 1, 2, 3, may be the numbers of the columns; delete this line, or write '
+     '1.0 if'),
+    (table('Weg [mm];Kraft [N]\n0;1', lambda u, f: f'{u:.2f};{f:.2f}'), 'line 2: the cells, 0, 1'),
+    (table('Time [s],Weg [mm],Kraft [N]\nScale,1.0,2.0', lambda u, f: f'0,{u:.2f},{f:.2f}'),
+     "line 2: 'Scale' stands where the rows below have a number; delete this line"),
+    (table('Time [s],Force [N],Time [s],Displacement [mm]',
+           lambda u, f: f'{u:.2f},{f:.2f},{0.8 * u:.2f},{u:.2f}'),
+     r'line 3: Force \[N\] was taken at 0.27 and Displacement \[mm\] at 0.22; export both'),
+    (table('Weg [%];Kraft [N];Weg [V]', lambda u, f: f'{u:.2f};{f:.2f};{u:.2f}'), "'%' is not a"),
     ('Trajectories\n100\n,,arm:D0,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,0,0,0\n',
      '`soft_continuum measure` writes points'),
     (table('Time  Displacement_mm  Force_N', lambda u, f: f'0  {u:.2f}  {f or "":.3}'),
