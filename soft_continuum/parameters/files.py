@@ -46,6 +46,8 @@ from soft_continuum.text import MAX_NAME, printable, write_whole
 WIDTH = 99  # of the comments in one
 NUMERIC = '+-.0123456789'  # first characters of numbers
 
+FOREIGN = re.compile(r'\A%YAML:|(?<=\n)---\s*\Z')
+"""What OpenCV writes at the beginning, and `ros2 topic echo` at the end."""
 UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'qos_overrides.')
 """Prefixes of names that are allowed without being in a table."""
 OF_ROS = (
@@ -212,14 +214,15 @@ class _Loader(Loader):
 
 
 _Loader.add_implicit_resolver('tag:yaml.org,2002:float', re.compile('.'), list(NUMERIC))
+_Loader.add_constructor('tag:yaml.org,2002:opencv-matrix', yaml.SafeLoader.construct_yaml_map)
 _Loader.add_constructor('tag:yaml.org,2002:float', lambda _, node: read_scalar(node.value))
 
 
 def read_yaml(path: str | Path) -> Any:
     """
-    Return what a small YAML file without aliases holds.
+    Return what a small YAML file without aliases holds, also of OpenCV or `ros2 topic echo`.
 
     Raises OSError for a file that cannot be read, ParameterError, naming the file and the line,
     for one that is not YAML.
     """
-    return parse_yaml(path, lambda text: yaml.load(text, _Loader))
+    return parse_yaml(path, lambda text: yaml.load(FOREIGN.sub('#', text), _Loader))
