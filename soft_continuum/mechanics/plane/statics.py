@@ -80,7 +80,7 @@ class PlaneStatics(Statics):
              soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
              sliding: Sequence[int] = ()) -> Equilibrium:
         """Return the equilibrium in which ``segment`` has an angle; all as in Statics."""
-        mask, vacuum = self._bent(start, segment, angle, soft, vacuum)
+        mask, vacuum = self._bent(start, segment, angle, soft, vacuum, sliding)
         # What the tendons carried before may be far too much for the segment that is soft now.
         start = Equilibrium(
             start.configuration, np.zeros(2), start.pulls, start.slack, start.residual, 0,
@@ -120,8 +120,9 @@ class PlaneStatics(Statics):
         used, and all others are stiff.  sliding: as in ``solve``.  pretensions: ignored, since one
         tendon carries.  Raises what ``bend`` raises.
         """
-        segment = list(soft).index(True)
-        found = self.bend(start, segment, float(bending[segment, 1]), sliding=sliding)
+        wanted, mask = self._wanted(start, bending, soft, sliding)
+        segment = mask.index(True)
+        found = self.bend(start, segment, float(wanted[segment, 1]), sliding=sliding)
         carries = np.arange(len(found.tensions)) == np.argmax(found.tensions)
         return HeldBending(found, np.where(carries & (found.tensions > 0.0),
                                            self.commanded_pulls(found, sliding), SLACK))
