@@ -44,8 +44,12 @@ NAMES = frozenset((
     'second', 'minute', 'hour'))
 PREFIXES = frozenset(('', 'kilo', 'deca', 'deci', 'centi', 'milli', 'micro'))
 """Units are those of pint, but a rod or a link in a header is none, Mm a misprint, Nm no nm."""
-BRACKETS = re.compile(r'[\[(]([^\[\]()]*)[\])]')
-SUFFIX = re.compile(r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ])([^\W\d_]{1,3}|\N{DEGREE SIGN})')
+BRACKETS = re.compile(r'[\[({<]([^\[\](){}<>]*)[\])}>]')
+EDGES = ' []()<>{}'
+SUFFIX = re.compile(
+    r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ]|\.\.)([^\W\d_]{1,3}|\N{DEGREE SIGN})[_.]?')
+LEADING = re.compile(r'(?:in|units?:?)\s+(?=\S)|units?:', re.IGNORECASE)
+COMMENTS = ('#', '%')
 PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
 OF_CHANNELS = frozenset(
     ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
@@ -55,7 +59,8 @@ AMONG = 2.0
 JUMP, STEP = 0.5, 0.25
 """Largest step over the range of a column, exceeded only with a wrong mark."""
 MOTION_CAPTURE = re.compile(
-    r'Format Version,|NO_OF_FRAMES\b|Frame,Sub Frame,|.*\bRigid Body,Rigid Body\b')
+    r'Format Version[,;\t]|(?:NO_OF_FRAMES|PathFileType)\b|Frame[,;\t]Sub ?Frame[,;\t]'
+    r'|.*\bRigid Body[,;\t]Rigid Body\b')
 
 BLANKS = ' \u00a0\u2007\u2008\u2009\u202f'
 APOSTROPHES = "'\u2019"
@@ -351,7 +356,7 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
     if (count := len(text.splitlines())) > MAX_ROWS:
         raise MeasurementError(f'{path}: has {count} lines; at most {MAX_ROWS} are read: '
                                'export fewer points, such as every tenth')
-    if any(MOTION_CAPTURE.match(row) for _, row in rows[:10]):
+    if any(MOTION_CAPTURE.match(row.replace('"', '')) for _, row in rows[:10]):
         raise MeasurementError(
             f'{path}: is an export of a motion-capture program, of its bodies frame by frame in '
             'its own axes; have it publish the poses of the discs while the arm moves: '
@@ -361,8 +366,11 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
     bare: _Block | None = None
     for delimiter in DELIMITERS:
         blocks: list[_Block] = []
-        for number, row in rows:
-            cells = _cells(row, delimiter)
+        split = [_cells(row, delimiter) for _, row in rows]
+        usual = Counter(map(len, split)).most_common(1)[0][0]
+        for (number, row), cells in zip(rows, split, strict=True):
+            if cells[0] in COMMENTS and len(cells) == usual + 1:  # as numpy.savetxt writes it
+                del cells[0]
             if 1 < len(cells) < MAX_COLUMNS and (
                     named or len(re.findall(r'[^\W\d_]+', row)) >= len(required)):
                 header = [' '.join(cell.split()) for cell in cells]
@@ -443,6 +451,9 @@ def _no_header(path: Path, first: tuple[int, str],
                 f'columns are {have}; ' + missing[0].remedy(f'write {name} above its column'))
     at, line = first
     names = ' and '.join(q.name for q in required)
+    if all(map(_is_number, re.findall(r'[^;,\s]+', line))):
+        return (f'{path}, line {at}: the file begins with numbers; write a header line above '
+                f'them that names {names} with their units, such as Force [N]')
     return (f'{path}, line {at}: neither this line ({printable(line.strip()[:40])!r}) nor one '
             f'below is a header with columns for {names}, separated by '
             f'{", ".join(dict.fromkeys(DELIMITERS.values()))}; export it with another delimiter, '
@@ -498,7 +509,7 @@ def _registry() -> Any:
 @cache
 def _unit(text: str) -> tuple[float, str] | None:
     """Return factor to SI, and SI unit, of a unit; None for unknown units."""
-    word = text.strip(' .')
+    word = LEADING.sub('', text.strip(' .'))
     if word == '\N{DEGREE SIGN}':
         word = 'deg'
     if not re.fullmatch(r'[^\W\d_]+(?:[-_ ][^\W\d_]+)?', word):
@@ -516,7 +527,7 @@ def _unit(text: str) -> tuple[float, str] | None:
 def _is_of_units(cells: Sequence[str]) -> bool:
     """Whether the cells of a row are units: one is known, or all are in brackets."""
     filled = [cell for cell in cells if cell]
-    return bool(filled) and (any(_unit(cell.strip('[]() ')) for cell in filled)
+    return bool(filled) and (any(_unit(cell.strip(EDGES)) for cell in filled)
                              or all(BRACKETS.fullmatch(cell) for cell in filled))
 
 
@@ -527,14 +538,14 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
         return 1.0
     inside = BRACKETS.findall(header)[::-1]
     suffix = SUFFIX.fullmatch(header)
-    said = [text.strip(' []()') for text in (
+    said = [text.strip(EDGES) for text in (
         [given] if given else [*inside, *below, *([suffix[2]] if suffix else [])])]
     wanted = _unit(quantity.unit)
     allowed = UNITS[quantity.unit]
     option = f'--{quantity.name}-unit' if quantity.options else ''
     fitting = {text: unit[0] for text in said
                if (unit := _unit(text)) and wanted and unit[1] == wanted[1]}
-    rows = {text.strip(' []()') for text in below} & fitting.keys()
+    rows = {text.strip(EDGES) for text in below} & fitting.keys()
     first = next(iter(fitting), '')
     if other := next((text for text in rows if fitting[text] != fitting[first]), ''):
         raise MeasurementError(

@@ -192,6 +192,15 @@ SAME = {
     'a time of each column, the same': table(
         'Time (s),Force (N),Time (s),Displacement (mm)',
         lambda u, f: f'{u:.2f},{f:.2f},{u:.2f},{u:.2f}'),
+    **{f'a unit in {header}': table(f'Displacement{header},Force{header}'.replace(
+        'X', 'mm', 1).replace('X', 'N'), lambda u, f: f'{u:.2f},{f:.2f}')
+       for header in ('_X_', '..X.', ' {X}', ' <X>', ' [in X]', ' (unit: X)', ' (unit:X)')},
+    'a header that numpy.savetxt wrote': table(
+        '# time_s displacement_mm force_N', lambda u, f: f'{u:.2e} {u:.2e} {f:.2e}'),
+    'comments of MATLAB': table('% Time Displacement Force\n% s mm N',
+                                lambda u, f: f'{u:.2f} {u:.2f} {f:.2f}'),
+    'points numbered below #': table('# Displacement_mm Force_N',
+                                     lambda u, f: f'{u:.2f} {u:.2f} {f:.2f}'),
     'all above one, but the time has decimal commas': table(
         'Zeit [s];Weg [um];Kraft [mN]', lambda u, f: f'{comma(u)};{1e3 * u:.0f};{1e3 * f:.0f}'),
 }
@@ -245,6 +254,12 @@ def test_habits_of_programs_give_the_same_curve(habit):
            lambda u, f: f'{u:.2f},{f:.2f},{0.8 * u:.2f},{u:.2f}'),
      r'line 3: Force \[N\] was taken at 0.27 and Displacement \[mm\] at 0.22; export both'),
     (table('Weg [%];Kraft [N];Weg [V]', lambda u, f: f'{u:.2f};{f:.2f};{u:.2f}'), "'%' is not a"),
+    (table('0.00;1,0', lambda u, f: f'{comma(u)};{comma(f)}'),
+     'line 1: the file begins with numbers; write a header line above them that names force and'),
+    *((text, '`soft_continuum measure` writes points') for text in (
+        'Format Version\t1.23\nFrame\tX\tZ\n0\t1.0\t2.0\n',
+        ';Type;Rigid Body;Rigid Body\nFrame;X;Z\n0;1,0;2,0\n',
+        '"Trajectories"\n"100"\n"Frame","Sub Frame","X","Y"\n1,0,1,2\n')),
     ('Trajectories\n100\n,,arm:D0,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,0,0,0\n',
      '`soft_continuum measure` writes points'),
     (table('Time  Displacement_mm  Force_N', lambda u, f: f'0  {u:.2f}  {f or "":.3}'),
