@@ -116,6 +116,20 @@ def test_a_file_none_of_whose_sections_is_for_all_nodes_is_not_read_as_nothing(p
         load_description(path)
 
 
+@pytest.mark.parametrize(('own', 'namespace', 'section_name'), [
+    ('kinematics', '', '/**'), ('/**/tendon_actuation', '/left', '/left/**'),
+    ('/left/kinematics', 'left', '/left/**')])
+def test_an_arm_that_single_nodes_would_read_otherwise_is_refused(
+        parameter_file, own, namespace, section_name):
+    path = parameter_file(section('arm.segment_lengths: [0.08, 0.08, 0.08]')
+                          + section('autostart: true\narm.segment_lengths: [0.1, 0.1, 0.1]', own))
+    with pytest.raises(ParameterError, match=re.escape(f'section {own} sets arm.segment_lengths '
+                                                       'for ')) as error:
+        files.load_arm(path, namespace=namespace)
+    assert str(error.value).startswith(str(path))
+    assert str(error.value).endswith(f'write it below {section_name}')
+
+
 def test_a_later_section_wins_and_that_of_another_node_is_left_alone(parameter_file):
     path = parameter_file(section('rate: 10.0\ncount: 4') + section('rate: 20.0', 'valves')
                           + section('unheard_of: 1', 'other'))
@@ -332,6 +346,20 @@ def test_every_parameter_is_documented_and_those_of_the_arm_once():
      '| `shapes.bow` | double array rad |  | angles |')], ids=short)
 def test_a_row_of_a_table_has_all_that_is_known_of_a_parameter(parameter, row):
     assert table([parameter]).splitlines()[-1] == row
+
+
+@pytest.mark.parametrize(('text', 'value'), [
+    ('1e-3', 1e-3), ('010', 8), ('0x1F', 31), ('-.5', -0.5), ('.inf', inf), ('1_000', '1_000'),
+    ('1:30', '1:30'), ('0b11', '0b11'), ('2026-01-02', '2026-01-02'), ("'1'", '1'), ('yes', True),
+    ('~', None)])
+def test_other_files_have_the_numbers_that_rcl_reads(parameter_file, text, value):
+    read = files.read_yaml(parameter_file(f'y: {text}'))
+    assert read == {'y': value} and type(read['y']) is type(value)
+
+
+def test_a_key_that_any_file_has_twice_is_refused(parameter_file):
+    with pytest.raises(ParameterError, match='line 3, column 4.*key size stands there twice'):
+        files.read_yaml(parameter_file('boxes:\n - size: 1\n   size: 2\n   "x": 1\n'))
 
 
 # Whatever a file contains.

@@ -3,7 +3,8 @@
 """
 Bending stiffness of a segment from force-displacement curves (paper, IV-A, Fig. 4, eqs. 6-8).
 
-As in the paper: one linear regression over all repetitions, whose slope is k.  Confidence
+As in the paper: one linear regression over all repetitions, whose slope is k; but each may begin
+at another displacement, such as the machine positions of several specimens.  Confidence
 interval, linearity, hysteresis, settling and the moment-curvature table are not from the paper.
 
 A segment of a spatial arm may differ in stiffness about x and y.  Pushing it along x bends it
@@ -55,11 +56,12 @@ REPLACED = {SOFT: 'arm.bending_stiffnesses', LATERAL: 'arm.lateral_bending_stiff
 @dataclass(frozen=True, eq=False)
 class Regression:
     """
-    One line through the loading of all repetitions: force = slope * displacement + intercept.
+    One slope of all repetitions, in loading: force = slope * displacement + intercept.
 
     slope: k, N/m.  half_width: of its 95 % confidence interval, N/m; nan for one repetition.
-    intercept: N.  each: (repetitions,) slope of each repetition, N/m.  residuals: of each
-    repetition, N.  determination: R^2.
+    intercept: N, the mean of those of the repetitions, with which residuals are taken.  each:
+    (repetitions,) slope of each repetition, N/m.  residuals: of each repetition, N.
+    determination: R^2.
     """
 
     slope: float
@@ -114,7 +116,7 @@ def characterise(curves: Sequence[Curve], length: float, lever_arm: float) -> Ch
 
 def regress(curves: Sequence[Curve]) -> Regression:
     """
-    Return the line through all repetitions (paper, IV-A), loading only.
+    Return the line through all repetitions (paper, IV-A), loading only, from their means.
 
     Points of one repetition are not independent: they share the packing of the powder.  So the
     confidence interval is the larger of two: from the scatter of the slopes between repetitions
@@ -123,22 +125,25 @@ def regress(curves: Sequence[Curve]) -> Regression:
     """
     if not curves:
         raise MeasurementError('no force-displacement curve was given; name at least one file')
-    u = np.concatenate([c.loading[0] for c in curves])
     f = np.concatenate([c.loading[1] for c in curves])
-    slope, intercept = np.polyfit(u, f, 1)
+    means = [(u.mean(), force.mean()) for u, force in (c.loading for c in curves)]
+    from_mean = [(c.loading[0] - u, c.loading[1] - force)
+                 for c, (u, force) in zip(curves, means, strict=True)]
+    slope = sum(u @ force for u, force in from_mean) / sum(u @ u for u, _ in from_mean)
     if slope <= 0.0:
         raise MeasurementError(
             f'{curves[0].name}: the force falls with displacement (slope {slope:.4g} N/m); check '
             'that the columns are not swapped and that both count in the same direction')
     each = np.array([np.polyfit(*c.loading, 1)[0] for c in curves])
-    residuals = tuple(c.loading[1] - slope * c.loading[0] - intercept for c in curves)
+    residuals = tuple(force - slope * u for u, force in from_mean)
     rest = np.concatenate(residuals)
     half = nan
     if len(curves) > 1:
         quantile = scipy.special.stdtrit(len(each) - 1, 0.5 + CONFIDENCE / 2)
         half = max(_half_width(curves),
                    quantile * float(np.std(each, ddof=1)) / np.sqrt(len(each)))
-    return Regression(float(slope), float(half), float(intercept), each, residuals,
+    return Regression(float(slope), float(half),
+                      float(np.mean([force - slope * u for u, force in means])), each, residuals,
                       1.0 - float(rest @ rest / np.sum((f - f.mean())**2)))
 
 
@@ -296,7 +301,8 @@ def stiffness_figure(path: str | Path, states: Sequence[MeasuredState], title: s
                      'linewidth': 1.0, 'label': f'repetition {k + 1}'}
             over.plot(1e3 * curve.displacement, curve.force, **style)
             rest.plot(1e3 * curve.loading[0], residual, **style)
-        ends = np.array([0.0, max(c.displacement.max() for c in state.curves)])
+        ends = np.array([min(c.displacement.min() for c in state.curves),
+                         max(c.displacement.max() for c in state.curves)])
         over.plot(1e3 * ends, line.slope * ends + line.intercept, color='0.0', linewidth=2.2,
                   alpha=0.6, label=f'regression, k = {line.slope * 1e-3:.4g} N/mm')
         if state.result.table_curve is not None:

@@ -82,7 +82,7 @@ def read_curves(paths: Sequence[str | Path], columns: Mapping[str, str] | None =
     for path in paths:
         table = read_table(path, (FORCE, DISPLACEMENT, TIME, REPETITION), columns, units,
                            decimal=decimal)
-        parts = [part for sides in _sides(table) for block in _whole(table, sides[0])
+        parts = [part for sides in _sides(table) for block in _whole(table, *sides)
                  for part in _split(table, *sides, *block)]
         curves += [
             _curve(f'{table.path.name} #{k}' if len(parts) > 1 else table.path.name, *part)
@@ -103,8 +103,24 @@ def _sides(table: Table) -> list[tuple[Column, Column]]:
             len({column.header for column in columns}) == 1 for columns in found):
         sides = list(zip(*found, strict=True))
         _check_alike(table, sides)
-        return sides
-    return [(table.column('displacement'), table.column('force'))]
+    else:
+        sides = [(table.column('displacement'), table.column('force'))]
+    for side in sides:
+        _check_clocks(table.columns['time'], *sorted(side, key=lambda column: column.number))
+    return sides
+
+
+def _check_clocks(times: Sequence[Column], first: Column, second: Column) -> None:
+    """Raise an error if each of two columns stands behind its own time and these differ."""
+    before = [time for time in times if time.number < first.number]
+    between = [time for time in times if first.number < time.number < second.number]
+    for line, one, other in zip(first.lines, before[-1].cells, between[-1].cells, strict=True
+                                ) if before and between else ():
+        if one != other:
+            raise MeasurementError(
+                f'{first.path}, line {line}: {first.header} was taken at {one} and '
+                f'{second.header} at {other}; export both at the same times, or delete the '
+                'column of times that is none of them')
 
 
 def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
@@ -131,12 +147,17 @@ def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
                     '; if they are repetitions, have this line say the same of all')
 
 
-def _whole(table: Table, displacement: Column) -> list[tuple[int, int]]:
-    """Return the blocks, joined where a new page repeats the header within a repetition."""
+def _whole(table: Table, *side: Column) -> list[tuple[int, int]]:
+    """
+    Return the blocks, joined where a new page repeats the header within a repetition.
+
+    side: displacement and force, of which one jumps where another specimen begins.
+    """
     whole = [table.blocks[0]]
     for start, end in table.blocks[1:]:
-        u = _upwards(displacement.part(whole[-1][0], end).numbers())
-        if u[start - whole[-1][0]] - u.min() > NEW_PAGE * np.ptp(u):
+        at = start - whole[-1][0]
+        u, f = (_upwards(column.part(whole[-1][0], end).numbers()) for column in side)
+        if u[at] - u.min() > NEW_PAGE * np.ptp(u) and not (_jumps(u, at) or _jumps(f, at)):
             whole[-1] = (whole[-1][0], end)
         else:
             whole.append((start, end))
@@ -161,16 +182,25 @@ def _split(table: Table, displacement: Column, force: Column, start: int, end: i
     if len(starts) > 1 and ends[-1] - starts[-1] < min(MIN_POINTS, (ends[-2] - starts[-2]) / 2):
         starts.pop()
         ends.pop()
-    # It may count a few rows before or after the reversal.
+    # It may count a few rows before or after the reversal, unless another specimen begins there.
     rising = _upwards(u)
     tops = [a + int(np.argmax(rising[a:b])) for a, b in zip(starts, ends, strict=True)]
-    starts[1:] = ends[:-1] = [b - int(np.argmin(rising[a:b + 1][::-1]))
-                              for a, b in zip(tops, tops[1:], strict=False)]
+    starts[1:] = ends[:-1] = [
+        here if any(_jumps(values[start:end], here - start) for values in (rising, f))
+        else b - int(np.argmin(rising[a:b + 1][::-1]))
+        for start, here, end, a, b in zip(starts, starts[1:], ends[1:], tops, tops[1:],
+                                          strict=False)]
     return [(column.part(a, b), u[a:b], f[a:b]) for a, b in zip(starts, ends, strict=True)]
 
 
 def _changes(cells: Sequence[str]) -> tuple[int, ...]:
     return tuple(i for i in range(1, len(cells)) if cells[i] != cells[i - 1])
+
+
+def _jumps(values: Array, at: int) -> bool:
+    """Return whether a row is farther from the one before than others by more than twice."""
+    steps = np.abs(np.diff(values))
+    return bool(steps[at - 1] > 2.0 * np.delete(steps, at - 1).max(initial=0.0))
 
 
 def _upwards(displacement: Array) -> Array:

@@ -9,10 +9,11 @@ are blocks of one.  Numbers are read with the decimal mark that all of them allo
 fit, the user must choose: a file is never read a thousand times too large.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from itertools import takewhile
 from pathlib import Path
 import re
@@ -43,8 +44,12 @@ NAMES = frozenset((
     'second', 'minute', 'hour'))
 PREFIXES = frozenset(('', 'kilo', 'deca', 'deci', 'centi', 'milli', 'micro'))
 """Units are those of pint, but a rod or a link in a header is none, Mm a misprint, Nm no nm."""
-BRACKETS = re.compile(r'[\[(]([^\[\]()]*)[\])]')
-SUFFIX = re.compile(r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ])([^\W\d_]{1,3}|\N{DEGREE SIGN})')
+BRACKETS = re.compile(r'[\[({<]([^\[\](){}<>]*)[\])}>]')
+EDGES = ' []()<>{}'
+SUFFIX = re.compile(
+    r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ]|\.\.)([^\W\d_]{1,3}|\N{DEGREE SIGN})[_.]?')
+LEADING = re.compile(r'(?:in|units?:?)\s+(?=\S)|units?:', re.IGNORECASE)
+COMMENTS = ('#', '%')
 PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
 OF_CHANNELS = frozenset(
     ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
@@ -54,11 +59,14 @@ AMONG = 2.0
 JUMP, STEP = 0.5, 0.25
 """Largest step over the range of a column, exceeded only with a wrong mark."""
 MOTION_CAPTURE = re.compile(
-    r'Format Version,|NO_OF_FRAMES\b|Frame,Sub Frame,|.*\bRigid Body,Rigid Body\b')
+    r'Format Version[,;\t]|(?:NO_OF_FRAMES|PathFileType)\b|Frame[,;\t]Sub ?Frame[,;\t]'
+    r'|.*\bRigid Body[,;\t]Rigid Body\b')
 
 BLANKS = ' \u00a0\u2007\u2008\u2009\u202f'
 APOSTROPHES = "'\u2019"
 OTHER = {'.': ',', ',': '.'}
+NUMERIC, DIGITS, WORD = 'number', 'digits', 'word'
+"""Kinds of cells: digits are those of a date, of a numbered name."""
 NUMBER = {mark: re.compile(
     rf'[-+\u2212]?(?:(?:\d+(?:{re.escape(mark)}\d*)?|{re.escape(mark)}\d+)(?:[eE][-+]?\d+)?'
     rf'|[1-9]\d{{0,2}}(?P<by>[{re.escape(other)}{BLANKS}{APOSTROPHES}])\d{{3}}'
@@ -71,6 +79,10 @@ WRITTEN = {mark: {**dict.fromkeys(map(ord, BLANKS + APOSTROPHES + other)), ord(m
 
 class MeasurementError(ValueError):
     """A file of measurements is invalid; the message names file, line and remedy."""
+
+
+class _OtherUnit(MeasurementError):
+    """The unit of a column is that of another quantity."""
 
 
 @dataclass(frozen=True)
@@ -205,12 +217,37 @@ class _Block:
                 self.units = row
                 del self.rows[:k + 1]
                 break
-        counted = bool(self.rows) and _is_number(self.rows[0][1][0])
-        while self.rows and not _is_number(self.rows[-1][1][0]) and (
-                not any(self.rows[-1][1][1:])
-                or counted and re.search(r'[^\W\d_]', self.rows[-1][1][0])):
+        while self.rows and (
+                not _is_number(self.rows[-1][1][0]) and not any(self.rows[-1][1][1:])
+                or self.usual != WORD and self._is_label(self.rows[-1][1][0])):
             self.rows.pop()
         return self
+
+    @cached_property
+    def usual(self) -> str:
+        """The kind of the first cells of most rows."""
+        return Counter(_kind(row[0]) for _, row in self.rows).most_common(1)[0][0]
+
+    def _is_label(self, cell: str) -> bool:
+        """Whether the first cell of a row is the name of what follows, unlike others."""
+        return _kind(cell) == WORD or (
+            self.usual == NUMERIC != _kind(cell) and bool(re.search(r'[^\W\d_]', cell)))
+
+    def check_first(self, path: Path) -> None:
+        """Raise an error if the first row says something of the columns: numbers, a scale."""
+        line, row = self.rows[0]
+        if self.usual in (NUMERIC, DIGITS) and self._is_label(row[0]) and any(
+                map(_is_number, self.measured(row))):
+            raise MeasurementError(
+                f'{path}, line {line}: {printable(row[0], MAX_NAME)!r} stands where the rows '
+                'below have a number; delete this line; if it is a scale, export scaled values')
+        cells = [cell for cell in row if cell]
+        numbers = [str(k) for k in range(len(cells) + 1)]
+        after = ''.join(cell for _, other in self.rows[1:2] for cell in self.measured(other))
+        if len(cells) > 1 and cells in (numbers[:-1], numbers[1:]) and OTHER.keys() & after:
+            raise MeasurementError(
+                f'{path}, line {line}: the cells, {", ".join(cells[:3])}, may be the numbers of '
+                f'the columns; delete this line, or write {cells[0]}.0 if it is measured')
 
 
 def read_table(path: str | Path, quantities: Sequence[Quantity],
@@ -230,18 +267,27 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
     delimiter, blocks, above = _blocks(path, _text(path), quantities, named or {})
     first = blocks[0]
     for block in blocks:
+        block.check_first(path)
         for number, row in block.rows:
             _check_width(path, number, row, first.header, delimiter)
     rows = [row for block in blocks for row in block.rows]
     lines = tuple(number for number, _ in rows)
     cells = [tuple(row[place] for _, row in rows) for place in range(len(first.header))]
-    found = [Column(
-        quantity, path, first.header[place],
-        _factor(f'{path}, line {first.line}', quantity, first.header[place],
-                first.units[place:place + 1],
-                units.get(quantity.name, ''), usual.get(quantity.name, '')),
-        cells[place], lines, place + 1)
-        for quantity, places in first.places.items() for place in places]
+    found: list[Column] = []
+    wrong: dict[Quantity, _OtherUnit] = {}
+    for quantity, place in ((q, place) for q, places in first.places.items() for place in places):
+        try:
+            factor = _factor(f'{path}, line {first.line}', quantity, first.header[place],
+                             first.units[place:place + 1], units.get(quantity.name, ''),
+                             usual.get(quantity.name, ''))
+        except _OtherUnit as error:
+            wrong.setdefault(quantity, error)
+        else:
+            found.append(Column(quantity, path, first.header[place], factor, cells[place], lines,
+                                place + 1))
+    for quantity, unit_error in wrong.items():
+        if all(column.quantity != quantity for column in found):
+            raise unit_error
     decimal = decimal or _decimal([c for c in found if c.quantity.unit], delimiter, cells)
     columns = {quantity.name: tuple(replace(c, decimal=decimal) for c in found
                                     if c.quantity == quantity) for quantity in quantities}
@@ -310,7 +356,7 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
     if (count := len(text.splitlines())) > MAX_ROWS:
         raise MeasurementError(f'{path}: has {count} lines; at most {MAX_ROWS} are read: '
                                'export fewer points, such as every tenth')
-    if any(MOTION_CAPTURE.match(row) for _, row in rows[:10]):
+    if any(MOTION_CAPTURE.match(row.replace('"', '')) for _, row in rows[:10]):
         raise MeasurementError(
             f'{path}: is an export of a motion-capture program, of its bodies frame by frame in '
             'its own axes; have it publish the poses of the discs while the arm moves: '
@@ -320,8 +366,11 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
     bare: _Block | None = None
     for delimiter in DELIMITERS:
         blocks: list[_Block] = []
-        for number, row in rows:
-            cells = _cells(row, delimiter)
+        split = [_cells(row, delimiter) for _, row in rows]
+        usual = Counter(map(len, split)).most_common(1)[0][0]
+        for (number, row), cells in zip(rows, split, strict=True):
+            if cells[0] in COMMENTS and len(cells) == usual + 1:  # as numpy.savetxt writes it
+                del cells[0]
             if 1 < len(cells) < MAX_COLUMNS and (
                     named or len(re.findall(r'[^\W\d_]+', row)) >= len(required)):
                 header = [' '.join(cell.split()) for cell in cells]
@@ -402,6 +451,9 @@ def _no_header(path: Path, first: tuple[int, str],
                 f'columns are {have}; ' + missing[0].remedy(f'write {name} above its column'))
     at, line = first
     names = ' and '.join(q.name for q in required)
+    if all(map(_is_number, re.findall(r'[^;,\s]+', line))):
+        return (f'{path}, line {at}: the file begins with numbers; write a header line above '
+                f'them that names {names} with their units, such as Force [N]')
     return (f'{path}, line {at}: neither this line ({printable(line.strip()[:40])!r}) nor one '
             f'below is a header with columns for {names}, separated by '
             f'{", ".join(dict.fromkeys(DELIMITERS.values()))}; export it with another delimiter, '
@@ -457,7 +509,7 @@ def _registry() -> Any:
 @cache
 def _unit(text: str) -> tuple[float, str] | None:
     """Return factor to SI, and SI unit, of a unit; None for unknown units."""
-    word = text.strip(' .')
+    word = LEADING.sub('', text.strip(' .'))
     if word == '\N{DEGREE SIGN}':
         word = 'deg'
     if not re.fullmatch(r'[^\W\d_]+(?:[-_ ][^\W\d_]+)?', word):
@@ -475,7 +527,7 @@ def _unit(text: str) -> tuple[float, str] | None:
 def _is_of_units(cells: Sequence[str]) -> bool:
     """Whether the cells of a row are units: one is known, or all are in brackets."""
     filled = [cell for cell in cells if cell]
-    return bool(filled) and (any(_unit(cell.strip('[]() ')) for cell in filled)
+    return bool(filled) and (any(_unit(cell.strip(EDGES)) for cell in filled)
                              or all(BRACKETS.fullmatch(cell) for cell in filled))
 
 
@@ -486,14 +538,14 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
         return 1.0
     inside = BRACKETS.findall(header)[::-1]
     suffix = SUFFIX.fullmatch(header)
-    said = [text.strip(' []()') for text in (
+    said = [text.strip(EDGES) for text in (
         [given] if given else [*inside, *below, *([suffix[2]] if suffix else [])])]
     wanted = _unit(quantity.unit)
     allowed = UNITS[quantity.unit]
     option = f'--{quantity.name}-unit' if quantity.options else ''
     fitting = {text: unit[0] for text in said
                if (unit := _unit(text)) and wanted and unit[1] == wanted[1]}
-    rows = {text.strip(' []()') for text in below} & fitting.keys()
+    rows = {text.strip(EDGES) for text in below} & fitting.keys()
     first = next(iter(fitting), '')
     if other := next((text for text in rows if fitting[text] != fitting[first]), ''):
         raise MeasurementError(
@@ -503,7 +555,7 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
         return fitting[first]
     wrong = next((text for text in said[:len(inside) + len(below) or 1] if text), '')
     if wrong and (given or inside or below):
-        raise MeasurementError(
+        raise _OtherUnit(
             f'{where}: {printable(wrong, MAX_NAME)!r} is not a unit of {quantity.name}; known: '
             f'{allowed}; ' + (f'give {option}' if option and not given else 'convert the column'))
     if usual:
@@ -623,6 +675,12 @@ def _marks(cell: str) -> set[str]:
 
 def _is_number(cell: str) -> bool:
     return bool(_marks(cell)) or cell.lower().lstrip('+-') in ('nan', 'inf', 'infinity')
+
+
+def _kind(cell: str) -> str:
+    """Return the kind of a cell, or nothing if it is empty."""
+    return (NUMERIC if _is_number(cell) else DIGITS if re.search(r'\d', cell)
+            else WORD if re.search(r'[^\W\d_]', cell) else '')
 
 
 def _number(cell: str, decimal: str) -> float:

@@ -89,11 +89,27 @@ def tensions_of(tensions: ArrayLike, tendons: int, optional: bool = False, rows:
     return given
 
 
+def bending_of(bending: ArrayLike, segments: int) -> NDArray[np.float64]:
+    """Return bending (segments, 2), rad or nan; raise ValueError for other input."""
+    given = real_array(bending, 'bending must be numbers (rad), or nan')
+    if given.shape != (segments, 2) or np.any(np.isinf(given)):
+        raise ValueError('bending must be two numbers (rad) or nan, about x and y, for each of '
+                         f'the {segments} segments; given: {bending!r}')
+    return given
+
+
+def check_pretension(pretension: float) -> None:
+    """Raise ValueError if the least tension of tendons is not 0 N or more."""
+    if not (finite(pretension) and pretension >= 0.0):
+        raise ValueError(f'the pretension must be a number of 0 N or more; given: {pretension!r}')
+
+
 def segment_order(order: Sequence[int] | None, segments: int) -> list[int]:
     """Return the ordered segments (0-based), by default all; raise ValueError if invalid."""
     turns = list(range(segments)) if order is None else listed(order)
-    if (len(set(turns)) < len(turns)
-            or not all(whole(turn) and 0 <= turn < segments for turn in turns)):
+    if (not turns and np.ndim(order) == 0  # type: ignore[arg-type]
+            or not all(whole(turn) and 0 <= turn < segments for turn in turns)
+            or len(set(turns)) < len(turns)):
         raise ValueError(f'order must name segments, 0 to {segments - 1}, each at most once; '
                          f'given: {order!r}')
     return turns

@@ -311,7 +311,11 @@ class Chain:
 
     def at(self, joint_positions: ArrayLike) -> Equilibrium:
         """Return the held state for joint positions of the URDF, rad, as in joint_states."""
-        return self.state(self.angles_at(np.asarray(joint_positions)))
+        wanted = f'joint positions must be {self.coordinate_count} finite numbers (rad)'
+        given = real_array(joint_positions, wanted)
+        if given.size != self.coordinate_count or not np.all(np.isfinite(given)):
+            raise ValueError(f'{wanted}; given: {joint_positions!r}')
+        return self.state(self.angles_at(given))
 
     def uniform(self, bending: ArrayLike) -> Equilibrium:
         """
@@ -383,8 +387,8 @@ def joint_lengths_of(length: float, bodies: int, discretisation: str) -> list[fl
     return [length / (2 * bodies), *[length / bodies] * (bodies - 1), length / (2 * bodies)]
 
 
-def check_start(start: object) -> None:
-    """Raise ValueError if the start is not an Equilibrium."""
+def check_start(start: object, what: str = 'start') -> None:
+    """Raise ValueError if the start, or another state, is not an Equilibrium."""
     if not isinstance(start, Equilibrium):
-        raise ValueError('the start must be an Equilibrium, such as '
+        raise ValueError(f'the {what} must be an Equilibrium, such as '
                          f'statics.chain.straight(); given: {start!r}')

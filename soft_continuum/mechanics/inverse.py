@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 import scipy
 
 from soft_continuum.mechanics._checks import (
-    finite,
+    bending_of,
+    check_pretension,
     real_array,
     segment_order,
     soft_flags,
@@ -72,8 +73,7 @@ def pulls_for_bending(statics: Statics, start: Equilibrium, bending: ArrayLike,
     """
     check_start(start)
     wanted, chosen = _wanted(statics, bending, soft)
-    if not (finite(pretension) and pretension >= 0.0):
-        raise ValueError(f'the pretension must be a number of 0 N or more; given: {pretension!r}')
+    check_pretension(pretension)
     _refuse_unreachable(statics, start, chosen)
     search = _Search(statics, wanted, chosen, tuple(soft), pretension)
     state = search.run(start)
@@ -102,6 +102,7 @@ def set_shape(statics: Statics, bending: ArrayLike, start: Equilibrium | None = 
     if wanted.ndim == 1 and not free[:, 0].any():
         wanted = np.column_stack([np.zeros_like(wanted), wanted])
     turns = segment_order(order, segments)
+    check_pretension(pretension)
     if wanted.shape != (segments, 2) or not np.isfinite(wanted[turns]).all():
         raise ValueError('bending must be two finite numbers in rad, about x and y, for each of '
                          f'the {segments} segments; given: {bending!r}')
@@ -138,11 +139,7 @@ def _wanted(statics: Statics, bending: ArrayLike, soft: Sequence[bool]
             ) -> tuple[Array, Booleans]:
     """Return the goal bending and which components are used: (segments, 2) each."""
     arm, segments = statics.chain.arm, statics.chain.segments
-    wanted = real_array(bending, 'bending must be numbers (rad), or nan')
-    flags = np.array(soft_flags(soft, segments))
-    if wanted.shape != (segments, 2) or np.any(np.isinf(wanted)):
-        raise ValueError('bending must be two numbers (rad) or nan, about x and y, for each of '
-                         f'the {segments} segments; given: {bending!r}')
+    wanted, flags = bending_of(bending, segments), np.array(soft_flags(soft, segments))
     chosen = np.isfinite(wanted) & flags[:, None]
     _refuse_across(arm.bending_axes, np.where(chosen, wanted, 0.0))
     chosen &= arm.bending_axes

@@ -18,7 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics import _kernel
-from soft_continuum.mechanics._checks import finite, soft_flags, tensions_of, whole
+from soft_continuum.mechanics._checks import (
+    bending_of,
+    finite,
+    sliding_signs,
+    soft_flags,
+    tensions_of,
+    whole,
+)
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain, check_start, Equilibrium, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError
@@ -135,9 +142,11 @@ class Statics:
         raise NotImplementedError
 
     def _bent(self, start: Equilibrium, segment: int, angle: float, soft: Sequence[bool] | None,
-              vacuum: Sequence[float] | None) -> tuple[Sequence[bool], Sequence[float] | None]:
+              vacuum: Sequence[float] | None, sliding: Sequence[int]
+              ) -> tuple[Sequence[bool], Sequence[float] | None]:
         """Return which segments are soft, and the vacuum, for ``bend``; raises ValueError."""
         check_start(start)
+        sliding_signs(sliding, len(self.compliance))
         mask = (tuple(i == segment for i in range(self.chain.segments)) if soft is None
                 else soft_flags(soft, self.chain.segments))
         if not (whole(segment) and 0 <= segment < self.chain.segments and mask[segment]):
@@ -164,6 +173,16 @@ class Statics:
         """
         raise NotImplementedError
 
+    def _wanted(self, start: Equilibrium, bending: ArrayLike, soft: Sequence[bool],
+                sliding: Sequence[int]) -> tuple[Array, tuple[bool, ...]]:
+        """Return bending and which segments are soft, for ``hold``; raises ValueError."""
+        check_start(start)
+        sliding_signs(sliding, len(self.compliance))
+        mask = soft_flags(soft, self.chain.segments)
+        if not any(mask):
+            raise ValueError(f'one segment or more must be soft; given: {soft!r}')
+        return bending_of(bending, self.chain.segments), mask
+
     def sliding_towards(self, change: Array, /) -> tuple[int, ...]:
         """
         Return sliding, as for solve, while bending (segments, 2) changes, rad.
@@ -182,7 +201,9 @@ class Statics:
 
     def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = ()) -> Array:
         """Return the pulls (tendons,) m at the motors that give a state: paths and stretch."""
-        pulls: Array = state.pulls + self.stretch_rates(state, sliding) * np.nan_to_num(
+        check_start(state, 'state')
+        signs = sliding_signs(sliding, len(self.compliance))
+        pulls: Array = state.pulls + self.stretch_rates(state, signs) * np.nan_to_num(
             state.tensions)
         return pulls
 

@@ -9,6 +9,7 @@ nested keys; parameters.overrides reads it.  A key that no table of parameters h
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+import re
 from textwrap import wrap
 from typing import Any
 
@@ -18,11 +19,12 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.parameter_table import (
     ALL_PARAMETERS,
     default_frame,
+    DESCRIBED,
     FRAME,
     jamming_settings,
     NODE_PARAMETERS,
 )
-from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
 from soft_continuum.parameters.overrides import (
     ALL_NODES,
     applies,
@@ -32,17 +34,20 @@ from soft_continuum.parameters.overrides import (
     parse_yaml,
 )
 from soft_continuum.parameters.parameter import name_hint, Parameter, ParameterError, Value
-from soft_continuum.parameters.scalars import as_yaml, NUMBER
+from soft_continuum.parameters.scalars import as_yaml, read_scalar
 from soft_continuum.parameters.shapes import (
     DIRECTION_PREFIX,
     SHAPE_PREFIX,
     shapes_from_parameters,
     VACUUM_PREFIX,
 )
-from soft_continuum.text import printable, write_whole
+from soft_continuum.text import MAX_NAME, printable, write_whole
 
 WIDTH = 99  # of the comments in one
+NUMERIC = '+-.0123456789'  # first characters of numbers
 
+FOREIGN = re.compile(r'\A%YAML:|(?<=\n)---\s*\Z')
+"""What OpenCV writes at the beginning, and `ros2 topic echo` at the end."""
 UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'qos_overrides.')
 """Prefixes of names that are allowed without being in a table."""
 OF_ROS = (
@@ -60,7 +65,8 @@ def load_description(*paths: str | Path, node: str = '', namespace: str = ''
 
     node: its name; without one, what is said for all nodes of the namespace.  Raises
     ParameterError naming the file and the key: also for keys that no node has, lists that do not
-    fit together, shapes outside the limits, and thresholds in the wrong order.
+    fit together, shapes outside the limits, and thresholds in the wrong order; without a name,
+    also for an arm that a node would read otherwise.
     """
     overrides, name = Overrides(*paths), full_name(node, namespace)
     for path, sections in overrides.files.items():  # a node may find nothing in a file
@@ -68,7 +74,16 @@ def load_description(*paths: str | Path, node: str = '', namespace: str = ''
             which = f'of {namespace}, only for' if namespace else 'only for'
             raise ParameterError(f'{path}: has no section for all nodes (/**), {which} '
                                  f'{", ".join(sections)}; name the namespace of the arm')
-    return described(overrides, name)
+    values = described(overrides, name)
+    for other in () if node else DESCRIBED:
+        own = full_name(other, namespace)
+        seen = described(overrides, own) if overrides.of(own) != overrides.of(name) else values
+        for key in (p.name for p in ARM_PARAMETERS if seen[p.name] != values[p.name]):
+            section, path = overrides.last_section(own, key)
+            raise ParameterError(
+                f'{path}: section {section} sets {key} for {other} alone, which is not the arm '
+                f'that other nodes and commands read; write it below {full_name("**", namespace)}')
+    return values
 
 
 def described(overrides: Overrides, node: str) -> dict[str, Value]:
@@ -181,17 +196,33 @@ def _known(name: str, table: Iterable[str]) -> str:
 
 
 class _Loader(Loader):
-    """Reads 1e-3 as a number, as ROS does; YAML 1.1 takes it as text."""
+    """Reads numbers as rcl does: 1e-3 is one, 1_000 and 1:30 are texts.  Keys are unique."""
+
+    yaml_implicit_resolvers = {first: found for first, found
+                               in Loader.yaml_implicit_resolvers.items() if first not in NUMERIC}
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Return the next mapping; of equal keys PyYAML would take the last."""
+        node, seen = super().compose_mapping_node(anchor), set()
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in seen:
+                raise yaml.composer.ComposerError(
+                    None, None, f'key {printable(key.value, MAX_NAME)} stands there twice; '
+                    'delete or rename one', key.start_mark)
+            seen.add(key.value)
+        return node
 
 
-_Loader.add_implicit_resolver('tag:yaml.org,2002:float', NUMBER, list('+-.0123456789'))
+_Loader.add_implicit_resolver('tag:yaml.org,2002:float', re.compile('.'), list(NUMERIC))
+_Loader.add_constructor('tag:yaml.org,2002:opencv-matrix', yaml.SafeLoader.construct_yaml_map)
+_Loader.add_constructor('tag:yaml.org,2002:float', lambda _, node: read_scalar(node.value))
 
 
 def read_yaml(path: str | Path) -> Any:
     """
-    Return what a small YAML file without aliases holds.
+    Return what a small YAML file without aliases holds, also of OpenCV or `ros2 topic echo`.
 
     Raises OSError for a file that cannot be read, ParameterError, naming the file and the line,
     for one that is not YAML.
     """
-    return parse_yaml(path, lambda text: yaml.load(text, _Loader))
+    return parse_yaml(path, lambda text: yaml.load(FOREIGN.sub('#', text), _Loader))

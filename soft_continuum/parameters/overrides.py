@@ -9,7 +9,7 @@ the last wins, in the order in which their names appear first, over all files an
 ``/**`` in a second file does not win over ``/kinematics`` in the first, where ``/**`` came first.
 
 Files that rcl takes for something else than they say are refused: a key twice in one mapping,
-lists in lists, keys beside ros__parameters.
+lists in lists, keys beside ros__parameters.  YAML that not every libyaml reads is refused too.
 """
 
 from collections.abc import Iterator, Sequence
@@ -64,6 +64,21 @@ class _Untyped(Loader):
     def resolve(self, *_: Any) -> str:
         return ''
 
+    def process_directives(self) -> Any:
+        directive, found = self.peek_token(), super().process_directives()
+        if self.yaml_version not in (None, (1, 1)):
+            raise yaml.parser.ParserError(None, None, 'ROS may read YAML 1.1 alone; delete this '
+                                          'line', directive.start_mark)
+        return found
+
+    def scan_plain(self) -> Any:
+        token = super().scan_plain()
+        if self.flow_level and ':' in token.value:
+            raise yaml.scanner.ScannerError(
+                None, None, f'ROS may not read {printable(token.value, MAX_SHOWN)}, with a colon '
+                'between brackets; quote it', token.start_mark)
+        return token
+
 
 @dataclass
 class _Entry:
@@ -112,6 +127,11 @@ class Overrides:
         return {entry.name: (entry.value, entry.where)
                 for name, entries in self._sections.items() if applies(name, node)
                 for entry in entries}
+
+    def last_section(self, node: str, parameter: str) -> tuple[str, str]:
+        """Return the section whose value of a parameter a node gets, and from where that is."""
+        return next((name, entry.where) for name, entries in reversed(self._sections.items())
+                    for entry in entries if entry.name == parameter and applies(name, node))
 
     def add_file(self, path: str | Path) -> None:
         """Read one more file."""
@@ -221,6 +241,8 @@ def _ros_options(arguments: Sequence[str]) -> Iterator[tuple[str, str]]:
             of_ros = word == '--ros-args'
         elif of_ros and word in ('-p', '--param', '--params-file', '-r', '--remap'):
             yield word, next(words, '')
+        elif not of_ros and REMAPPED.fullmatch(word):
+            yield '--remap', word  # which rcl still takes for one
 
 
 def _find(entries: list[_Entry], name: str) -> _Entry:

@@ -4,10 +4,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
 
+from soft_continuum.mechanics._checks import real_array, whole
 from soft_continuum.parameters.files import read_yaml
 from soft_continuum.sensing.pictures import Array
 from soft_continuum.text import printable
@@ -16,6 +18,10 @@ MODELS = {'plumb_bob': 5, 'rational_polynomial': 8, '': 8, 'none': 0}
 """Largest number of coefficients of the supported distortion models of sensor_msgs/CameraInfo.
 
 OpenCV orders them so that omitted trailing coefficients are 0."""
+
+
+MIN_FOCAL = 0.05
+"""Of the size of a picture, to which 170 degrees come; less is in other units."""
 
 
 class LensError(ValueError):
@@ -38,11 +44,27 @@ class Lens:
     @classmethod
     def of(cls, size: tuple[int, int], matrix: Any, distortion: Any, model: str = '') -> Self:
         """Check and return a calibration; raises LensError."""
-        k = np.asarray(matrix, dtype=float).reshape(-1)
-        d = np.trim_zeros(np.asarray(distortion, dtype=float).reshape(-1), 'b')
+        try:
+            k = real_array(matrix, 'the camera matrix must be numbers').reshape(-1)
+            d = np.trim_zeros(real_array(
+                distortion, 'the distortion coefficients must be numbers').reshape(-1), 'b')
+        except ValueError as error:
+            raise LensError(
+                f'{printable(error)}; call: soft_continuum calibrate camera') from None
+        if not all(whole(pixels) and pixels > 0 for pixels in size):
+            raise LensError(f'the size of the picture is {printable(size, 40)}; allowed: width '
+                            'and height in px, whole numbers above 0')
         if k.size != 9 or not (np.isfinite(k).all() and k[0] > 0.0 and k[4] > 0.0):
             raise LensError('the camera is not calibrated: its focal length is missing; '
                             'call: soft_continuum calibrate camera')
+        (fx, fy), centre = k[[0, 4]], k[[2, 5]]
+        if (k[[1, 3, 6, 7, 8]].tolist() != [0.0, 0.0, 0.0, 0.0, 1.0]
+                or min(fx, fy) < MIN_FOCAL * max(size)
+                or not np.all((centre > 0) & (centre < size))):
+            raise LensError(
+                f'the camera matrix is {k.tolist()}; expected fx 0 cx, 0 fy cy, 0 0 1, row by row '
+                f'and in px, with (cx, cy) in the picture of {size[0]} x {size[1]} px, fx and fy '
+                f'{MIN_FOCAL:g} of its size or more; call: soft_continuum calibrate camera')
         if d.size > MODELS.get(model.lower(), -1) or not np.isfinite(d).all():
             raise LensError(
                 f'distortion model {printable(model, 40)!r} with {d.size} coefficients that are '
@@ -65,19 +87,21 @@ class Lens:
     @classmethod
     def read(cls, path: str | Path) -> Self:
         """
-        Return the calibration in a YAML file of the camera drivers of ROS.
+        Return the calibration in a YAML file of the camera drivers of ROS, OpenCV or `topic echo`.
 
         Raises OSError, ParameterError for a file that is not YAML, LensError.
         """
         values = read_yaml(path)
         try:
-            return cls.of((int(values['image_width']), int(values['image_height'])),
+            if 'k' in values:  # a sensor_msgs/CameraInfo
+                return cls.from_info(SimpleNamespace(**values))
+            return cls.of((values['image_width'], values['image_height']),
                           values['camera_matrix']['data'],
                           values['distortion_coefficients']['data'],
-                          str(values.get('distortion_model', '')))
-        except (KeyError, TypeError, ValueError, OverflowError) as error:
-            if isinstance(error, LensError):
-                raise LensError(f'{path}: {error}') from None
+                          str(values.get('distortion_model') or ''))
+        except LensError as error:
+            raise LensError(f'{path}: {error}') from None
+        except (KeyError, TypeError, AttributeError):
             raise LensError(f'{path} is not a camera calibration; needed: image_width, '
                             'image_height, camera_matrix and distortion_coefficients') from None
 

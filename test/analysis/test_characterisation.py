@@ -45,6 +45,19 @@ def test_one_line_goes_through_all_repetitions():
     assert result.each == pytest.approx([70.0, 72.0, 74.0])
 
 
+@pytest.mark.parametrize('starts', [(50.0, 51.0, 52.0), (0.0, 70.0, 35.0), (0.0, 0.5, 1.0)])
+def test_where_repetitions_begin_changes_nothing(starts):
+    rng = np.random.default_rng(10)
+    forces = [files.noisy(k, ramp, rng) for k, ramp in zip(
+        (71.0, 72.0, 73.0), (UP, files.ramp(points=60), UP), strict=True)]
+    at_zero, apart = (result_of(*(
+        (start * 1e-3 + files.ramp(points=len(force)), force)
+        for start, force in zip(begin, forces, strict=True))) for begin in ((0.0,) * 3, starts))
+    assert apart.regression.slope == pytest.approx(at_zero.regression.slope)
+    assert apart.regression.determination == pytest.approx(at_zero.regression.determination)
+    assert apart.linearity_error == pytest.approx(at_zero.linearity_error, abs=1e-9)
+
+
 def test_the_confidence_interval_holds_the_true_slope_as_often_as_it_says():
     rng = np.random.default_rng(11)
     held = 0

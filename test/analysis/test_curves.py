@@ -114,7 +114,7 @@ def with_row(number, row):
     ('  \n\n', r'a\.csv: the file is empty'),
     (HEAD, r'a\.csv, line 1: there are no rows'),
     ('displacement [mm]|force [N]\n1|2\n', r'line 1: neither .* another delimiter'),
-    ('1;2\n3;4\n', r'line 1: neither .* header'),
+    ('1;2\n3;4\n', r'line 1: .* write a header line above'),
     ('displacement [mm];stress [MPa]\n1;2\n',
      r"line 1: no column for force; .*'stress \[MPa\]'; name it with --force-column"),
     ('displacement [mm];force [stone]\n1;2\n',

@@ -86,6 +86,21 @@ def test_a_header_on_every_page_makes_no_repetitions():
     assert curve.force == pytest.approx(FORCE)
 
 
+@pytest.mark.parametrize('labelled', [False, True])
+@pytest.mark.parametrize('back', [False, True])
+@pytest.mark.parametrize('starts', [(50, 54, 58), (50, 55, 51), (50, 58, 66), (50, 60, 70)])
+def test_specimens_at_other_positions_of_the_machine_are_repetitions(starts, back, labelled):
+    header = 'Specimen,Displacement [mm],Force [N]\n'
+    steps = [*range(30), *range(28, -1, -1)] if back else range(30)
+    blocks = [''.join(f'{k},{start + 0.27 * i:.2f},{0.02 * i:.2f}\n' for i in steps)
+              for k, start in enumerate(starts)]
+    curves = read(header + ('' if labelled else header).join(blocks))
+    assert [len(curve.force) for curve in curves] == [len(steps)] * 3
+    for curve, start in zip(curves, starts, strict=True):
+        assert curve.loading[0] == pytest.approx(UP + 1e-3 * start)
+        assert curve.loading[1] == pytest.approx(FORCE)
+
+
 def test_the_sensor_that_is_named_is_read():
     curves = read_curves([FILES / 'c08_two_sensors.csv'],
                          {'displacement': 'Traversenweg [mm]', 'force': 'Kraft Sensor 2'})
@@ -162,6 +177,30 @@ SAME = {
                      + '\n\nMaximum;8.0\nMean;0.3;;;',
     'three decimals, and commas as separators': table(
         'Displacement [mm],Force [N]', lambda u, f: f'{u:.3f},{f:.3f}'),
+    'results below the time of day': table(
+        'Time of day,Displacement [mm],Force [N]', lambda u, f: f'10:00:{u:04.1f},{u:.2f},{f:.2f}'
+    ) + '\nMean,4.0,0.29\nCount,30,30',
+    'results below numbered points': table(
+        'Point;Weg [mm];Kraft [N]', lambda u, f: f'P{u:.0f};{u:.2f};{f:.2f}') + '\nn;30;30',
+    'results below nothing': table(
+        ',Displacement [mm],Force [N]', lambda u, f: f',{u:.2f},{f:.2f}') + '\nCount,30,30',
+    'columns with units of other quantities': table(
+        'Time under load [s],Displacement [mm],Force [N],Extension [%],Force [V],Position [count]',
+        lambda u, f: f'0,{u:.2f},{f:.2f},{u:.2f},{f:.2f},{u:.0f}'),
+    'such units in a row of their own': table(
+        'Extension,Load,Extension\n%,N,mm', lambda u, f: f'{u:.2f},{f:.2f},{u:.2f}'),
+    'a time of each column, the same': table(
+        'Time (s),Force (N),Time (s),Displacement (mm)',
+        lambda u, f: f'{u:.2f},{f:.2f},{u:.2f},{u:.2f}'),
+    **{f'a unit in {header}': table(f'Displacement{header},Force{header}'.replace(
+        'X', 'mm', 1).replace('X', 'N'), lambda u, f: f'{u:.2f},{f:.2f}')
+       for header in ('_X_', '..X.', ' {X}', ' <X>', ' [in X]', ' (unit: X)', ' (unit:X)')},
+    'a header that numpy.savetxt wrote': table(
+        '# time_s displacement_mm force_N', lambda u, f: f'{u:.2e} {u:.2e} {f:.2e}'),
+    'comments of MATLAB': table('% Time Displacement Force\n% s mm N',
+                                lambda u, f: f'{u:.2f} {u:.2f} {f:.2f}'),
+    'points numbered below #': table('# Displacement_mm Force_N',
+                                     lambda u, f: f'{u:.2f} {u:.2f} {f:.2f}'),
     'all above one, but the time has decimal commas': table(
         'Zeit [s];Weg [um];Kraft [mN]', lambda u, f: f'{comma(u)};{1e3 * u:.0f};{1e3 * f:.0f}'),
 }
@@ -205,6 +244,22 @@ def test_habits_of_programs_give_the_same_curve(habit):
     (table('Weg [mm];Kraft [N]', lambda u, f: f'{comma(u, 3)};{comma(f)}').replace(
         '5,400;', '5.400;'),
      r"line 22: Weg \[mm\] is '5.400', which is 5400 .*: correct it, or give --decimal , if"),
+    (table('Time [s],Weg [mm],Kraft [N]\n1,2,3', lambda u, f: f'{u:.2f},{u:.2f},{f:.2f}'),
+     'line 2: the cells, 1, 2, 3, may be the numbers of the columns; delete this line, or write '
+     '1.0 if'),
+    (table('Weg [mm];Kraft [N]\n0;1', lambda u, f: f'{u:.2f};{f:.2f}'), 'line 2: the cells, 0, 1'),
+    (table('Time [s],Weg [mm],Kraft [N]\nScale,1.0,2.0', lambda u, f: f'0,{u:.2f},{f:.2f}'),
+     "line 2: 'Scale' stands where the rows below have a number; delete this line"),
+    (table('Time [s],Force [N],Time [s],Displacement [mm]',
+           lambda u, f: f'{u:.2f},{f:.2f},{0.8 * u:.2f},{u:.2f}'),
+     r'line 3: Force \[N\] was taken at 0.27 and Displacement \[mm\] at 0.22; export both'),
+    (table('Weg [%];Kraft [N];Weg [V]', lambda u, f: f'{u:.2f};{f:.2f};{u:.2f}'), "'%' is not a"),
+    (table('0.00;1,0', lambda u, f: f'{comma(u)};{comma(f)}'),
+     'line 1: the file begins with numbers; write a header line above them that names force and'),
+    *((text, '`soft_continuum measure` writes points') for text in (
+        'Format Version\t1.23\nFrame\tX\tZ\n0\t1.0\t2.0\n',
+        ';Type;Rigid Body;Rigid Body\nFrame;X;Z\n0;1,0;2,0\n',
+        '"Trajectories"\n"100"\n"Frame","Sub Frame","X","Y"\n1,0,1,2\n')),
     ('Trajectories\n100\n,,arm:D0,,\nFrame,Sub Frame,X,Y,Z\n,,mm,mm,mm\n1,0,0,0,0\n',
      '`soft_continuum measure` writes points'),
     (table('Time  Displacement_mm  Force_N', lambda u, f: f'0  {u:.2f}  {f or "":.3}'),

@@ -77,6 +77,7 @@ def test_a_shape_that_is_renamed_stays_in_its_sequences_and_one_in_use_is_not_de
 @pytest.mark.parametrize(('text', 'kept'), [
     ('version: 1\nshapes:\n  good: {bending_angles: [0.1]}\n  bad: {bending_angles: [a]}\n',
      {'good'}),
+    ('version: 1\nshapes: {a: {bending_angles: [0.1]}, a: {bending_angles: [0.2]}}\n', set()),
     ('version: 1\nshapes: {good: {bending_angles: [0.1]}}\nsequences: {w: {rounds: 1, steps: 3}}',
      {'good'}),
     ('version: 1\nshapes: {both: {bending_angles: [0.1]}}\n'

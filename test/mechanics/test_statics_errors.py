@@ -91,6 +91,36 @@ def test_tensions_that_are_not_finite_are_refused(statics, wrong, tendon):
         statics.solve_tensions(statics.chain.straight(), tensions, FIRST)
 
 
+BENT = np.array([[0.0, 0.1]] * 3)
+
+
+@BOTH
+@pytest.mark.parametrize(('call', 'words'), [
+    *((lambda s, order=order: set_shape(s, BENT, order=order), 'order must name segments, 0 to 2')
+      for order in (1, np.int64(1), 0.5, '', {}, [[0]], [3])),
+    *((lambda s, pretension=pretension: set_shape(s, 0 * BENT, pretension=pretension),
+       'the pretension must be a number of 0 N or more') for pretension in (nan, -1.0, 'x', None)),
+    *((lambda s, soft=soft: s.hold(s.chain.straight(), BENT, soft),
+       'soft must have a true or false for each of the 3 segments')
+      for soft in ((False, True), (False, True, False, False), (0.5, 1, 0), ('a', True, 0), None)),
+    (lambda s: s.hold(s.chain.straight(), BENT, STIFF), 'one segment or more must be soft'),
+    (lambda s: s.hold(None, BENT, ALL), 'the start must be an Equilibrium'),
+    *((lambda s, bending=bending: s.hold(s.chain.straight(), bending, ALL), 'bending must be')
+      for bending in ('x', BENT[:2], BENT[:, 1], BENT + inf)),
+    *((lambda s, sliding=sliding, call=call: call(s, sliding), 'sliding must be 1, 0 or -1')
+      for sliding in (5, 'ab', (2, 2, 2), (1,)) for call in (
+          lambda s, sliding: s.hold(s.chain.straight(), BENT, FIRST, sliding=sliding),
+          lambda s, sliding: s.bend(s.chain.straight(), 0, 0.1, sliding=sliding),
+          lambda s, sliding: s.commanded_pulls(s.chain.straight(), sliding))),
+    (lambda s: s.commanded_pulls(None), 'the state must be an Equilibrium'),
+    *((lambda s, at=at: s.chain.at(at), 'joint positions must be .* finite numbers .rad.; given')
+      for at in ('x', None, 0.0, BENT * 1j, [inf] * 18, ['a'] * 18)),
+])
+def test_what_is_no_argument_is_refused_in_the_same_words_everywhere(statics, call, words):
+    with pytest.raises(ValueError, match=words):
+        call(statics)
+
+
 @pytest.mark.parametrize('start', [None, 0, (0.0, 0.0)])
 @BOTH
 def test_a_start_that_is_no_state_is_refused(statics, start):

@@ -165,6 +165,26 @@ def test_a_key_twice_in_one_mapping_is_refused(tmp_path: Path, text: str, line: 
         load_description(path, node='tendon_actuation')
 
 
+@pytest.mark.parametrize(('text', 'message'), [
+    ('%YAML 1.2\n---\n' + section('/**', 'a: 1'), 'line 1, .* YAML 1.1 alone; delete this line'),
+    (section('/**', 'grbl: {port: /dev/by-path/pci-0000:00:14.0}'),
+     'line 3, .*not read /dev/by-path/pci-0000:00:14.0, with a colon between brackets; quote it'),
+    (section('/**', 'a: [http://x:1]'), 'quote it')])
+def test_what_not_every_ros_reads_is_refused_with_a_remedy(
+        tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
+        Overrides(write(tmp_path / 'file.yaml', text))
+    Overrides(write(tmp_path / 'file.yaml', '%YAML 1.1\n---\n' + section(
+        '/**', 'a: x:y', 'b: {c: "x:y", d: [1]}')))
+
+
+@pytest.mark.parametrize('rule', ['__ns:=/left', 'tendon_actuation:__node:=kinematics'])
+def test_a_rule_before_the_ros_arguments_counts(tmp_path: Path, rule: str) -> None:
+    file = write(tmp_path / 'file.yaml',
+                 section('/left/*', 'a: 1') + section('kinematics', 'a: 2'))
+    assert assert_same([rule, *given_as(file)], 'tendon_actuation')
+
+
 ARGUMENTS = [
     ['-p', 'a:=3.0'], ['-p', 'tendon_actuation:a:=3.0'], ['-p', 'arm.a:=3.0'],
     ['-r', '__ns:=/left'], ['-r', '__ns:=/left', '-r', '__ns:=/right'],

@@ -113,6 +113,39 @@ def test_a_calibration_is_read_as_it_was_written(ideal, tmp_path):
     assert np.array_equal(again.distortion, lens.distortion)
 
 
+@pytest.mark.parametrize('text', [
+    '%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n'
+    '   rows: 3\n   cols: 3\n   dt: d\n   data: [6e+02, 0., 310., 0., 610., 250., 0., 0., 1.]\n'
+    'distortion_coefficients: !!opencv-matrix\n   data: [ 0.1 ]\n',
+    'header: {frame_id: cam}\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\nd:\n- 0.1\n'
+    'k: [600.0, 0.0, 310.0, 0.0, 610.0, 250.0, 0.0, 0.0, 1.0]\n---\n'])
+def test_a_calibration_of_opencv_or_of_a_message_is_read(tmp_path, text):
+    path = tmp_path / 'camera.yaml'
+    path.write_text(text, encoding='utf-8')
+    lens = Lens.read(path)
+    assert lens.size == (640, 480) and lens.distortion.tolist() == [0.1, 0.0, 0.0, 0.0, 0.0]
+    assert lens.matrix.tolist() == [[600.0, 0.0, 310.0], [0.0, 610.0, 250.0], [0.0, 0.0, 1.0]]
+
+
+K = (600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(('size', 'matrix', 'message'), [
+    ((640, 480), np.reshape(K, (3, 3)).T, 'expected fx 0 cx, 0 fy cy, 0 0 1, row by row'),
+    ((640, 480), [*K[:8], 2.0], 'expected fx 0 cx'), ((640, 480), [*K[:8], 0.0], 'expected fx'),
+    ((640, 480), [K[0], 5.0, *K[2:]], 'expected fx 0 cx'),
+    ((640, 480), [*K[:2], 700.0, *K[3:]], r'in the picture of 640 x 480 px'),
+    ((640, 480), [*K[:2], 0.0, *K[3:5], 0.0, *K[6:]], 'in the picture'),
+    ((640, 480), [0.9, 0.0, 0.5, 0.0, 1.2, 0.5, 0.0, 0.0, 1.0], 'in px'),
+    ((640, 480), ['3_20', *K[1:]], 'the camera matrix must be numbers; given'),
+    ((0, 0), K, 'the size of the picture is .0, 0.'), ((640.7, 480), K, 'whole numbers above 0'),
+    ((640, -480), K, 'whole'), (('640', 480), K, 'whole'), ((True, 480), K, 'whole')])
+def test_what_is_no_camera_matrix_is_refused(size, matrix, message):
+    Lens.of((640, 480), K, [])
+    with pytest.raises(LensError, match=message):
+        Lens.of(size, matrix, [])
+
+
 @pytest.mark.parametrize('text', ['', '3', 'image_width: wide', '[1, 2]',
                                   'image_width: 640\nimage_height: 480'])
 def test_a_file_that_is_no_calibration_is_refused(tmp_path, text):
@@ -140,9 +173,9 @@ def test_coefficients_that_are_left_out_are_zeros(distortion, model, same):
 
 
 @pytest.mark.parametrize(('matrix', 'distortion', 'model'), [
-    (np.zeros(9), np.zeros(5), 'plumb_bob'), (np.eye(3), np.zeros(5), 'equidistant'),
-    (np.eye(3), np.ones(6), 'plumb_bob'), (np.eye(3), [np.nan] * 5, 'plumb_bob'),
-    (np.eye(3), np.ones(9), 'rational_polynomial'), (np.eye(3), [0.1], 'none'),
+    (np.zeros(9), np.zeros(5), 'plumb_bob'), (K, np.zeros(5), 'equidistant'),
+    (K, np.ones(6), 'plumb_bob'), (K, [np.nan] * 5, 'plumb_bob'),
+    (K, np.ones(9), 'rational_polynomial'), (K, [0.1], 'none'),
     (np.full(9, np.inf), np.zeros(5), 'plumb_bob'), ([1.0], np.zeros(5), '')])
 def test_an_uncalibrated_camera_is_refused(matrix, distortion, model):
     with pytest.raises(LensError, match='soft_continuum calibrate camera'):

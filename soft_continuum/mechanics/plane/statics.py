@@ -82,7 +82,7 @@ class PlaneStatics(Statics):
              soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
              sliding: Sequence[int] = ()) -> Equilibrium:
         """Return the equilibrium in which ``segment`` has an angle; all as in Statics."""
-        mask, vacuum = self._bent(start, segment, angle, soft, vacuum)
+        mask, vacuum = self._bent(start, segment, angle, soft, vacuum, sliding)
         reasons: dict[int, str] = {}
         # What a jam holds depends on where it was stiffened, so on both solves.
         at_once = self.laws.rigid_only and not (any(sliding) and self.chain.tendon.friction)
@@ -119,8 +119,9 @@ class PlaneStatics(Statics):
         used, and all others are stiff.  sliding: as in ``solve``.  pretensions: ignored, since one
         tendon carries.  Raises what ``bend`` raises.
         """
-        segment = list(soft).index(True)
-        found = self.bend(start, segment, float(bending[segment, 1]), sliding=sliding)
+        wanted, mask = self._wanted(start, bending, soft, sliding)
+        segment = mask.index(True)
+        found = self.bend(start, segment, float(wanted[segment, 1]), sliding=sliding)
         carries = np.arange(len(found.tensions)) == np.argmax(found.tensions)
         return HeldBending(found, np.where(carries & (found.tensions > 0.0),
                                            self.commanded_pulls(found, sliding), SLACK))

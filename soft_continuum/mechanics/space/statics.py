@@ -168,7 +168,7 @@ class SpaceStatics(Statics):
              sliding: Sequence[int] = ()) -> Equilibrium:
         """Return the equilibrium in which ``segment`` has an angle; all as in Statics."""
         from soft_continuum.mechanics.inverse import pulls_for_bending  # needs this
-        mask, vacuum = self._bent(start, segment, angle, soft, vacuum)
+        mask, vacuum = self._bent(start, segment, angle, soft, vacuum, sliding)
         wanted = np.full((self.chain.segments, 2), np.nan)
         wanted[segment] = np.where(self.chain.arm.bending_axes[segment], (0.0, angle), np.nan)
         begun, _ = self.begin(start, mask, vacuum)
@@ -179,11 +179,12 @@ class SpaceStatics(Statics):
              ) -> HeldBending:
         """Return the state that pulls_for_bending finds; all as in Statics."""
         from soft_continuum.mechanics.inverse import pulls_for_bending  # needs this
-        wanted = np.where(self.chain.arm.bending_axes & np.array(soft)[:, None], bending, np.nan)
+        given, mask = self._wanted(start, bending, soft, sliding)
+        wanted = np.where(self.chain.arm.bending_axes & np.array(mask)[:, None], given, np.nan)
         errors = []
         for pretension in pretensions:
             try:
-                fit = pulls_for_bending(self, start, wanted, soft, pretension=pretension)
+                fit = pulls_for_bending(self, start, wanted, mask, pretension=pretension)
                 return HeldBending(fit.state, fit.pulls)
             except StaticsError as error:
                 errors.append(error)
