@@ -21,7 +21,7 @@ OpenCV orders them so that omitted trailing coefficients are 0."""
 
 
 MIN_FOCAL = 0.05
-"""Of the size of a picture, to which 170 degrees come; less is in other units."""
+"""Smallest focal length over the size of the picture, for a view of 170 degrees."""
 
 
 class LensError(ValueError):

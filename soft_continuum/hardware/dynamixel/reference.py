@@ -141,7 +141,8 @@ class ZeroFile:
             if before is not None:
                 before.join()  # the newest is written last
             try:
-                done.set_result(self.write([servo.id for servo in servos], _raw(servos, zeros)))
+                self.write([servo.id for servo in servos], _raw(servos, zeros))
+                done.set_result(None)
             except BaseException as error:
                 done.set_exception(error)
 
