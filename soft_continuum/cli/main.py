@@ -71,18 +71,6 @@ def completion() -> int:
     return DONE
 
 
-def emulate() -> int:
-    """Call the emulator of a device."""
-    parser = Parser('emulate', 'Emulate a device on a pseudo-terminal. DEVICE --help shows the '
-                    'options of a device.')
-    parser.add_argument('device', choices=('grbl', 'dynamixel', 'modbus'),
-                        help='grbl: the stepper controller; dynamixel: servos; '
-                        'modbus: pump, valves and sensors')
-    parser.add_argument('options', nargs=argparse.REMAINDER, metavar='OPTION')
-    options = parser.parse_args()
-    return call(VERBS[f'{options.device}_emulator'], options.options)
-
-
 def _parser() -> Parser:
     width = max(map(len, VERBS))
     listing = '\n\n'.join(

@@ -147,9 +147,10 @@ class Statics:
         """Return which segments are soft, and the vacuum, for ``bend``; raises ValueError."""
         check_start(start)
         sliding_signs(sliding, len(self.compliance))
-        mask = (tuple(i == segment for i in range(self.chain.segments)) if soft is None
+        number = int(segment) if whole(segment) else -1
+        mask = (tuple([i == number for i in range(self.chain.segments)]) if soft is None
                 else soft_flags(soft, self.chain.segments))
-        if not (whole(segment) and 0 <= segment < self.chain.segments and mask[segment]):
+        if not (0 <= number < self.chain.segments and mask[number]):
             raise ValueError(f'segment index {segment} is not one of the soft segments; '
                              f'soft: {list(mask)}')
         if vacuum is None:

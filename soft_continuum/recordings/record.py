@@ -9,23 +9,17 @@ from pathlib import Path
 import signal
 import sys
 from time import monotonic
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from soft_continuum.analysis.recording import BAG
 from soft_continuum.analysis.results import reserve_outputs
 from soft_continuum.analysis.verbs import run_verb
 from soft_continuum.arguments import DONE, FAILED, number_in, Parser
-from soft_continuum.client.connection import Connection
-from soft_continuum.client.observed import SEQUENCER_STATE
-from soft_continuum.client.requests import Requests
-from soft_continuum.client.tasks import until
-from soft_continuum.recordings.topics import (
-    about,
-    attach_parameters,
-    end_recording,
-    TopicRecorder,
-)
 from soft_continuum.ros.names import NODES
+
+if TYPE_CHECKING:
+    from soft_continuum.client.requests import Requests
+    from soft_continuum.recordings.topics import TopicRecorder
 
 DISCOVERY_TIMEOUT = 5.0  # s
 
@@ -37,7 +31,7 @@ class Recording:
     topics: None before it begins.
     """
 
-    def __init__(self, requests: Requests, path: Path, pictures: bool, goal: bool) -> None:
+    def __init__(self, requests: 'Requests', path: Path, pictures: bool, goal: bool) -> None:
         """Write nothing yet."""
         self.interrupted = False
         self.topics: TopicRecorder | None = None
@@ -45,6 +39,7 @@ class Recording:
         self._goal, self._runs = goal, False
 
     def _ended(self) -> bool:
+        from soft_continuum.client.observed import SEQUENCER_STATE
         if self._goal and (state := self._requests.observed.message(SEQUENCER_STATE)) is not None:
             before, self._runs = self._runs, state.running
             if before and not self._runs:
@@ -58,6 +53,8 @@ class Recording:
         Raises ClientError without nodes, OSError when the file cannot be begun, BagError without
         the packages.
         """
+        from soft_continuum.client.tasks import until
+        from soft_continuum.recordings import topics as recorded
         requests, node = self._requests, self._requests.node
         if not await until(lambda: node.count_publishers('tendon_states') or self._ended(),
                            min(duration, DISCOVERY_TIMEOUT)):
@@ -65,12 +62,12 @@ class Recording:
         if self._ended():
             return
         self._path.unlink(missing_ok=True)  # that it may be overwritten was asked before
-        self.topics = topics = TopicRecorder(node, self._path, about(node),
-                                             pictures=self._pictures)
+        self.topics = topics = recorded.TopicRecorder(
+            node, self._path, recorded.about(node), pictures=self._pictures)
         try:
-            attaching = requests.start(attach_parameters(requests, topics))
+            attaching = requests.start(recorded.attach_parameters(requests, topics))
             await until(self._ended, duration)
-            await end_recording(topics, attaching, requests)
+            await recorded.end_recording(topics, attaching, requests)
         finally:
             topics.close()
 
@@ -93,6 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     """Record until the time is over, a goal has ended, or Ctrl-C; return the exit status."""
     path, = reserve_outputs(options.output, [BAG], options.force)
+    from soft_continuum.client.connection import Connection
     begin = monotonic()
     connection = Connection('record', options.namespace)
     try:

@@ -64,9 +64,11 @@ def test_a_tendon_beyond_its_limits_comes_back_in_one_motion(motors, tmp_path):
 
 def test_a_second_program_cannot_open_the_port(motors, tmp_path):
     with motors(tmp_path) as (tendons, another):
+        before = tendons.read().pulls
         with pytest.raises(HardwareError, match='in use by another program'):
             another().open()
         assert tendons.read().referenced
+        assert tendons.read().pulls == before
 
 
 def test_no_zero_is_set_in_motion(motors, tmp_path):

@@ -64,6 +64,7 @@ def test_in_one_plane_every_law_does_what_it_does_in_the_plane(
                       for statics, state in ((planar, one), (solid, other)))
         assert not one.jumped
         assert other.points == pytest.approx(one.points, abs=1e-9)
+        assert other.points[:, 1] == pytest.approx(0.0, abs=1e-12)
         assert other.tensions == pytest.approx(one.tensions, abs=1e-6)
         assert (other.stiff, other.vacuum) == (one.stiff, one.vacuum)
         stiff = np.repeat(one.stiff, 5)

@@ -453,7 +453,7 @@ def limit_speed(rig):
 
 @pytest.mark.parametrize(('happens', 'code', 'messages', 'moves'), [
     (lambda rig: rig.broken.add(0), Code.TIMEOUT, [
-        'segment 1 did not become soft within 3 s; its vacuum is 92.'], False),
+        'segment 1 did not become soft within 3 s; its vacuum is 92.4 kPa'], False),
     (limit_speed, Code.HARDWARE_FAULT, [
         'the tendon motion was refused: ', 'speed_limit: 0.0001 m/s'], True),
     (lambda rig: setattr(rig, 'stuck', True), Code.TIMEOUT, [
