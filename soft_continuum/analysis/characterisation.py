@@ -164,12 +164,12 @@ def _half_width(curves: Sequence[Curve]) -> float:
 
 def _settling(curves: Sequence[Curve]) -> tuple[float, float]:
     """Return the relative change of force from first to last, and the spread (N) of all."""
-    low = max(float(c.loading[0].min()) for c in curves)
-    high = min(float(c.loading[0].max()) for c in curves)
+    loading = [(u - u[0], f) for u, f in (c.loading for c in curves)]
+    low, high = max(u.min() for u, _ in loading), min(u.max() for u, _ in loading)
     if len(curves) == 1 or low >= high:
         return nan, nan
     grid = np.linspace(low, high, 101)
-    forces = np.array([_along(grid, *c.loading) for c in curves])
+    forces = np.array([_along(grid, *each) for each in loading])
     return float(forces[-1, -1] / forces[0, -1] - 1.0), float(np.ptp(forces, axis=0).max())
 
 

@@ -112,15 +112,18 @@ def _sides(table: Table) -> list[tuple[Column, Column]]:
 
 def _check_clocks(times: Sequence[Column], first: Column, second: Column) -> None:
     """Raise an error if each of two columns stands behind its own time and these differ."""
-    before = [time for time in times if time.number < first.number]
-    between = [time for time in times if first.number < time.number < second.number]
-    for line, one, other in zip(first.lines, before[-1].cells, between[-1].cells, strict=True
-                                ) if before and between else ():
-        if one != other:
+    own = [[time for time in times if after < time.number < column.number][-1:]
+           for after, column in ((0, first), (first.number, second))]
+    for one, other in zip(*own, strict=False):
+        try:
+            differ = one.numbers() != other.numbers()
+        except MeasurementError:  # the time of day
+            differ = np.array(one.cells) != np.array(other.cells)
+        for row in np.flatnonzero(differ)[:1]:
             raise MeasurementError(
-                f'{first.path}, line {line}: {first.header} was taken at {one} and '
-                f'{second.header} at {other}; export both at the same times, or delete the '
-                'column of times that is none of them')
+                f'{first.path}, line {first.lines[row]}: {first.header} was taken at '
+                f'{one.cells[row]} and {second.header} at {other.cells[row]}; export both at the '
+                'same times, or delete the column of times that is none of them')
 
 
 def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:

@@ -55,6 +55,8 @@ def test_where_repetitions_begin_changes_nothing(starts):
         for start, force in zip(begin, forces, strict=True))) for begin in ((0.0,) * 3, starts))
     assert apart.regression.slope == pytest.approx(at_zero.regression.slope)
     assert apart.regression.determination == pytest.approx(at_zero.regression.determination)
+    assert apart.settling == pytest.approx(at_zero.settling)
+    assert apart.spread == pytest.approx(at_zero.spread)
     assert apart.linearity_error == pytest.approx(at_zero.linearity_error, abs=1e-9)
 
 

@@ -191,7 +191,7 @@ SAME = {
         'Extension,Load,Extension\n%,N,mm', lambda u, f: f'{u:.2f},{f:.2f},{u:.2f}'),
     'a time of each column, the same': table(
         'Time (s),Force (N),Time (s),Displacement (mm)',
-        lambda u, f: f'{u:.2f},{f:.2f},{u:.2f},{u:.2f}'),
+        lambda u, f: f'{u:.2f},{f:.2f},{u:.3f},{u:.2f}'),
     **{f'a unit in {header}': table(f'Displacement{header},Force{header}'.replace(
         'X', 'mm', 1).replace('X', 'N'), lambda u, f: f'{u:.2f},{f:.2f}')
        for header in ('_X_', '..X.', ' {X}', ' <X>', ' [in X]', ' (unit: X)', ' (unit:X)')},
