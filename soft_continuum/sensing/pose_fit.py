@@ -126,10 +126,11 @@ class TagGroup:
                                (-half, -half, 0)])  # in the order that OpenCV wants
             _, vectors, shifts, _ = cv2.solvePnPGeneric(
                 square, pixels, self._lens.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
-            for vector, shift in zip(vectors[:poses], shifts[:poses], strict=True):
-                if np.isfinite(vector).all() and np.isfinite(shift).all():
-                    turn = cv2.Rodrigues(vector)[0] @ tag.axes
-                    found.append(self._allowed(turn, shift.ravel() - turn @ tag.centre))
+            solved = [(vector, shift) for vector, shift in zip(vectors, shifts, strict=True)
+                      if np.isfinite(vector).all() and np.isfinite(shift).all()]
+            for vector, shift in solved[:poses]:
+                turn = cv2.Rodrigues(vector)[0] @ tag.axes
+                found.append(self._allowed(turn, shift.ravel() - turn @ tag.centre))
         return found
 
     def _allowed(self, turn: Array, shift: Array) -> '_Guess':

@@ -133,7 +133,7 @@ class TagCamera:
                 problems.append(fit)
             elif fit is not None:
                 fits[n] = fit
-        if wrong_scale := self._wrong_scale(view, fits):
+        if self._tilts and (wrong_scale := self._wrong_scale(view, fits)):
             return TagDetections({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
         poses = {n: view.pose(fit) for n, fit in fits.items()}
         wrong, on_wrong_discs = implausible_spacing(poses, self.layout)
