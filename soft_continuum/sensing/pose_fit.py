@@ -26,7 +26,7 @@ from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array
 
 CORNER_DEVIATION = 0.1  # px, of each corner of a tag
-FULL_WIDTH = 32.0  # px of such a tag; those of a narrower one are worse by the square
+FULL_WIDTH = 32.0  # px of such a tag
 ITERATIONS, HALVINGS = 20, 6
 DONE = 1e-7  # m and rad: a smaller step is the last one
 SAME, NEAR = 0.01, 0.05  # rad between two poses that are, or lead to, one minimum
@@ -41,7 +41,8 @@ class PoseFit:
     of shift (m) and of a rotation vector (rad) in the axes of the camera, about the origin of the
     body, and of the focal length (relative), by corners and tags; 0 for what was not fitted.
     response: (7, 7), change of the fit per change of what is seen, as by these seven.  misfit: sum
-    of squares over their covariance.  freedom: corners less unknowns.  residual: px RMS.
+    of squares over their covariance.  freedom: corners less unknowns.  residual: px, RMS of
+    each coordinate.
     """
 
     turn: Array
@@ -59,12 +60,15 @@ class TagGroup:
 
     def __init__(self, tags: Sequence[Tag], pixels: Sequence[Array], lens: Lens,
                  focal: float = 1.0, focal_stddev: float = 0.0, base: PoseFit | None = None,
-                 axes: NDArray[np.bool_] = SPATIAL_AXES) -> None:
+                 axes: NDArray[np.bool_] = SPATIAL_AXES, deviation: float = CORNER_DEVIATION,
+                 full_width: float = FULL_WIDTH) -> None:
         """
         Take corners (4, 2) px without distortion.
 
         focal: focal length over the calibrated one.  focal_stddev: of that; 0: not fitted.
         axes: (6,), along and about which axes of ``base`` the body may be displaced from it.
+        deviation: px, of each corner of a tag of ``full_width`` px; those of a narrower one are
+        worse by the square.
         """
         self._tags, self._lens = tags, lens
         self._pixels = np.array(pixels)
@@ -73,7 +77,7 @@ class TagGroup:
         self._axes = np.array([tag.axes.T for tag in tags])
         self._spreads = np.array([tag.spread for tag in tags])
         widths = np.array([width(corners) for corners in self._pixels])
-        noise = CORNER_DEVIATION * np.maximum(1.0, FULL_WIDTH / widths)**2
+        noise = deviation * np.maximum(1.0, full_width / widths)**2
         self._noise = noise[:, None, None]**2 * np.eye(8)
         self._focal, self._given = np.diag(lens.matrix)[:2], focal
         self._base, self._moves = base, axes
@@ -168,7 +172,7 @@ class TagGroup:
         covariance = free @ np.linalg.inv(free.T @ matrix @ free) @ free.T
         return PoseFit(guess.turn, guess.shift, guess.focal, covariance, covariance @ matrix,
                        misfit, errors.size - int(self._moves.sum()),
-                       float(np.sqrt(2.0 * np.mean(errors**2))))
+                       float(np.sqrt(np.mean(errors**2))))
 
     def _step(self, guess: '_Guess') -> Array:
         """Return the Gauss-Newton step (7,) of what is free."""

@@ -23,13 +23,20 @@ from soft_continuum.sensing.layout import Layout, MIN_FIXED, off_a_line, Tag
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, is_black, Picture
 from soft_continuum.sensing.placed_tags import PlacedTags
-from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, PoseFit, TagGroup, width
+from soft_continuum.sensing.pose_fit import (
+    CORNER_DEVIATION,
+    FULL_WIDTH,
+    PoseFit,
+    TagGroup,
+    width,
+)
 from soft_continuum.sensing.rigid import compose, levers, rotate, UNKNOWN, UP
 
-MAX_RESIDUAL = 2.0  # px, RMS: tags beyond it are not where they were said to be
+MAX_RESIDUAL = 2.0  # px, RMS of each coordinate: tags beyond it are not where they were said to be
 MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
 FAR_OFF = 0.5  # relative size error that no printer causes
 MAX_MISFIT = 16.0  # of corners over what is expected of them, both squared
+NOISY = 1.5  # such a misfit of fixed tags, beyond which corners are worse than expected
 CLEARER = 12.0  # by which the misfit of every other pose of a disc is larger
 MIN_WIDTH = 16.0  # px, 2 per module: of a tag seen more from its side corners are not exact
 MIN_TILT = 0.35  # rad by which a tag that is seen alone has to look past the camera
@@ -54,9 +61,9 @@ class DiscPose:
 class View:
     """The view of a camera of base_link."""
 
-    def __init__(self, base: PoseFit, lens: Lens) -> None:
-        """Take the pose of base_link in the frame of the camera."""
-        self.base, self._lens = base, lens
+    def __init__(self, base: PoseFit, lens: Lens, deviation: float) -> None:
+        """Take the pose of base_link in the frame of the camera, and px of corners."""
+        self.base, self._lens, self.deviation = base, lens, deviation
 
     def project(self, points: Array) -> Array:
         """Project points (k, 3) m in base_link, (k, 2) px; nan behind the camera."""
@@ -113,6 +120,7 @@ class TagCamera:
         self.layout, self.lens, self._tags = layout, lens, tags
         self._known = frozenset(tags.fixed).union(*tags.rings)
         self._tilts = bool(layout.axes.all())  # tags may be seen from their side, or not at all
+        self._full_width = FULL_WIDTH if self._tilts else 0.0
         self._detector = TagDetector(lens, () if self._tilts else self._known, 1 + self._tilts)
 
     def measure(self, picture: Picture) -> TagDetections:
@@ -144,7 +152,7 @@ class TagCamera:
             {n: DiscPose(compose(poses[n], self._tags.offsets[n]),
                          self._covariance(n, poses[n], view.covariance(fit, max(1.0, factor))),
                          poses[n]) for n, fit in fits.items()},
-            numbers, CORNER_DEVIATION * float(np.sqrt(factor)), (*problems, *on_wrong_discs),
+            numbers, view.deviation * float(np.sqrt(factor)), (*problems, *on_wrong_discs),
             corners, view)
 
     def _find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
@@ -165,20 +173,26 @@ class TagCamera:
             return self._too_few(picture, corners, len(seen))
         if not off_a_line(np.array([fixed[n].centre for n in seen])):
             return 'the visible fixed tags are in a line; uncover the others'
-        group = TagGroup([fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
-                         self._tags.focal, self._tags.focal_stddev)
+        given = ([fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
+                 self._tags.focal, self._tags.focal_stddev)
+        deviation, group = CORNER_DEVIATION, TagGroup(*given, full_width=self._full_width)
         fits = group.fits()
         if not fits:
             return f'the fixed tags do not fit; are they at {layout.fixed_parameter}?'
+        off = fits[0].misfit / fits[0].freedom
+        if not self._tilts and off > NOISY:
+            deviation *= float(np.sqrt(off))
+            group = TagGroup(*given, deviation=deviation, full_width=self._full_width)
+            fits = group.fits()
         factor = group.size_factor(fits[0])
         if MAX_SCALE_ERROR < abs(factor - 1.0) < FAR_OFF:
             return (f'the fixed tags are {factor * layout.fixed_size * 1e3:.1f} mm large, '
                     f'measured by their distances, not {layout.fixed_size * 1e3:.1f} mm: '
                     f'print at 100 %, or correct {layout.fixed_parameter}')
-        if _does_not_fit(fits[0]) or abs(factor - 1.0) >= FAR_OFF:
+        if _does_not_fit(fits[0], off) or abs(factor - 1.0) >= FAR_OFF:
             return (f'the fixed tags do not fit by {fits[0].residual:.1f} px; are they where '
                     f'{layout.fixed_parameter} says, and is this calibration of this camera?')
-        return View(fits[0], self.lens)
+        return View(fits[0], self.lens, deviation)
 
     def _too_few(self, picture: Picture, corners: Mapping[int, Array], seen: int) -> str:
         """Return the problem of an image without enough fixed tags, and a remedy."""
@@ -196,11 +210,12 @@ class TagCamera:
         seen = [number for number in ring if number in corners]
         fits = TagGroup(
             [ring[k] for k in seen], [corners[k] for k in seen], self.lens, view.base.focal,
-            base=view.base, axes=self.layout.axes).fits() if seen else []
+            base=view.base, axes=self.layout.axes, deviation=view.deviation,
+            full_width=self._full_width).fits() if seen else []
         if not fits:
             return None
         best = fits[0]
-        if _does_not_fit(best):
+        if _does_not_fit(best, best.misfit / best.freedom):
             return (f'the tags of disc {n} do not fit by {best.residual:.1f} px; is each in its '
                     'place, flat, and of the size tags.disc_size?')
         alone = len(seen) == 1 and _tilt(ring[seen[0]], best) < MIN_TILT
@@ -259,6 +274,6 @@ def _tilt(tag: Tag, fit: PoseFit) -> float:
     return float(np.arccos(-(fit.turn @ tag.axes[2]) @ place / np.linalg.norm(place)))
 
 
-def _does_not_fit(fit: PoseFit) -> bool:
-    """Return whether corners are off by more than pixels and stated deviations explain."""
-    return fit.residual > MAX_RESIDUAL and fit.misfit > MAX_MISFIT * fit.freedom
+def _does_not_fit(fit: PoseFit, off: float) -> bool:
+    """Return whether corners are off by more than pixels and, ``off``, than is expected."""
+    return fit.residual > MAX_RESIDUAL and off > MAX_MISFIT
