@@ -16,11 +16,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-import scipy
-from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.arm import SPATIAL_AXES
-from soft_continuum.mechanics.orientations import cross_matrices
+from soft_continuum.mechanics.orientations import cross_matrices, matrices, quaternions
 from soft_continuum.sensing.layout import Tag
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array
@@ -82,7 +80,9 @@ class TagGroup:
         self._focal, self._given = np.diag(lens.matrix)[:2], focal
         self._base, self._moves = base, axes
         turn = np.eye(3) if base is None else base.turn
-        self._free = scipy.linalg.block_diag(turn, turn, 1.0)[:, [*axes, focal_stddev > 0.0]]
+        every = np.eye(7)
+        every[:3, :3] = every[3:6, 3:6] = turn
+        self._free = every[:, [*axes, focal_stddev > 0.0]]
         """(7, n), shift, rotation vector and focal length per unknown."""
         self._stiff = 1.0 / focal_stddev**2 if focal_stddev else 0.0
         self._last: _Guess | None = None
@@ -141,8 +141,8 @@ class TagGroup:
         """Return a pose that the body can have, near another one."""
         if (base := self._base) is not None and not self._moves.all():
             place = self._moves[:3] * (base.turn.T @ (shift - base.shift))
-            turned = Rotation.from_matrix(base.turn.T @ turn).as_quat() * [*self._moves[3:], True]
-            turn = base.turn @ Rotation.from_quat(turned).as_matrix()
+            turned = quaternions((base.turn.T @ turn)[None]) * [*self._moves[3:], True]
+            turn = base.turn @ matrices(turned / np.linalg.norm(turned))[0]
             shift = base.turn @ place + base.shift
         return _Guess(turn, shift, self._given)
 

@@ -15,9 +15,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.spatial.transform import Rotation
 
+from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import Layout, MIN_FIXED, off_a_line, Tag
 from soft_continuum.sensing.lens import Lens
@@ -36,6 +35,7 @@ MAX_RESIDUAL = 2.0  # px, RMS of each coordinate: tags beyond it are not where t
 MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
 FAR_OFF = 0.5  # relative size error that no printer causes
 MAX_MISFIT = 16.0  # of corners over what is expected of them, both squared
+STEADY = 0.2  # px: with less of fixed tags, the view of a planar arm follows their noise
 NOISY = 1.5  # such a misfit of fixed tags, beyond which corners are worse than expected
 CLEARER = 12.0  # by which the misfit of every other pose of a disc is larger
 MIN_WIDTH = 16.0  # px, 2 per module: of a tag seen more from its side corners are not exact
@@ -62,7 +62,11 @@ class View:
     """The view of a camera of base_link."""
 
     def __init__(self, base: PoseFit, lens: Lens, deviation: float) -> None:
-        """Take the pose of base_link in the frame of the camera, and px of corners."""
+        """
+        Take the pose of base_link in the frame of the camera.
+
+        deviation: px, of each corner of a tag of a disc.
+        """
         self.base, self._lens, self.deviation = base, lens, deviation
 
     def project(self, points: Array) -> Array:
@@ -77,7 +81,7 @@ class View:
         """Return the pose (7,) in base_link of a body seen by the camera."""
         back = self.base.turn.T
         return np.concatenate([back @ (fit.shift - self.base.shift),
-                               Rotation.from_matrix(back @ fit.turn).as_quat(canonical=True)])
+                               quaternions((back @ fit.turn)[None])[0]])
 
     def covariance(self, fit: PoseFit, factor: float) -> Array:
         """
@@ -87,7 +91,8 @@ class View:
         """
         back = np.kron(np.eye(2), self.base.turn.T)
         # What moves base_link moves what is seen of the body alike.
-        by_base = fit.response @ block_diag(levers(fit.shift - self.base.shift), 1.0)
+        by_base = fit.response.copy()
+        by_base[:, :6] = by_base[:, :6] @ levers(fit.shift - self.base.shift)
         found = factor * (fit.covariance + by_base @ self.base.covariance @ by_base.T)[:6, :6]
         covariance: Array = back @ found @ back.T
         return covariance
@@ -175,14 +180,15 @@ class TagCamera:
             return 'the visible fixed tags are in a line; uncover the others'
         given = ([fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
                  self._tags.focal, self._tags.focal_stddev)
-        deviation, group = CORNER_DEVIATION, TagGroup(*given, full_width=self._full_width)
-        fits = group.fits()
+        deviation = CORNER_DEVIATION if self._tilts else STEADY
+        group = TagGroup(*given, deviation=deviation, full_width=self._full_width)
+        fits, of_discs = group.fits(), CORNER_DEVIATION
         if not fits:
             return f'the fixed tags do not fit; are they at {layout.fixed_parameter}?'
         off = fits[0].misfit / fits[0].freedom
         if not self._tilts and off > NOISY:
-            deviation *= float(np.sqrt(off))
-            group = TagGroup(*given, deviation=deviation, full_width=self._full_width)
+            of_discs = deviation * float(np.sqrt(off))
+            group = TagGroup(*given, deviation=of_discs, full_width=self._full_width)
             fits = group.fits()
         factor = group.size_factor(fits[0])
         if MAX_SCALE_ERROR < abs(factor - 1.0) < FAR_OFF:
@@ -192,7 +198,7 @@ class TagCamera:
         if _does_not_fit(fits[0], off) or abs(factor - 1.0) >= FAR_OFF:
             return (f'the fixed tags do not fit by {fits[0].residual:.1f} px; are they where '
                     f'{layout.fixed_parameter} says, and is this calibration of this camera?')
-        return View(fits[0], self.lens, deviation)
+        return View(fits[0], self.lens, of_discs)
 
     def _too_few(self, picture: Picture, corners: Mapping[int, Array], seen: int) -> str:
         """Return the problem of an image without enough fixed tags, and a remedy."""
