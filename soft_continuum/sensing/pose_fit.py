@@ -16,17 +16,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-import scipy
-from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.arm import SPATIAL_AXES
-from soft_continuum.mechanics.orientations import cross_matrices
+from soft_continuum.mechanics.orientations import cross_matrices, matrices, quaternions
 from soft_continuum.sensing.layout import Tag
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array
 
 CORNER_DEVIATION = 0.1  # px, of each corner of a tag
-FULL_WIDTH = 32.0  # px of such a tag; those of a narrower one are worse by the square
+FULL_WIDTH = 32.0  # px of such a tag
 ITERATIONS, HALVINGS = 20, 6
 DONE = 1e-7  # m and rad: a smaller step is the last one
 SAME, NEAR = 0.01, 0.05  # rad between two poses that are, or lead to, one minimum
@@ -41,7 +39,8 @@ class PoseFit:
     of shift (m) and of a rotation vector (rad) in the axes of the camera, about the origin of the
     body, and of the focal length (relative), by corners and tags; 0 for what was not fitted.
     response: (7, 7), change of the fit per change of what is seen, as by these seven.  misfit: sum
-    of squares over their covariance.  freedom: corners less unknowns.  residual: px RMS.
+    of squares over their covariance.  freedom: corners less unknowns.  residual: px, RMS of
+    each coordinate.
     """
 
     turn: Array
@@ -59,12 +58,15 @@ class TagGroup:
 
     def __init__(self, tags: Sequence[Tag], pixels: Sequence[Array], lens: Lens,
                  focal: float = 1.0, focal_stddev: float = 0.0, base: PoseFit | None = None,
-                 axes: NDArray[np.bool_] = SPATIAL_AXES) -> None:
+                 axes: NDArray[np.bool_] = SPATIAL_AXES, deviation: float = CORNER_DEVIATION,
+                 full_width: float = FULL_WIDTH) -> None:
         """
         Take corners (4, 2) px without distortion.
 
         focal: focal length over the calibrated one.  focal_stddev: of that; 0: not fitted.
         axes: (6,), along and about which axes of ``base`` the body may be displaced from it.
+        deviation: px, of each corner of a tag of ``full_width`` px; those of a narrower one are
+        worse by the square.
         """
         self._tags, self._lens = tags, lens
         self._pixels = np.array(pixels)
@@ -73,12 +75,14 @@ class TagGroup:
         self._axes = np.array([tag.axes.T for tag in tags])
         self._spreads = np.array([tag.spread for tag in tags])
         widths = np.array([width(corners) for corners in self._pixels])
-        noise = CORNER_DEVIATION * np.maximum(1.0, FULL_WIDTH / widths)**2
+        noise = deviation * np.maximum(1.0, full_width / widths)**2
         self._noise = noise[:, None, None]**2 * np.eye(8)
         self._focal, self._given = np.diag(lens.matrix)[:2], focal
         self._base, self._moves = base, axes
         turn = np.eye(3) if base is None else base.turn
-        self._free = scipy.linalg.block_diag(turn, turn, 1.0)[:, [*axes, focal_stddev > 0.0]]
+        every = np.eye(7)
+        every[:3, :3] = every[3:6, 3:6] = turn
+        self._free = every[:, [*axes, focal_stddev > 0.0]]
         """(7, n), shift, rotation vector and focal length per unknown."""
         self._stiff = 1.0 / focal_stddev**2 if focal_stddev else 0.0
         self._last: _Guess | None = None
@@ -126,18 +130,19 @@ class TagGroup:
                                (-half, -half, 0)])  # in the order that OpenCV wants
             _, vectors, shifts, _ = cv2.solvePnPGeneric(
                 square, pixels, self._lens.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
-            for vector, shift in zip(vectors[:poses], shifts[:poses], strict=True):
-                if np.isfinite(vector).all() and np.isfinite(shift).all():
-                    turn = cv2.Rodrigues(vector)[0] @ tag.axes
-                    found.append(self._allowed(turn, shift.ravel() - turn @ tag.centre))
+            solved = [(vector, shift) for vector, shift in zip(vectors, shifts, strict=True)
+                      if np.isfinite(vector).all() and np.isfinite(shift).all()]
+            for vector, shift in solved[:poses]:
+                turn = cv2.Rodrigues(vector)[0] @ tag.axes
+                found.append(self._allowed(turn, shift.ravel() - turn @ tag.centre))
         return found
 
     def _allowed(self, turn: Array, shift: Array) -> '_Guess':
         """Return a pose that the body can have, near another one."""
         if (base := self._base) is not None and not self._moves.all():
             place = self._moves[:3] * (base.turn.T @ (shift - base.shift))
-            turned = Rotation.from_matrix(base.turn.T @ turn).as_quat() * [*self._moves[3:], True]
-            turn = base.turn @ Rotation.from_quat(turned).as_matrix()
+            turned = quaternions((base.turn.T @ turn)[None]) * [*self._moves[3:], True]
+            turn = base.turn @ matrices(turned / np.linalg.norm(turned))[0]
             shift = base.turn @ place + base.shift
         return _Guess(turn, shift, self._given)
 
@@ -167,7 +172,7 @@ class TagGroup:
         covariance = free @ np.linalg.inv(free.T @ matrix @ free) @ free.T
         return PoseFit(guess.turn, guess.shift, guess.focal, covariance, covariance @ matrix,
                        misfit, errors.size - int(self._moves.sum()),
-                       float(np.sqrt(2.0 * np.mean(errors**2))))
+                       float(np.sqrt(np.mean(errors**2))))
 
     def _step(self, guess: '_Guess') -> Array:
         """Return the Gauss-Newton step (7,) of what is free."""

@@ -15,21 +15,28 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.spatial.transform import Rotation
 
+from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.layout import Layout, MIN_FIXED, off_a_line, Tag
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array, is_black, Picture
 from soft_continuum.sensing.placed_tags import PlacedTags
-from soft_continuum.sensing.pose_fit import CORNER_DEVIATION, PoseFit, TagGroup, width
+from soft_continuum.sensing.pose_fit import (
+    CORNER_DEVIATION,
+    FULL_WIDTH,
+    PoseFit,
+    TagGroup,
+    width,
+)
 from soft_continuum.sensing.rigid import compose, levers, rotate, UNKNOWN, UP
 
-MAX_RESIDUAL = 2.0  # px, RMS: tags beyond it are not where they were said to be
+MAX_RESIDUAL = 2.0  # px, RMS of each coordinate: tags beyond it are not where they were said to be
 MAX_SCALE_ERROR = 0.03  # relative, of the edge of a printed tag
 FAR_OFF = 0.5  # relative size error that no printer causes
 MAX_MISFIT = 16.0  # of corners over what is expected of them, both squared
+STEADY = 0.2  # px: with less of fixed tags, the view of a planar arm follows their noise
+NOISY = 1.5  # such a misfit of fixed tags, beyond which corners are worse than expected
 CLEARER = 12.0  # by which the misfit of every other pose of a disc is larger
 MIN_WIDTH = 16.0  # px, 2 per module: of a tag seen more from its side corners are not exact
 MIN_TILT = 0.35  # rad by which a tag that is seen alone has to look past the camera
@@ -54,9 +61,13 @@ class DiscPose:
 class View:
     """The view of a camera of base_link."""
 
-    def __init__(self, base: PoseFit, lens: Lens) -> None:
-        """Take the pose of base_link in the frame of the camera."""
-        self.base, self._lens = base, lens
+    def __init__(self, base: PoseFit, lens: Lens, deviation: float) -> None:
+        """
+        Take the pose of base_link in the frame of the camera.
+
+        deviation: px, of each corner of a tag of a disc.
+        """
+        self.base, self._lens, self.deviation = base, lens, deviation
 
     def project(self, points: Array) -> Array:
         """Project points (k, 3) m in base_link, (k, 2) px; nan behind the camera."""
@@ -70,7 +81,7 @@ class View:
         """Return the pose (7,) in base_link of a body seen by the camera."""
         back = self.base.turn.T
         return np.concatenate([back @ (fit.shift - self.base.shift),
-                               Rotation.from_matrix(back @ fit.turn).as_quat(canonical=True)])
+                               quaternions((back @ fit.turn)[None])[0]])
 
     def covariance(self, fit: PoseFit, factor: float) -> Array:
         """
@@ -80,7 +91,8 @@ class View:
         """
         back = np.kron(np.eye(2), self.base.turn.T)
         # What moves base_link moves what is seen of the body alike.
-        by_base = fit.response @ block_diag(levers(fit.shift - self.base.shift), 1.0)
+        by_base = fit.response.copy()
+        by_base[:, :6] = by_base[:, :6] @ levers(fit.shift - self.base.shift)
         found = factor * (fit.covariance + by_base @ self.base.covariance @ by_base.T)[:6, :6]
         covariance: Array = back @ found @ back.T
         return covariance
@@ -113,6 +125,7 @@ class TagCamera:
         self.layout, self.lens, self._tags = layout, lens, tags
         self._known = frozenset(tags.fixed).union(*tags.rings)
         self._tilts = bool(layout.axes.all())  # tags may be seen from their side, or not at all
+        self._full_width = FULL_WIDTH if self._tilts else 0.0
         self._detector = TagDetector(lens, () if self._tilts else self._known, 1 + self._tilts)
 
     def measure(self, picture: Picture) -> TagDetections:
@@ -133,7 +146,7 @@ class TagCamera:
                 problems.append(fit)
             elif fit is not None:
                 fits[n] = fit
-        if wrong_scale := self._wrong_scale(view, fits):
+        if self._tilts and (wrong_scale := self._wrong_scale(view, fits)):
             return TagDetections({}, numbers, np.nan, (*problems, wrong_scale), corners, view)
         poses = {n: view.pose(fit) for n, fit in fits.items()}
         wrong, on_wrong_discs = implausible_spacing(poses, self.layout)
@@ -144,7 +157,7 @@ class TagCamera:
             {n: DiscPose(compose(poses[n], self._tags.offsets[n]),
                          self._covariance(n, poses[n], view.covariance(fit, max(1.0, factor))),
                          poses[n]) for n, fit in fits.items()},
-            numbers, CORNER_DEVIATION * float(np.sqrt(factor)), (*problems, *on_wrong_discs),
+            numbers, view.deviation * float(np.sqrt(factor)), (*problems, *on_wrong_discs),
             corners, view)
 
     def _find(self, picture: Picture) -> tuple[tuple[int, ...], dict[int, Array], list[str]]:
@@ -165,20 +178,27 @@ class TagCamera:
             return self._too_few(picture, corners, len(seen))
         if not off_a_line(np.array([fixed[n].centre for n in seen])):
             return 'the visible fixed tags are in a line; uncover the others'
-        group = TagGroup([fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
-                         self._tags.focal, self._tags.focal_stddev)
-        fits = group.fits()
+        given = ([fixed[n] for n in seen], [corners[n] for n in seen], self.lens,
+                 self._tags.focal, self._tags.focal_stddev)
+        deviation = CORNER_DEVIATION if self._tilts else STEADY
+        group = TagGroup(*given, deviation=deviation, full_width=self._full_width)
+        fits, of_discs = group.fits(), CORNER_DEVIATION
         if not fits:
             return f'the fixed tags do not fit; are they at {layout.fixed_parameter}?'
+        off = fits[0].misfit / fits[0].freedom
+        if not self._tilts and off > NOISY:
+            of_discs = deviation * float(np.sqrt(off))
+            group = TagGroup(*given, deviation=of_discs, full_width=self._full_width)
+            fits = group.fits()
         factor = group.size_factor(fits[0])
         if MAX_SCALE_ERROR < abs(factor - 1.0) < FAR_OFF:
             return (f'the fixed tags are {factor * layout.fixed_size * 1e3:.1f} mm large, '
                     f'measured by their distances, not {layout.fixed_size * 1e3:.1f} mm: '
                     f'print at 100 %, or correct {layout.fixed_parameter}')
-        if _does_not_fit(fits[0]) or abs(factor - 1.0) >= FAR_OFF:
+        if _does_not_fit(fits[0], off) or abs(factor - 1.0) >= FAR_OFF:
             return (f'the fixed tags do not fit by {fits[0].residual:.1f} px; are they where '
                     f'{layout.fixed_parameter} says, and is this calibration of this camera?')
-        return View(fits[0], self.lens)
+        return View(fits[0], self.lens, of_discs)
 
     def _too_few(self, picture: Picture, corners: Mapping[int, Array], seen: int) -> str:
         """Return the problem of an image without enough fixed tags, and a remedy."""
@@ -196,11 +216,12 @@ class TagCamera:
         seen = [number for number in ring if number in corners]
         fits = TagGroup(
             [ring[k] for k in seen], [corners[k] for k in seen], self.lens, view.base.focal,
-            base=view.base, axes=self.layout.axes).fits() if seen else []
+            base=view.base, axes=self.layout.axes, deviation=view.deviation,
+            full_width=self._full_width).fits() if seen else []
         if not fits:
             return None
         best = fits[0]
-        if _does_not_fit(best):
+        if _does_not_fit(best, best.misfit / best.freedom):
             return (f'the tags of disc {n} do not fit by {best.residual:.1f} px; is each in its '
                     'place, flat, and of the size tags.disc_size?')
         alone = len(seen) == 1 and _tilt(ring[seen[0]], best) < MIN_TILT
@@ -259,6 +280,6 @@ def _tilt(tag: Tag, fit: PoseFit) -> float:
     return float(np.arccos(-(fit.turn @ tag.axes[2]) @ place / np.linalg.norm(place)))
 
 
-def _does_not_fit(fit: PoseFit) -> bool:
-    """Return whether corners are off by more than pixels and stated deviations explain."""
-    return fit.residual > MAX_RESIDUAL and fit.misfit > MAX_MISFIT * fit.freedom
+def _does_not_fit(fit: PoseFit, off: float) -> bool:
+    """Return whether corners are off by more than pixels and, ``off``, than is expected."""
+    return fit.residual > MAX_RESIDUAL and off > MAX_MISFIT

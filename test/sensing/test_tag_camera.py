@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sensing.corners import TagDetector
 from soft_continuum.sensing.lens import Lens, LensError
+from soft_continuum.sensing.rigid import rotate
 from support.views import errors, EXACT, views, without_pose
 
 STRAIGHT = views.poses(0.0, 0.0, 0.0)
@@ -90,6 +92,87 @@ def test_a_number_that_is_seen_twice(ideal):
     sight = ideal[1].measure(twice)
     assert list(sight.discs) == [0, 2, 3]
     assert 'number 1' in sight.problems[0]
+
+
+# Corners that are given, without a picture.
+
+def corners_of(tags, truth, turn=0.0, distance=0.85, noise=0.0, seed=0):
+    """Return the corners of all tags from a distance, m, turned about the vertical, rad."""
+    random, c, s = np.random.default_rng(seed), np.cos(turn), np.sin(turn)
+    to_camera = np.array([[c, s, 0.0], [0.0, 0.0, -1.0], [-s, c, 0.0]])
+    every = {n: tag.corners for n, tag in tags.fixed_tags.items()}
+    for disc, pose in enumerate(truth):
+        every |= {n: pose[:3] + np.array([rotate(pose[3:], p) for p in tag.corners])
+                  for n, tag in tags.ring(disc).items()}
+    places = {n: (p - [0.0, 0.0, 0.15]) @ to_camera.T + [0.0, 0.0, distance]
+              for n, p in every.items()}
+    return {n: p[:, :2] / p[:, 2:] * 900.0 + [640.0, 480.0] + random.normal(0.0, noise, (4, 2))
+            for n, p in places.items()}
+
+
+def measured(corners, monkeypatch, tags=None):
+    """Return what a planar camera measures when it detects these corners."""
+    lens = Lens.of((1280, 960), [900, 0, 640, 0, 900, 480, 0, 0, 1], [0.0] * 5)
+    camera = (tags or views.layout()).camera(lens)
+    monkeypatch.setattr(TagDetector, 'detect', lambda *_: list(corners.items()))
+    return camera.measure(np.full((960, 1280), 90, np.uint8))
+
+
+def within_the_plane(sight, truth):
+    """Return the mean square of errors over their stated deviations, and their RMS, m and rad."""
+    axes = np.ix_(PLANAR_AXES, PLANAR_AXES)
+    found = errors(sight, truth)[:, PLANAR_AXES]
+    return [e @ np.linalg.solve(disc.covariance[axes], e)
+            for e, disc in zip(found, sight.discs.values(), strict=True)], found
+
+
+@pytest.mark.parametrize('noise', [0.3, 1.0])
+def test_noise_loses_no_disc_and_is_stated(noise, monkeypatch):
+    random, tags, squares, found = np.random.default_rng(1), views.layout(), [], []
+    for seed in range(20):
+        truth = views.random_poses(random)
+        sight = measured(corners_of(tags, truth, noise=noise, seed=seed), monkeypatch)
+        assert list(sight.discs) == [0, 1, 2, 3] and not sight.problems
+        assert sight.stddev == pytest.approx(noise, rel=0.5)
+        each, off = within_the_plane(sight, truth)
+        squares += each
+        found.append(off)
+    assert 0.3 < np.mean(squares) < 3.0  # three where stated deviations are those of errors
+    assert rms(np.linalg.norm(np.vstack(found)[:, :2], axis=1)) < noise * 1.6e-3
+
+
+def test_two_pictures_of_one_pose_differ_less_than_their_errors(monkeypatch):
+    pairs = [[measured(corners_of(views.layout(), STRAIGHT, noise=0.1, seed=2 * k + i),
+                       monkeypatch).discs[3].pose[:3] for i in range(2)] for k in range(20)]
+    assert rms(np.linalg.norm(np.diff(pairs, axis=1), axis=2)) < 0.25e-3
+
+
+def test_small_frontal_tags_are_stated_as_exact_as_they_are(monkeypatch):
+    sight = measured(corners_of(views.layout(), STRAIGHT, distance=2.0, noise=0.1), monkeypatch)
+    for disc in sight.discs.values():
+        assert np.sqrt(disc.covariance[4, 4]) < np.radians(1.2)
+
+
+def test_a_tag_whose_first_pose_is_not_a_number_is_measured_by_the_second(monkeypatch):
+    solve = cv2.solvePnPGeneric
+
+    def spoilt(*given, **named):
+        count, vectors, shifts, off = solve(*given, **named)
+        return count, (vectors[0] * np.nan, vectors[0]), (shifts[0], shifts[0]), off
+    monkeypatch.setattr(cv2, 'solvePnPGeneric', spoilt)
+    sight = measured(corners_of(views.layout(), STRAIGHT), monkeypatch)
+    assert list(sight.discs) == [0, 1, 2, 3]
+    assert np.abs(errors(sight, STRAIGHT)).max() < 1e-6
+
+
+@pytest.mark.parametrize('turn', [-0.6, 0.35, 0.6])
+def test_a_tag_aside_before_an_oblique_camera_costs_only_discs_beside_it(turn, monkeypatch):
+    aside = STRAIGHT.copy()
+    aside[0, 0] += 0.05
+    sight = measured(corners_of(views.layout(), aside, turn=turn, noise=0.1), monkeypatch)
+    assert list(sight.discs) == [2, 3]
+    assert len(sight.problems) == 1 and 'discs 0 and 1 are seen' in sight.problems[0]
+    assert np.linalg.norm(errors(sight, STRAIGHT)[:, :3], axis=1).max() < 1e-3
 
 
 # Layouts and calibrations.
