@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from math import pi
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sensing.layout import FRONT, Layout
-from soft_continuum.sensing.rigid import displacement
+from soft_continuum.sensing.rigid import displaced, displacement
 from soft_continuum.twin.camera import TwinCamera
 from soft_continuum.twin.model_errors import ModelErrors
 
@@ -52,5 +51,4 @@ def _together(seen: Sequence[Seen]) -> Seen:
     covariance = np.linalg.inv(sum(weights))
     away = covariance @ sum(weight @ displacement(pose, first)
                             for weight, (pose, _) in zip(weights, seen, strict=True))
-    turned = Rotation.from_rotvec(away[3:]) * Rotation.from_quat(first[3:])
-    return np.concatenate([first[:3] + away[:3], turned.as_quat()]), covariance
+    return displaced(first, away), covariance

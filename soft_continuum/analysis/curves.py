@@ -156,12 +156,15 @@ def _whole(table: Table, *side: Column) -> list[tuple[int, int]]:
 
     side: displacement and force, of which one jumps where another specimen begins.
     """
+    if len(table.blocks) == 1:  # sides of other lengths end in empty cells
+        return [*table.blocks]
+    displacement, force = (column.numbers() for column in side)
     whole = [table.blocks[0]]
     for start, end in table.blocks[1:]:
-        at = start - whole[-1][0]
-        u, f = (_upwards(column.part(whole[-1][0], end).numbers()) for column in side)
+        begin = whole[-1][0]
+        at, u, f = start - begin, _upwards(displacement[begin:end]), force[begin:end]
         if u[at] - u.min() > NEW_PAGE * np.ptp(u) and not (_jumps(u, at) or _jumps(f, at)):
-            whole[-1] = (whole[-1][0], end)
+            whole[-1] = (begin, end)
         else:
             whole.append((start, end))
     return whole

@@ -219,7 +219,7 @@ class _Block:
                 break
         while self.rows and (
                 not _is_number(self.rows[-1][1][0]) and not any(self.rows[-1][1][1:])
-                or self.usual != WORD and self._is_label(self.rows[-1][1][0])):
+                or self._is_label(self.rows[-1][1][0])):
             self.rows.pop()
         return self
 
@@ -230,13 +230,13 @@ class _Block:
 
     def _is_label(self, cell: str) -> bool:
         """Whether the first cell of a row is the name of what follows, unlike others."""
-        return _kind(cell) == WORD or (
+        return _kind(cell) == WORD != self.usual or (
             self.usual == NUMERIC != _kind(cell) and bool(re.search(r'[^\W\d_]', cell)))
 
     def check_first(self, path: Path) -> None:
         """Raise an error if the first row says something of the columns: numbers, a scale."""
         line, row = self.rows[0]
-        if self.usual in (NUMERIC, DIGITS) and self._is_label(row[0]) and any(
+        if self.usual and self._is_label(row[0]) and any(
                 map(_is_number, self.measured(row))):
             raise MeasurementError(
                 f'{path}, line {line}: {printable(row[0], MAX_NAME)!r} stands where the rows '
@@ -274,20 +274,20 @@ def read_table(path: str | Path, quantities: Sequence[Quantity],
     lines = tuple(number for number, _ in rows)
     cells = [tuple(row[place] for _, row in rows) for place in range(len(first.header))]
     found: list[Column] = []
-    wrong: dict[Quantity, _OtherUnit] = {}
-    for quantity, place in ((q, place) for q, places in first.places.items() for place in places):
-        try:
-            factor = _factor(f'{path}, line {first.line}', quantity, first.header[place],
-                             first.units[place:place + 1], units.get(quantity.name, ''),
-                             usual.get(quantity.name, ''))
-        except _OtherUnit as error:
-            wrong.setdefault(quantity, error)
-        else:
-            found.append(Column(quantity, path, first.header[place], factor, cells[place], lines,
-                                place + 1))
-    for quantity, unit_error in wrong.items():
-        if all(column.quantity != quantity for column in found):
-            raise unit_error
+    for quantity, places in first.places.items():
+        wrong: list[_OtherUnit] = []
+        for place in places:
+            try:
+                factor = _factor(f'{path}, line {first.line}', quantity, first.header[place],
+                                 first.units[place:place + 1], units.get(quantity.name, ''),
+                                 usual.get(quantity.name, ''))
+            except _OtherUnit as error:
+                wrong.append(error)
+            else:
+                found.append(Column(quantity, path, first.header[place], factor, cells[place],
+                                    lines, place + 1))
+        if wrong and len(wrong) == len(places):
+            raise wrong[0]
     decimal = decimal or _decimal([c for c in found if c.quantity.unit], delimiter, cells)
     columns = {quantity.name: tuple(replace(c, decimal=decimal) for c in found
                                     if c.quantity == quantity) for quantity in quantities}

@@ -8,7 +8,6 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import Clock
-import scipy
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
@@ -17,7 +16,7 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.orientations import matrices
 from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
-from soft_continuum.sensing.rigid import displacement
+from soft_continuum.sensing.rigid import displaced, displacement
 
 FIRST_TIMEOUT = 2.0  # s for the first measured pose
 MIN_SAMPLES = 3
@@ -121,13 +120,4 @@ def mean_of(samples: list[Sample], axes: NDArray[np.bool_]) -> MeasuredDisc:
         mean[i] = np.average(values, weights=weights)
         scatter = np.average((values - mean[i])**2, weights=weights)
         stddev[i] = np.sqrt(max(scatter, 1.0 / weights.mean()))
-    return MeasuredDisc(_moved(first, mean), stddev, int(known.sum(axis=0).max()))
-
-
-def _moved(pose: Array, by: Array) -> Array:
-    """Return a pose with this difference from another; nan where the difference is nan."""
-    turn = np.full(4, nan)
-    if np.isfinite(by[3:]).all():
-        of = scipy.spatial.transform.Rotation
-        turn = (of.from_rotvec(by[3:]) * of.from_quat(pose[3:])).as_quat()
-    return np.concatenate([pose[:3] + by[:3], turn])
+    return MeasuredDisc(displaced(first, mean), stddev, int(known.sum(axis=0).max()))

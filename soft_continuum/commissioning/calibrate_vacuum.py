@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.analysis.results import text_table
+from soft_continuum.analysis.results import cell, text_table
 from soft_continuum.commissioning.calibration import POLL_INTERVAL, retry, TIMEOUT
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
@@ -316,7 +316,7 @@ def _print(head: Sequence[str], results: Sequence[Sequence[float]],
            problems: Sequence[Sequence[str]], note: str = '') -> None:
     """Print the numbers and the problems of each segment; note: about the columns."""
     print(text_table(head, [
-        [str(number), *(f'{value:.4g}' if isfinite(value) else '-' for value in values),
+        [str(number), *(cell(value, digits='.4g') for value in values),
          'not good' if problem else 'good']
         for number, (values, problem) in enumerate(zip(results, problems, strict=True), start=1)]))
     if note:

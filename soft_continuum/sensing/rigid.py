@@ -103,6 +103,13 @@ def displacement(pose: Array, other: Array, unless_about: Array | None = None) -
     return np.concatenate([pose[:3] - other[:3], factor * turn[:3]])
 
 
+def displaced(pose: Array, by: Array) -> Array:
+    """Return the pose at a displacement (6,) from another one; nan where that is nan."""
+    angle = np.linalg.norm(by[3:])
+    turn = np.append(0.5 * np.sinc(angle / (2.0 * np.pi)) * by[3:], np.cos(0.5 * angle))
+    return np.concatenate([pose[:3] + by[:3], _product(turn, pose[3:])])
+
+
 def _product(a: Array, b: Array) -> Array:
     ax, ay, az, aw = a.tolist()  # np.cross takes ten times as long
     bx, by, bz, bw = b.tolist()

@@ -5,7 +5,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from soft_continuum.estimation.commands import Commands
 from soft_continuum.estimation.estimator import Estimator
@@ -15,7 +14,7 @@ from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sensing.rigid import UNKNOWN
+from soft_continuum.sensing.rigid import displaced, UNKNOWN
 from soft_continuum.user_files import description_file
 from support.paper_arm import only, plane_points
 
@@ -74,14 +73,12 @@ class TrueArm:
             self.COVARIANCE if covariance is None else covariance)
         found = []
         for n in discs:
-            pose, error = self.state.poses[2 * n].copy(), np.zeros(6)
+            pose, error = self.state.poses[2 * n], np.zeros(6)
             if bias is not None:
                 error[self.axes] += bias[n]
             if rng is not None:
                 error[self.axes] += own * self.DEVIATIONS * rng.standard_normal(self.axes.sum())
-            pose[:3] += error[:3]
-            pose[3:] = (Rotation.from_rotvec(error[3:]) * Rotation.from_quat(pose[3:])).as_quat()
-            found.append(DiscMeasurement(n, pose, measured))
+            found.append(DiscMeasurement(n, displaced(pose, error), measured))
         return found
 
     def pulled(self, stddev=0.1, error=0.0):
