@@ -28,7 +28,12 @@ from soft_continuum.client.state import (
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_directions
 from soft_continuum.mechanics.orientations import bending_between, matrices
-from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
+from soft_continuum.ros.conversions import (
+    MAX_VARIANCE,
+    measured_pose_from_ros,
+    poses_from_ros,
+    seconds,
+)
 from soft_continuum.ros.entry import subscribe
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
@@ -249,15 +254,15 @@ class ObservedArm:
 
     def bending(self) -> Array | None:
         """Return the bending of each segment (segments, 2), rad; None if unknown."""
-        joints, segments = self._fresh('joint_states'), self.poses('segment_poses')
-        if joints is None or not segments:
+        joints, segments = self._fresh('joint_states'), self._fresh('segment_poses')
+        if joints is None or segments is None or not segments.poses:
             return None
         if self._pose_axes.all():
             return bending_between(matrices(
-                np.array([UNTURNED, *(pose.orientation for pose in segments)])))
-        each = len(joints.position) // len(segments)
+                np.vstack([UNTURNED, poses_from_ros(segments)[:, 3:]])))
+        each = len(joints.position) // len(segments.poses)
         return np.array([(0.0, sum(joints.position[i * each:(i + 1) * each]))
-                         for i in range(len(segments))])
+                         for i in range(len(segments.poses))])
 
     def _on_measured(self, topic: str, message: PoseWithCovarianceStamped) -> None:
         """Store the measurement of a disc; an angle alone does not replace a whole pose."""

@@ -3,37 +3,36 @@
 """Prior of the estimated values, and their drift."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
-from soft_continuum.parameters.parameter import Parameter
-
-
-def _setting(default: float, meaning: str, low: float, high: float, unit: str = '') -> Any:
-    """Return a field with what its parameter of the same name means, and its range."""
-    return field(default=default, metadata={
-        'meaning': meaning, 'low': low, 'high': high, 'unit': unit})
+from soft_continuum.parameters.parameter import (
+    Parameter,
+    setting,
+    setting_parameters,
+    settings_from,
+)
 
 
 @dataclass(frozen=True)
 class Prior:
     """Standard deviations before any measurement, by parameters ``estimation.prior.*``."""
 
-    stiffness: float = _setting(
+    stiffness: float = setting(
         0.25, 'standard deviation of ln(bending stiffness of a segment / described one)', 0.0, 2.0)
-    ratio: float = _setting(
+    ratio: float = setting(
         1.0, 'standard deviation of ln(K), the stiffness ratio of a stiff segment', 0.0, 3.0)
-    rigid_ratio: float = _setting(
+    rigid_ratio: float = setting(
         30.0, 'ratio K assumed for a jam described as rigid until it is measured', 2.0, 1e4)
-    offset: float = _setting(
-        1.5e-3, 'standard deviation of the length of a tendon', 0.0, 0.01, 'm')
-    payload: float = _setting(0.03, 'standard deviation of the payload', 0.0, 10.0, 'kg')
-    straight: float = _setting(
+    offset: float = setting(
+        1.5e-3, 'standard deviation of the length of a tendon', 0.0, 0.01, unit='m')
+    payload: float = setting(0.03, 'standard deviation of the payload', 0.0, 10.0, unit='kg')
+    straight: float = setting(
         0.01, 'standard deviation of the bending angle of a segment that is assumed straight',
-        1e-4, 1.0, 'rad')
-    lock_in: float = _setting(
+        1e-4, 1.0, unit='rad')
+    lock_in: float = setting(
         0.006, 'standard deviation of the angle by which stiffening bends a segment', 1e-4, 0.2,
-        'rad')
+        unit='rad')
 
 
 @dataclass(frozen=True)
@@ -44,22 +43,23 @@ class Drift:
     Random walks; their standard deviations as of Prior.
     """
 
-    stiffness: float = _setting(
+    stiffness: float = setting(
         0.03, 'drift per minute, as estimation.prior.stiffness; 0: constant', 0.0, 1.0)
-    ratio: float = _setting(
+    ratio: float = setting(
         0.1, 'drift per minute, as estimation.prior.ratio; 0: constant', 0.0, 1.0)
-    payload: float = _setting(
-        2e-3, 'drift per minute, as estimation.prior.payload; 0: constant', 0.0, 1.0, 'kg')
-    offset: float = _setting(
-        1e-3, 'drift per minute, as estimation.prior.offset; 0: only by motion', 0.0, 0.01, 'm')
-    held: float = _setting(
-        5e-3, 'drift of the angle that a stiff segment holds, per minute', 0.0, 0.1, 'rad')
-    offset_motion: float = _setting(
+    payload: float = setting(
+        2e-3, 'drift per minute, as estimation.prior.payload; 0: constant', 0.0, 1.0, unit='kg')
+    offset: float = setting(
+        1e-3, 'drift per minute, as estimation.prior.offset; 0: only by motion', 0.0, 0.01,
+        unit='m')
+    held: float = setting(
+        5e-3, 'drift of the angle that a stiff segment holds, per minute', 0.0, 0.1, unit='rad')
+    offset_motion: float = setting(
         5e-4, 'drift per 10 mm of motor motion, as estimation.prior.offset: friction, stretch',
-        0.0, 0.01, 'm')
-    held_motion: float = _setting(
+        0.0, 0.01, unit='m')
+    held_motion: float = setting(
         4e-3, 'drift of the angle that a stiff segment holds, per 10 mm of motor motion', 0.0, 0.1,
-        'rad')
+        unit='rad')
 
 
 @dataclass(frozen=True)
@@ -81,16 +81,12 @@ ESTIMATION_PARAMETERS = (
     Parameter('estimation.tension_relative_stddev', 0.1, 'relative standard deviation, added '
               'to tension_stddev: scale error of the load cell, and undescribed friction of the '
               'guides; ignored if the device reports one', 0.0, 1.0),
-    *(Parameter(f'estimation.{group}.{one.name}', getattr(kind, one.name), **one.metadata)
-      for group, kind in (('prior', Prior), ('drift', Drift)) for one in fields(kind)),
+    *setting_parameters(Prior, 'estimation.prior'), *setting_parameters(Drift, 'estimation.drift'),
 )
 
 
 def estimation_from_parameters(parameters: Mapping[str, Any]) -> EstimationSettings:
     """Return the settings for parameters ``estimation.*``."""
-    def values(kind: type[Prior | Drift], group: str) -> dict[str, float]:
-        return {field.name: parameters[f'estimation.{group}.{field.name}']
-                for field in fields(kind)}
-
-    return EstimationSettings(Prior(**values(Prior, 'prior')), Drift(**values(Drift, 'drift')),
+    return EstimationSettings(settings_from(Prior, 'estimation.prior', parameters),
+                              settings_from(Drift, 'estimation.drift', parameters),
                               parameters['estimation.enabled'])

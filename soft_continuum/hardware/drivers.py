@@ -15,7 +15,7 @@ docs/how_to/write_a_driver.md shows how.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import cache, partial
 from importlib import import_module
 from importlib.metadata import entry_points, EntryPoint
@@ -104,9 +104,13 @@ def emulated_devices() -> dict[str, Callable[[], Any]]:
     found: dict[str, Callable[[], Any]] = {}
     for group in GROUPS.values():
         for name in driver_names(group):
-            with suppress(HardwareError):  # make_driver reports it when it is chosen
-                if module := getattr(_load(group, name), 'EMULATOR', None):
-                    found.setdefault(name, partial(_imported, name, module))
+            try:
+                module = getattr(_load(group, name), 'EMULATOR', None)
+            except HardwareError:
+                found.setdefault(name, partial(_load, group, name))  # says why, when it is chosen
+                continue
+            if module:
+                found.setdefault(name, partial(_imported, name, module))
     return found
 
 

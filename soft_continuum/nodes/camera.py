@@ -98,15 +98,12 @@ class Camera(SuiteNode):
         self._shown = 0.0  # when an overlay was published, s
         self._seen = Window['TagDetections']()
         self._tared = ''
-        self._worker = Worker('pictures', self._on_failure)
+        self._worker = Worker('pictures', self.thread_failed)
         self._newest = Newest(self._worker.submit, self._look)
         self._reports = Newest(lambda f: on_ros_thread(self, f), self._report)
         self._age, self._taken = Age(), 0.0  # of the last picture; when one was looked at, s
         self._last, self._changed = 0, monotonic()  # checksum of the last picture, s
         self._ending = threading.Event()
-
-    def _on_failure(self, error: Exception) -> None:
-        on_ros_thread(self, self.callback_failed, error)
 
     def start(self) -> None:
         """Start to measure."""

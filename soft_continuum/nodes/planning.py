@@ -33,6 +33,7 @@ from soft_continuum.sequencing.kept_plans import KeptPlans
 from soft_continuum.sequencing.plan_watch import PlanWatch
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.plans import (
+    failure_text,
     Move,
     PlanError,
     PlannedStep,
@@ -301,8 +302,3 @@ def tip_aim(shape: Shape, arm: Arm) -> Aim:
     """Return the aim of a shape planned to tip goals: the last of them."""
     return Aim(bending_vectors(arm, shape.bending_angles, shape.bending_directions),
                shape.tips[-1].position, on_tip=True)
-
-
-def failure_text(error: BaseException) -> str:
-    """Return why planning failed: that there is no plan, or an error of the program."""
-    return str(error) if isinstance(error, PlanError) else f'{type(error).__name__}: {error}'

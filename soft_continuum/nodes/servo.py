@@ -72,7 +72,7 @@ class Servo(SuiteNode):
         self._compiled = False
         self._servo: AngleServo | None = None  # while it is enabled
         self._preparing: object = None  # while a servo is made; another one each time
-        self._worker = Worker('servo', self._on_failure)
+        self._worker = Worker('servo', self.thread_failed)
         self._level, self._ended = OK, 'not enabled yet'  # why it is not
         self._stiffness = Stiffness(())  # when it was enabled
         self._stops = 0
@@ -111,9 +111,6 @@ class Servo(SuiteNode):
         """Hold, and report what a callback raised."""
         super().callback_failed(error)
         self._hold(f'servo failed: {type(error).__name__}: {error}')
-
-    def _on_failure(self, error: Exception) -> None:
-        on_ros_thread(self, self.callback_failed, error)
 
     # Messages.
 

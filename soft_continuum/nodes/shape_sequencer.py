@@ -20,7 +20,6 @@ from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.planning import (
-    failure_text,
     PlanGuard,
     Planning,
     PlanService,
@@ -42,7 +41,7 @@ from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
-from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.plans import failure_text, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum.sequencing.settings import (

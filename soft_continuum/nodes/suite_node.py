@@ -9,6 +9,7 @@ from rclpy.node import Node
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import FAILURE_PERIOD, Status
+from soft_continuum.nodes.threads import on_ros_thread
 
 
 class SuiteNode(Node):
@@ -32,6 +33,10 @@ class SuiteNode(Node):
     def callback_failed(self, error: Exception) -> None:
         """Report what a callback raised, on the thread of ROS."""
         self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
+
+    def thread_failed(self, error: Exception) -> None:
+        """Report what a thread of its own raised; any thread may call this."""
+        on_ros_thread(self, self.callback_failed, error)
 
     def quit(self) -> None:
         """End; a node that moves something holds it."""

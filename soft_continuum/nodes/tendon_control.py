@@ -19,6 +19,7 @@ from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
+from soft_continuum.ros.motion_tracker import replaced_by
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 
 MAX_POINTS = 1000
@@ -181,8 +182,7 @@ class TendonControl(DeviceControl):
         if begins:
             self._guard.begin(controller.reading)
         if request.id != self._accepted.id and self._accepted.status == MotionRequest.FOLLOWING:
-            self._end_request(Reason.REPLACED, 'replaced by another trajectory '
-                              f'({request.id or "without an id"})')
+            self._end_request(Reason.REPLACED, replaced_by(request.id))
             self.report()
         self._accepted = MotionRequest(id=request.id, status=MotionRequest.FOLLOWING)
         self._start = trajectory[3]

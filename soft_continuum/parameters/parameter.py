@@ -3,14 +3,15 @@
 """What a parameter is: its name, default, meaning, unit and allowed values."""
 
 from collections.abc import Iterable, Mapping, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 import difflib
 from math import degrees, inf, pi, radians
 import re
-from typing import Any
+from typing import Any, TypeVar
 
 from soft_continuum.text import printable
 
+KindT = TypeVar('KindT')
 Value = bool | int | float | str | tuple[int, ...] | tuple[float, ...] | tuple[str, ...]
 MAX_NUMBER = 1e308
 MAX_SHOWN = 200  # characters of a value in an error message
@@ -136,6 +137,28 @@ class Parameter:
             shown = 'a number of thousands of digits'
         return ParameterError(
             f'parameter {self.name} is {shown}; allowed: {allowed} ({self.description}){hint}')
+
+
+def setting(default: Value, meaning: str, low: float = -inf, high: float = inf, **more: Any
+            ) -> Any:
+    """
+    Return a field of a dataclass, whose parameter of the same name has this meaning and range.
+
+    more: as of Parameter.
+    """
+    return field(default=default, metadata={
+        'default': default, 'meaning': meaning, 'low': low, 'high': high, **more})
+
+
+def setting_parameters(kind: type[Any], prefix: str, **more: Any) -> tuple[Parameter, ...]:
+    """Return the parameters PREFIX.NAME of the settings of a dataclass; more: of all."""
+    return tuple(Parameter(f'{prefix}.{one.name}', **one.metadata, **more)
+                 for one in fields(kind))
+
+
+def settings_from(kind: type[KindT], prefix: str, values: Mapping[str, Any]) -> KindT:
+    """Return the settings from values of these parameters."""
+    return kind(**{one.name: values[f'{prefix}.{one.name}'] for one in fields(kind)})  # type: ignore[arg-type]
 
 
 def degrees_hint(angle: float, low: float, high: float) -> str:

@@ -39,8 +39,7 @@ class Recording:
         self._goal, self._runs = goal, False
 
     def _ended(self) -> bool:
-        from soft_continuum.client.observed import SEQUENCER_STATE
-        if self._goal and (state := self._requests.observed.message(SEQUENCER_STATE)) is not None:
+        if self._goal and (state := self._requests.observed.shape_sequencer) is not None:
             before, self._runs = self._runs, state.running
             if before and not self._runs:
                 return True

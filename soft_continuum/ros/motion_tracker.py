@@ -5,6 +5,11 @@
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 
 
+def replaced_by(request_id: str) -> str:
+    """Return why a motion has ended that another trajectory replaced."""
+    return f'replaced by another trajectory ({request_id or "without an id"})'
+
+
 class MotionTracker:
     """
     Finds the outcome of one motion in the states of tendon_actuation.
@@ -36,5 +41,5 @@ class MotionTracker:
             return None if is_replaced else accepted
         return MotionRequest(
             id=self.id, status=MotionRequest.ENDED, reason=MotionRequest.REPLACED,
-            message=f'replaced by another trajectory ({accepted.id or "without an id"})'
+            message=replaced_by(accepted.id)
         ) if self.followed else None

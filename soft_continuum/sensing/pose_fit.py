@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.mechanics.orientations import cross_matrices, matrices, quaternions
-from soft_continuum.sensing.layout import Tag
+from soft_continuum.sensing.layout import CORNERS, Tag
 from soft_continuum.sensing.lens import Lens
 from soft_continuum.sensing.pictures import Array
 
@@ -112,8 +112,10 @@ class TagGroup:
         """Return the tags with their most likely offsets, given the pose of the body."""
         guess, found = _Guess(fit.turn, fit.shift, fit.focal), []
         errors, _, _ = self._system(guess)
+        arms = self._points @ fit.turn.T
+        by_tag = self._by_tag(fit.turn, arms, self._jacobian(arms + fit.shift, fit.focal))
         for tag, error, moves, noise in zip(
-                self._tags, errors, self._by_tag(guess) @ self._spreads, self._noise, strict=True):
+                self._tags, errors, by_tag @ self._spreads, self._noise, strict=True):
             weighted = np.linalg.solve(noise, moves).T
             covariance = np.linalg.inv(np.eye(6) + weighted @ moves)
             step = tag.spread @ covariance @ weighted @ error
@@ -125,9 +127,7 @@ class TagGroup:
         """Return the poses of the body that each tag alone gives: two, one in a plane."""
         found, poses = [], 2 if self._moves.all() else 1
         for tag, pixels in zip(self._tags, self._pixels, strict=True):
-            half = tag.size / 2.0
-            square = np.array([(-half, half, 0), (half, half, 0), (half, -half, 0),
-                               (-half, -half, 0)])  # in the order that OpenCV wants
+            square = np.column_stack([tag.size * CORNERS, np.zeros(4)])  # as OpenCV wants them
             _, vectors, shifts, _ = cv2.solvePnPGeneric(
                 square, pixels, self._lens.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
             solved = [(vector, shift) for vector, shift in zip(vectors, shifts, strict=True)
@@ -213,19 +213,16 @@ class TagGroup:
         seen = places[..., :2] / places[..., 2:] * self._focal * guess.focal
         jacobian = self._jacobian(places, guess.focal)
         by_pose = _moved(jacobian, np.broadcast_to(np.eye(3), (len(arms), 3, 3)), arms)
-        spread = self._by_tag(guess) @ self._spreads
+        spread = self._by_tag(turn, arms, jacobian) @ self._spreads
         weights = np.asarray(np.linalg.inv(
             self._noise + spread @ spread.transpose(0, 2, 1)), dtype=float)
         errors: Array = (self._pixels - self._lens.matrix[:2, 2] - seen).reshape(-1, 8)
         by_all: Array = np.concatenate([by_pose, seen.reshape(-1, 8, 1)], axis=2)
         return errors, by_all, weights
 
-    def _by_tag(self, guess: '_Guess') -> Array:
+    def _by_tag(self, turn: Array, arms: Array, jacobian: Array) -> Array:
         """Return the Jacobian of pixels by motions of each tag along its axes, (tags, 8, 6)."""
-        turn = guess.turn
-        arms = self._points @ turn.T
-        return _moved(self._jacobian(arms + guess.shift, guess.focal), turn @ self._axes,
-                      arms - (self._centres @ turn.T)[:, None])
+        return _moved(jacobian, turn @ self._axes, arms - (self._centres @ turn.T)[:, None])
 
     def _jacobian(self, places: Array, focal: float) -> Array:
         """Return the Jacobian of pixels by points (tags, 4, 3) in the camera, (tags, 4, 2, 3)."""

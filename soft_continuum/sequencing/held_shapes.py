@@ -101,9 +101,8 @@ def reach_held(validator: MotionValidator, start: Node, shape: Shape, first: boo
         why = search.why or f'reach.states was too small{search.budget.ended_by_time}'
         return Reach(None, why, blocked_by=search.blocked_by, cut_short=search.cut_short)
     away, turn = miss.errors(best.state)
-    left = f'{away * 1e3:.1f} mm' + (
-        '' if goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
-    why = f'with its vacuums the tip is {left} from the goal at best' if least > 1.0 else ''
+    why = (f'with its vacuums the tip is {goal.text(away, turn)} from the goal at best'
+           if least > 1.0 else '')
     return Reach(best.plan(shape.at(best.state)), why, away, turn,
                  search.blocked_by if why else (), search.cut_short)
 
@@ -156,10 +155,7 @@ class _Search:
         validator = self._validator
         check_goal(validator, goal)
         states, seconds = self.budget.left
-        search = Search(
-            MotionValidator(validator.planner, validator.scene, replace(
-                validator.settings, states=int(SHARE * states), time_limit=SHARE * seconds)),
-            self._start, goal)
+        search = Search(validator.within(SHARE * states, SHARE * seconds), self._start, goal)
         for found in search.run():
             self.cut_short |= found.cut_short
             if found.plan is None:

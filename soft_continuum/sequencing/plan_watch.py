@@ -53,9 +53,7 @@ class PlanWatch:
     def _onward(self, way: Sequence[Any], clear: Sequence[Clearance]) -> Iterator[Clearance]:
         """Yield the clearance between each state and the next, and at the last one."""
         for (one, near), (other, there) in pairwise(zip(way, clear, strict=True)):
-            nearest = min(near, there, key=lambda found: found.distance)
-            yield Clearance(between(one, near.distance, other, there.distance, self._radius)[0],
-                            nearest.obstacle)
+            yield between(one, near, other, there, self._radius)[0]
         yield clear[-1]
 
     def obstructed(self, move: int, state: Any) -> str:

@@ -34,6 +34,11 @@ class ObstructedError(PlanError):
     """An obstacle blocks the way."""
 
 
+def failure_text(error: BaseException) -> str:
+    """Return why planning failed: that there is no plan, or an error of the program."""
+    return str(error) if isinstance(error, PlanError) else f'{type(error).__name__}: {error}'
+
+
 @dataclass(frozen=True, eq=False)
 class TipGoal:
     """
@@ -95,6 +100,11 @@ class TipGoal:
                 raise PlanError(
                     f'the tip goal is turned out of the plane of the arm by {degrees(turned):.1f} '
                     f'degrees; the tolerance is {degrees(self.angle_tolerance):.1f} degrees')
+
+    def text(self, away: float, turn: float) -> str:
+        """Return errors of the tip, m and rad, as text."""
+        return f'{away * 1e3:.1f} mm' + (
+            '' if self.kind == 'position' else f' and {degrees(turn):.1f} degrees')
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 
 from soft_continuum.sequencing.arm_port import ArmPort, Failure, Observation
-from soft_continuum.sequencing.plans import Move, ObstructedError, PlanError, Shape, ShapePlan
+from soft_continuum.sequencing.plans import failure_text, Move, ObstructedError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
 from soft_continuum.sequencing.settings import ABORT, RunnerSettings
 
@@ -247,9 +247,8 @@ class Runner:
         error = plan.exception()
         if error is None:
             return plan.result()
-        name = '' if isinstance(error, PlanError) else f'{type(error).__name__}: '
         obstructed = isinstance(error, ObstructedError)
-        raise EndError(Code.OBSTRUCTED if obstructed else Code.MODEL_FAILURE, f'{name}{error}')
+        raise EndError(Code.OBSTRUCTED if obstructed else Code.MODEL_FAILURE, failure_text(error))
 
     def _all_stiff(self) -> Iterator[None]:
         """Stiffen what is not stiff; plans start from a stiff arm at rest, as the model has it."""

@@ -3,11 +3,17 @@
 """How sequences are run, corrected and planned: the settings, and the parameters that set them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from math import inf, pi, radians
+from dataclasses import dataclass
+from math import pi, radians
 from typing import Any, TYPE_CHECKING
 
-from soft_continuum.parameters.parameter import Parameter, ParameterError, Value
+from soft_continuum.parameters.parameter import (
+    Parameter,
+    ParameterError,
+    setting,
+    setting_parameters,
+    settings_from,
+)
 
 if TYPE_CHECKING:  # with it all of mechanics would be loaded
     from soft_continuum.sequencing.reach.limits import ReachSettings
@@ -19,47 +25,39 @@ DEAD_BAND = 5e-5  # m
 LOCK_IN_STDDEV = 0.006  # rad
 
 
-def _setting(default: Value, meaning: str, low: float = -inf, high: float = inf, **more: Any
-             ) -> Any:
-    """Return a field with what its parameter of the same name means, and its range."""
-    return field(default=default, metadata={
-        'default': default, 'meaning': meaning, 'low': low, 'high': high, 'read_only': False,
-        **more})
-
-
 @dataclass(frozen=True)
 class LoopSettings:
     """When measurements are used, and the number of corrections, by parameters ``loop.*``."""
 
-    settling_time: float = _setting(
+    settling_time: float = setting(
         1.2, 'time for the arm to come to rest after a motion or a change of stiffness', 0.0, 60.0,
         unit='s')
-    measuring_time: float = _setting(
+    measuring_time: float = setting(
         0.5, 'time over which the arm at rest is measured', 0.0, 60.0, unit='s')
-    sensor_timeout: float = _setting(
+    sensor_timeout: float = setting(
         3.0, 'age at which a measurement is stale', 0.1, 60.0, unit='s')
-    max_corrections: int = _setting(
+    max_corrections: int = setting(
         3, 'maximum number of corrections of one segment before it is stiffened', 0, 20)
-    max_passes: int = _setting(
+    max_passes: int = setting(
         2, 'maximum number of passes over all segments; later segments and passes correct the '
         'shifts that stiffening causes', 1, 10)
-    abort_when_lost: bool = _setting(
+    abort_when_lost: bool = setting(
         True, 'end the sequence when measurements stop during it; otherwise it continues open '
         'loop')
-    on_anomaly: str = _setting(
+    on_anomaly: str = setting(
         GO_ON, 'reaction of a sequence to an anomaly that kinematics reports: go on, abort, or '
         'pause at rest until this parameter is changed or the goal is canceled',
         choices=ON_ANOMALY)
-    tip_tolerance: float = _setting(
+    tip_tolerance: float = setting(
         2e-3, 'aim on the tip: error of the tip, or drift from its position when first held, '
         'above which the status warns', 1e-4, 1.0, unit='m')
-    angle_tolerance: float = _setting(
+    angle_tolerance: float = setting(
         0.02, 'aim on angles: error of bending angles, or drift from their values when first '
         'held, above which the status warns', 1e-3, 1.0, unit='rad')
-    correct_drift: bool = _setting(
+    correct_drift: bool = setting(
         False, 'set segments again when a held shape drifts by more than loop.tip_tolerance or '
         'loop.angle_tolerance')
-    release_limit: float = _setting(
+    release_limit: float = setting(
         0.01, 'tip displacement above which a loaded segment is not softened to correct drift',
         0.0, 1.0, unit='m')
 
@@ -96,8 +94,7 @@ class RunnerSettings:
 LOOP_PARAMETERS = (
     Parameter('closed_loop', True, 'correct every segment with measurements while they are '
               'available', read_only=False),
-    *(Parameter(f'loop.{one.name}', **one.metadata)
-      for one in fields(LoopSettings)),
+    *setting_parameters(LoopSettings, 'loop', read_only=False),
     Parameter('loop.dead_band', DEAD_BAND, 'corrections that move every tendon by less are not '
               'sent: friction absorbs them', 0.0, 0.01, read_only=False, unit='m'),
     Parameter('loop.lock_in_stddev', LOCK_IN_STDDEV,
@@ -139,8 +136,7 @@ REACH_PARAMETERS = (
 
 def loop_from_parameters(parameters: Mapping[str, Any]) -> LoopSettings:
     """Return the settings from parameters ``loop.*``."""
-    return LoopSettings(**{
-        one.name: parameters[f'loop.{one.name}'] for one in fields(LoopSettings)})
+    return settings_from(LoopSettings, 'loop', parameters)
 
 
 def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':

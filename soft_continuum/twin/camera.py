@@ -174,7 +174,7 @@ class TwinCamera:
             return [_Piece(tag, 0.0, white_modules(n)), _Piece(plate, PLATE)]
         half = layout.face / 2.0
         turns = 2.0 * pi / layout.faces * np.arange(layout.faces)
-        radius = half / np.tan(pi / layout.faces)
+        radius = layout.radius
         tags = [self._stuck(_face([radius * cos(turn), radius * sin(turn), 0.0], turn,
                                   layout.face), random, off, size) for turn in turns]
         every = self._stuck(np.vstack(tags), random, off, radius).reshape(-1, 4, 3) + middle
@@ -262,7 +262,7 @@ class TwinCamera:
             places = depth[:, None] * rays - corners.mean(axis=0)
             flat = np.stack([places @ side / (side @ side) for side in (right, up)],
                             axis=-1) * WITH_MARGIN
-            fine[seen] = printed(flat, piece.modules, np.zeros(len(flat))) * bright
+            fine[seen] = printed(flat, piece.modules) * bright
         nearest[seen] = depth
 
 

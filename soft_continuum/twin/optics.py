@@ -8,7 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.sensing.layout import QUIET_ZONE
 from soft_continuum.sensing.pictures import Array, MODULES, Picture
 from soft_continuum.twin.model_errors import ModelErrors
 
@@ -85,9 +84,9 @@ def blotched(random: np.random.Generator) -> NDArray[np.float32]:
     return board
 
 
-def printed(flat: Array, modules: NDArray[np.bool_], old: Array) -> Array:
+def printed(flat: Array, modules: NDArray[np.bool_]) -> Array:
     """
-    Return the grey of a tag of size 1 about the origin, with its white margin, over the old one.
+    Return the grey of a tag of size 1 about the origin, which is white around it.
 
     flat: (..., 2), to the right and up.
     """
@@ -95,4 +94,4 @@ def printed(flat: Array, modules: NDArray[np.bool_], old: Array) -> Array:
     column, row = (np.clip((part * MODULES).astype(int), 0, MODULES - 1)
                    for part in (flat[..., 0] + 0.5, 0.5 - flat[..., 1]))
     ink = np.where(modules[row, column], WHITE, BLACK)
-    return np.where(reach <= 0.5, ink, np.where(reach <= 0.5 + QUIET_ZONE, WHITE, old))
+    return np.where(reach <= 0.5, ink, WHITE)

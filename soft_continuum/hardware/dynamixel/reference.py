@@ -11,13 +11,12 @@ within pull_limits.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 import contextlib
 from dataclasses import dataclass
 import json
 from math import ceil, floor
 from pathlib import Path
-from threading import Thread
 
 from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
@@ -105,7 +104,7 @@ class ZeroFile:
     def __init__(self, path: Path, port: str) -> None:
         """Keep the zeros of the servos behind a port."""
         self._path, self._port = path, port
-        self._thread: Thread | None = None
+        self._last: Future[None] | None = None
 
     def read(self, servo: int) -> int | None:
         """Return the zero of a servo; None without a readable one."""
@@ -128,32 +127,27 @@ class ZeroFile:
             raise HardwareError(f'the zero cannot be saved in {self._path} ({error.strerror}); '
                                 'make it writable, and reference again') from None
 
-    def begin_write(self, servos: Sequence[Servo], zeros: Sequence[int]) -> 'Future[None]':
+    def begin_write(self, servos: Sequence[Servo], zeros: Sequence[int]) -> Future[None]:
         """
         Keep zeros (Present Positions), as ``write``, on a thread of its own.
 
         A busy disk would hold up the thread of the bus for longer than the servos' watchdogs wait.
         """
-        done: Future[None] = Future()
-        before = self._thread
+        before, pool = self._last, ThreadPoolExecutor(1, 'dynamixel_zeros')
 
         def write() -> None:
             if before is not None:
-                before.join()  # the newest is written last
-            try:
-                self.write([servo.id for servo in servos], _raw(servos, zeros))
-                done.set_result(None)
-            except BaseException as error:
-                done.set_exception(error)
+                wait([before])  # the newest is written last
+            self.write([servo.id for servo in servos], _raw(servos, zeros))
 
-        self._thread = Thread(target=write, name='dynamixel_zeros', daemon=False)
-        self._thread.start()
-        return done
+        self._last = pool.submit(write)
+        pool.shutdown(wait=False)  # its thread ends with the write
+        return self._last
 
     @property
     def writing(self) -> bool:
         """Whether zeros are being written."""
-        return self._thread is not None and self._thread.is_alive()
+        return self._last is not None and not self._last.done()
 
     def _all(self) -> dict[str, dict[str, int | None]]:
         try:

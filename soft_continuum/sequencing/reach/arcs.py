@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import scipy
 
 from soft_continuum.mechanics import constant_curvature
-from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import within_limits
 from soft_continuum.sequencing.plans import TipGoal, WHOLE_ARM
@@ -76,12 +76,10 @@ class Arcs:
     free: axes about which it bends, as bending.  limits: (segments,) rad.
     """
 
-    def __init__(self, arm: Arm) -> None:
-        """Take the arm."""
-        self.arm = arm
-        self.chain = Chain(arm)
-        self.limits = arm.bending_angle_limits
-        self.free = arm.bending_axes
+    def __init__(self, chain: Chain) -> None:
+        """Take its chain."""
+        self.arm, self.chain = chain.arm, chain
+        self.limits, self.free = chain.arm.bending_angle_limits, chain.arm.bending_axes
 
     @property
     def dimensions(self) -> int:

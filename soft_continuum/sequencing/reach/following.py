@@ -77,7 +77,7 @@ class _Following:
     def __init__(self, validator: MotionValidator, start: Node, goals: Sequence[TipGoal]) -> None:
         planner, settings = validator.planner, validator.settings
         self.planner, self.start, self.goals, self.settings = planner, start, goals, settings
-        self.arcs = Arcs(planner.statics.chain.arm)
+        self.arcs = Arcs(planner.statics.chain)
         self.budget = Budget(settings.states, settings.time_limit)
         self.validator = validator.until(self.budget.judge)
         self.movers = tuple(range(len(self.arcs.limits))) if planner.settings.jamming else (
@@ -86,9 +86,8 @@ class _Following:
     def run(self) -> Iterator[Reach]:
         """Yield better and better plans."""
         settings = self.settings
-        first = replace(settings, states=int(BEGIN_PART * settings.states),
-                        time_limit=BEGIN_PART * settings.time_limit)
-        search = Search(MotionValidator(self.validator.planner, self.validator.scene, first),
+        search = Search(self.validator.within(BEGIN_PART * settings.states,
+                                              BEGIN_PART * settings.time_limit),
                         self.start, self.goals[0])
         for found in search.run():
             if not found.why and found.softenings:
@@ -199,8 +198,7 @@ class _Following:
             tips = np.array([state.backbone[-1] for step in node.steps[len(track.node.steps):]
                              for state in step.states])
             away = max(away, _farthest(tips, self.goals[number - 1].position, goal.position))
-        beyond = max(away / goal.position_tolerance,
-                     0.0 if goal.kind == 'position' else turn / goal.angle_tolerance) - 1.0
+        beyond = max(away / goal.position_tolerance, turn / goal.angle_tolerance) - 1.0
         return _Track(node, max(track.away, away), max(track.turn, turn),
                       max(track.beyond, beyond, 0.0))
 
@@ -208,10 +206,9 @@ class _Following:
         moves, steps = joined(track.node.moves, track.node.steps)
         why = ''
         if track.beyond > 0.0:
-            why = (f'the path is followed within {track.away * 1e3:.1f} mm' + (
-                '' if self.goals[0].kind == 'position' else
-                f' and {np.degrees(track.turn):.1f} degrees')
-                + ' at best, which is more than its tolerances')
+            why = ('the path is followed within '
+                   f'{self.goals[0].text(track.away, track.turn)} at best, which is more than its '
+                   'tolerances')
         node = replace(track.node, moves=moves, steps=steps)
         return Reach(node.plan(Shape(NAME, ()).at(node.state)), why, track.away, track.turn)
 

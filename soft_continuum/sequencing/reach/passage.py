@@ -97,11 +97,13 @@ def body_radius(chain: Any) -> float:
         chain.disc_radii.max(), max(s.outer_diameter for s in chain.arm.segments) / 2))
 
 
-def between(one: Equilibrium | BodyFrames, near_one: float, other: Equilibrium | BodyFrames,
-            near_other: float, radius: float) -> tuple[float, float]:
+def between(one: Equilibrium | BodyFrames, near_one: Clearance, other: Equilibrium | BodyFrames,
+            near_other: Clearance, radius: float) -> tuple[Clearance, float]:
     """Return the clearance between two neighbouring states, and the displacement of points, m."""
     way = DETOUR * moved(one, other, radius)
-    return (near_one + near_other - way) / 2.0, way
+    nearest = min(near_one, near_other, key=lambda near: near.distance)
+    return Clearance((near_one.distance + near_other.distance - way) / 2.0,
+                     nearest.obstacle), way
 
 
 class MotionValidator:
@@ -124,6 +126,11 @@ class MotionValidator:
     def until(self, spent: Callable[[], bool]) -> 'MotionValidator':
         """Return the same within a budget, as of Planner.until."""
         return MotionValidator(self.planner.until(spent), self.scene, self.settings)
+
+    def within(self, states: float, seconds: float) -> 'MotionValidator':
+        """Return the same with another budget of a search."""
+        return MotionValidator(self.planner, self.scene, replace(
+            self.settings, states=int(states), time_limit=seconds))
 
     def start(self, state: Any, pulls: Sequence[float] | Array) -> Node:
         """Return the start node; raises PlanError if it is in an obstacle."""
@@ -276,10 +283,7 @@ class _ClearanceChecker:
 
     def between(self, one: Any, near_one: Clearance, other: Any, near_other: Clearance) -> float:
         """Record the clearance between two states; return the displacement of points, m."""
-        distance, way = between(
-            one, near_one.distance, other, near_other.distance, self.validator.radius)
-        nearest = min(near_one, near_other, key=lambda near: near.distance)
-        least = Clearance(distance, nearest.obstacle)
+        least, way = between(one, near_one, other, near_other, self.validator.radius)
         if least.distance < self.needed:
             raise _too_near(least, self.needed)
         if least.distance < self.least.distance:

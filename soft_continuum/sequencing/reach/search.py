@@ -78,7 +78,7 @@ class Search:
         self.budget = Budget((1.0 - KEPT) * settings.states, (1.0 - KEPT) * settings.time_limit)
         self.validator = validator.until(self.budget.judge)
         self.miss = TipResidual(goal)
-        self.arcs = Arcs(planner.statics.chain.arm)
+        self.arcs = Arcs(planner.statics.chain)
         self.bending = np.array(start.state.bending)
         self.candidates = Candidates(self.arcs, planner.settings, self.miss, self.bending,
                                      np.random.default_rng(self.settings.seed))
@@ -324,8 +324,7 @@ class Search:
         """Return the nearest plan, and why none reaches the goal."""
         self.last = self.nearest
         away, turn = self.miss.errors(self.nearest.state)
-        left = f'{away * 1e3:.1f} mm' + (
-            '' if self.goal.kind == 'position' else f' and {np.degrees(turn):.1f} degrees')
+        left = self.goal.text(away, turn)
         why = f'the goal is out of reach: the nearest tip found is {left} from it'
         if not out_of_reach:
             why = (f'no plan was found: {self._in_the_way()}; the nearest tip found is {left} '
