@@ -141,7 +141,7 @@ class Lab:
     @property
     def vacuum(self) -> Array:
         """Vacuum of each segment, (segments,), parts of what the pump can reach."""
-        parts: Array = self.vacuum_pascals / JammingPlant().ultimate_vacuum
+        parts: Array = self.vacuum_pascals / JammingPlant.ultimate_vacuum
         return parts
 
     @property

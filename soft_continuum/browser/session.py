@@ -35,6 +35,7 @@ from soft_continuum.client.own_file import OwnShapesError, read_saved, Saved
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.state import ArmState, reached_text, SequenceResult
 from soft_continuum.client.tasks import until
+from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import Obstacle
 from soft_continuum.ros.entry import subscribe
@@ -43,6 +44,7 @@ from soft_continuum.ros.obstacles import Key, known_from_ros, MAX_KNOWN_BYTES
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.progress import AIMS
+from soft_continuum.sequencing.settings import MotionLimits
 from soft_continuum.user_files import saved_shapes
 from soft_continuum_interfaces.msg import MotionRequest
 
@@ -189,8 +191,8 @@ class Description:
 
     arm: Arm
     jamming: bool = True
-    ambient_pressure: float = 101325.0
-    tension_limit: float = 60.0
+    ambient_pressure: float = JammingSettings.ambient_pressure
+    tension_limit: float = MotionLimits.tension_limit
     shapes: tuple[str, ...] = ()
 
     @cached_property

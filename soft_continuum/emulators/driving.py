@@ -7,6 +7,7 @@ from pathlib import Path
 
 from soft_continuum.emulators.dynamixel_models import MODELS
 from soft_continuum.parameters.parameter import Value
+from soft_continuum.sequencing.settings import MotionLimits
 
 STEPS_PER_MM = 200
 """Steps per mm of the emulated motors and drums; a GRBL board itself counts steps."""
@@ -16,7 +17,7 @@ BAUD_RATE = 1000000
 SPOOL_RADIUS = 0.01
 """m, of an emulated servo."""
 SERVO_MODEL = 'XM430-W350'
-TENSION_LIMIT, STALL_SHARE = 60.0, 0.5
+TENSION_LIMIT, STALL_SHARE = MotionLimits.tension_limit, 0.5
 """N, limited to this share of the stall tension of the servo."""
 MODBUS_TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 

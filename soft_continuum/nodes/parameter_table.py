@@ -30,7 +30,12 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.sensing.tilt import ImuSettings
-from soft_continuum.sequencing.settings import LOOP_PARAMETERS, REACH_PARAMETERS
+from soft_continuum.sequencing.settings import (
+    LOOP_PARAMETERS,
+    MotionLimits,
+    REACH_PARAMETERS,
+    RunnerSettings,
+)
 
 AUTOSTART = Parameter('autostart', True, 'configure and activate the node when it starts')
 FRAME = Parameter(
@@ -44,28 +49,28 @@ STALE_AFTER = Parameter(
     'stale_timeout', 0.5, 'age at which a message from another node is stale', 0.1, 10.0,
     read_only=False, unit='s')
 PULL_LIMITS = Parameter(
-    'pull_limits', (-0.06, 0.06), 'smallest and largest tendon pull; negative: paid out',
-    -1.0, 1.0, is_range=True, unit='m')
+    'pull_limits', MotionLimits.pull_limits,
+    'smallest and largest tendon pull; negative: paid out', -1.0, 1.0, is_range=True, unit='m')
 TENSION_LIMIT = Parameter(
-    'tension_limit', 60.0, 'largest tendon tension that the model may predict', 0.1, 1e4,
-    read_only=False, unit='N')
+    'tension_limit', MotionLimits.tension_limit,
+    'largest tendon tension that the model may predict', 0.1, 1e4, read_only=False, unit='N')
 CO_CONTRACTION_LIMIT = Parameter(
     'co_contraction_limit', 5.0,
     'maximum predicted tension that opposing tendons may carry at once', 0.01, 1e4,
     read_only=False, unit='N')
 SPEED = Parameter(
-    'tendon_speed', 0.015, 'maximum tendon speed of planned motions', 1e-4, 1.0,
+    'tendon_speed', MotionLimits.speed, 'maximum tendon speed of planned motions', 1e-4, 1.0,
     read_only=False, unit='m/s')
 ACCELERATION = Parameter(
-    'tendon_acceleration', 0.1, 'maximum tendon acceleration of planned motions', 1e-3, 10.0,
-    read_only=False, unit='m/s^2')
+    'tendon_acceleration', MotionLimits.acceleration, 'maximum tendon acceleration of planned '
+    'motions', 1e-3, 10.0, read_only=False, unit='m/s^2')
 ANTAGONIST_SLACK = Parameter(
-    'antagonist_slack', 0.0005,
+    'antagonist_slack', MotionLimits.antagonist_slack,
     'slack left in tendons that do not carry the arm',
     0.0, 0.05, read_only=False, unit='m')
 SOFT_VACUUM = Parameter(
-    'soft_vacuum', 10e3, 'vacuum below ambient up to which a segment counts as soft', 100.0, 101e3,
-    unit='Pa')
+    'soft_vacuum', RunnerSettings.soft_vacuum,
+    'vacuum below ambient up to which a segment counts as soft', 100.0, 101e3, unit='Pa')
 FULL_VACUUM = Parameter(
     'full_vacuum', JammingSettings.full_vacuum, 'vacuum below ambient at which the described '
     'stiffness and yield moment of jams that are not rigid apply; regulators hold it in stiff '

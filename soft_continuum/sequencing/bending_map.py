@@ -21,6 +21,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium, SLACK
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
+from soft_continuum.sequencing.settings import MotionLimits
 
 WAYS = np.round(np.exp(2j * pi * np.arange(16) / 16), 15)
 """Directions of the solved states; they include the axes exactly."""
@@ -43,9 +44,9 @@ class BendingLimits:
     one for all.
     """
 
-    pull_limits: tuple[float, float] = (-0.06, 0.06)
-    tension_limit: float = 60.0
-    antagonist_slack: float = 0.0005
+    pull_limits: tuple[float, float] = MotionLimits.pull_limits
+    tension_limit: float = MotionLimits.tension_limit
+    antagonist_slack: float = MotionLimits.antagonist_slack
     offsets: tuple[float, ...] = (0.0,)
 
     def check(self, found: Equilibrium, pulls: Array) -> None:

@@ -21,6 +21,7 @@ from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.directions import bending_vectors, within_limits
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.sequencing.plans import Move, PlanError, Shape, WHOLE_ARM
+from soft_continuum.sequencing.settings import MotionLimits, RunnerSettings
 from soft_continuum.sequencing.timing import timed
 
 SLACK_DEVIATIONS = 2.0
@@ -30,26 +31,19 @@ MAX_SOFTENING_TILT = 0.1
 
 
 @dataclass(frozen=True)
-class PlanSettings:
+class PlanSettings(MotionLimits):
     """
     Limits and resolution of a plan.
 
-    pull_limits: m.  tension_limit: N.  antagonist_slack: m left in a tendon that does not carry
-    the arm.  speed, acceleration: of the fastest tendon, m/s and m/s^2.  angle_step: rad between
-    two points.  angle_tolerance: rad, a segment this close is not set again.  jamming: whether
-    segments can be stiffened; else all are soft, and a shape is one move.  full_vacuum: Pa below
-    ambient at which jams are as described.
+    angle_step: rad between two points.  angle_tolerance: rad, a segment this close is not set
+    again.  jamming: whether segments can be stiffened; else all are soft, and a shape is one move.
+    full_vacuum: Pa below ambient at which jams are as described.
     """
 
-    pull_limits: tuple[float, float] = (-0.06, 0.06)
-    tension_limit: float = 60.0
-    antagonist_slack: float = 0.0005
-    speed: float = 0.015
-    acceleration: float = 0.1
     angle_step: float = np.radians(2.0)
     angle_tolerance: float = np.radians(0.1)
     jamming: bool = True
-    full_vacuum: float = 80e3
+    full_vacuum: float = RunnerSettings.full_vacuum
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> 'PlanSettings':

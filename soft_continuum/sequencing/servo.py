@@ -24,6 +24,7 @@ import numpy as np
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
+from soft_continuum.sequencing.settings import MotionLimits
 from soft_continuum.sequencing.timing import minimum_jerk, minimum_jerk_duration
 
 LEAD = 0.035
@@ -62,8 +63,8 @@ class ServoSettings:
     """
 
     limits: BendingLimits = BendingLimits()
-    speed: float = 0.015
-    acceleration: float = 0.1
+    speed: float = MotionLimits.speed
+    acceleration: float = MotionLimits.acceleration
     period: float = 0.04
     horizon: float = 0.35
     integral_time: float = 0.5

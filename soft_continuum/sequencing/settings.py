@@ -26,6 +26,22 @@ LOCK_IN_STDDEV = 0.006  # rad
 
 
 @dataclass(frozen=True)
+class MotionLimits:
+    """
+    Limits of planned motions.
+
+    pull_limits: m.  tension_limit: N.  antagonist_slack: m left in a tendon that does not carry
+    the arm.  speed, acceleration: of the fastest tendon, m/s and m/s^2.
+    """
+
+    pull_limits: tuple[float, float] = (-0.06, 0.06)
+    tension_limit: float = 60.0
+    antagonist_slack: float = 0.0005
+    speed: float = 0.015
+    acceleration: float = 0.1
+
+
+@dataclass(frozen=True)
 class LoopSettings:
     """When measurements are used, and the number of corrections, by parameters ``loop.*``."""
 

@@ -22,7 +22,7 @@ from soft_continuum.twin.plant import Plant, TIME_STEP
 PERIOD = 0.005  # s between two looks at the boards
 MAX_LATENESS = 0.2  # s that are made up for; the plant stands still for what is beyond
 STEPS = 10  # of time between two looks, at most: sensors wait until they are done
-FULL_VACUUM = JammingPlant().ultimate_vacuum  # Pa
+FULL_VACUUM = JammingPlant.ultimate_vacuum  # Pa
 
 
 class TwinRig:
