@@ -63,7 +63,7 @@ class Transmitter:
     @property
     def vacuum(self) -> float:
         """Vacuum of the segment, Pa below ambient."""
-        return JammingPlant.ambient_pressure - self.read().pressures[0]
+        return JammingPlant().ambient_pressure - self.read().pressures[0]
 
     def current(self) -> int:
         """Return the current of the transmitter, uA."""
