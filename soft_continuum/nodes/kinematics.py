@@ -3,6 +3,7 @@
 """The node that computes the shape of the arm from tendons, stiffness, model and measurements."""
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from functools import partial
 from math import inf
 from typing import Any
@@ -130,6 +131,7 @@ class Kinematics(SuiteNode):
         self._robot = self.create_publisher(String, 'robot_description', LATCHED)
         self._robot.publish(String(data=arm_urdf(self._arm, frame)))
         self._marked = 0.0
+        self._converted: tuple[Any, KinematicsState] = None, KinematicsState()
         self._uncertainties: tuple[float, Array, list[EstimatedParameter]] = (
             -inf, np.zeros((0, 3, 3)), [])
         self._measured_tensions = MeasuredTensions(self._tendons, self.parameters)
@@ -326,16 +328,18 @@ class Kinematics(SuiteNode):
         for message in (self._segment_message, self._disc_message, self._predicted_message,
                         self._joint_message, self._tension_message):
             message.header.stamp = stamp
-        discs = poses_to_ros(state.poses, self._disc_message)
-        self._segment_message.poses = discs.poses[2::2]
+        if state is not self._converted[0]:  # at rest it is the last one
+            self._converted = state, equilibrium_to_ros(state)
+            poses_to_ros(state.poses, self._disc_message)
+            self._segment_message.poses = self._disc_message.poses[2::2]
+            self._joint_message.position = state.joint_positions.tolist()
+            self._tension_message.effort = state.tensions.tolist()
         self._segment_poses.publish(self._segment_message)
-        self._disc_poses.publish(discs)
-        self._joint_message.position = state.joint_positions.tolist()
+        self._disc_poses.publish(self._disc_message)
         self._shared_joints.sent(self._joint_message)
         self._joint_states.publish(self._joint_message)
-        self._tension_message.effort = state.tensions.tolist()
         self._tensions.publish(self._tension_message)
-        shape = equilibrium_to_ros(state)
+        shape = copy(self._converted[1])
         shape.stamp = stamp
         if self._shape.estimate is not None:
             estimate_to_ros(self._shape.estimate, *self._uncertainty(stamp), shape)
