@@ -108,3 +108,9 @@ def repeat(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """Call ``callback`` every ``period`` s of the steady clock, since ROS time may stand still."""
     return node.create_timer(period, guarded(node, callback), clock=Clock(
         clock_type=ClockType.STEADY_TIME))
+
+
+def wake(timer: Timer) -> None:
+    """Have a timer go on that was canceled because nothing waited for it."""
+    if timer.is_canceled():
+        timer.reset()

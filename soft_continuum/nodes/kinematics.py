@@ -29,7 +29,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
-from soft_continuum.nodes.entries import Question, repeat, serve, subscribe
+from soft_continuum.nodes.entries import Question, repeat, serve, subscribe, wake
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measurements import (
     JamVacuum,
@@ -147,9 +147,10 @@ class Kinematics(SuiteNode):
         if jamming:
             subscribe(self, JammingValvesState, f'{JAMMING_VALVES}/state',
                       self._on_jamming_valves, LATCHED)
-        for i in range(segments if jamming else 0):
-            subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
-                      partial(self._on_pressure, i), SENSOR)
+        for i, elastic in enumerate(self._elastic):
+            if jamming and elastic:
+                subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
+                          partial(self._on_pressure, i), SENSOR)
         self._without = UNKNOWN * np.diag(~self._arm.pose_axes)  # of what there is not
         self._measured = MeasuredPoses(self, self._arm, frame, self._wake)
         self.conflicts = Conflicts(self, segments, self.parameters)
@@ -192,7 +193,7 @@ class Kinematics(SuiteNode):
             or STEADY() - heard > ORDER_TIMEOUT)
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
-        """Follow the vacuum of a jam, which counts with the next pulls if it is not rigid."""
+        """Follow the vacuum of a jam that is not rigid; it counts with the next pulls."""
         self._vacuum.follow(segment, message.fluid_pressure, self._next_stiff.setpoints)
 
     def _on_tendon_actuation(self, state: TendonActuationState) -> None:
@@ -234,7 +235,7 @@ class Kinematics(SuiteNode):
         self._check_alarms()
         if self._shape.state is not None and self._follows:
             measured = dict(zip(message.name, message.effort, strict=False))
-            if self._shape.settings.enabled:
+            if measured and self._shape.settings.enabled:
                 self._measured_tensions.put(self._time, measured)
                 self._wake()
             # The estimate follows what is measured: only the prediction can differ for long.
@@ -257,8 +258,7 @@ class Kinematics(SuiteNode):
 
     def _wake(self) -> None:
         """Have what waits looked at within CHECK_PERIOD."""
-        if self._timer.is_canceled():
-            self._timer.reset()
+        wake(self._timer)
 
     def _check_alarms(self) -> None:
         self.status.alarm('anomaly', '; '.join(one.message for one in self._shape.anomalies))
