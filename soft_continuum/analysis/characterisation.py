@@ -14,7 +14,7 @@ about y, pushing it along y bends it about x.
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -398,10 +398,11 @@ def _run(options: argparse.Namespace) -> None:
                  f'{"K" if state.name == STIFF else "E I"}.' if state.name in tables else
                  'not written: a description has a single table, for the softer axis.'))
     for state in states:
-        if not isfinite(state.result.linearity_error):
+        if not (state.result.table or state.result.linearity_error <= NONLINEAR):
             print(f'\nE I of the {state.name} segment is a mean only: its curves are no line '
                   f'(R^2 = {state.result.regression.determination:.3f}), and no law that rises '
-                  'fits them. Look at the figure; leave out where it slips.')
+                  'fits them. Look at the figure; leave out where it slips, holds or does not '
+                  'touch.')
         if len(state.curves) == 1:
             print(f'\nThe {state.name} segment has a single repetition, so there is '
                   'no\nconfidence interval: measure three or more.')

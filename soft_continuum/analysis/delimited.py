@@ -50,6 +50,8 @@ SUFFIX = re.compile(
     r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ]|\.\.)([^\W\d_]{1,3}|\N{DEGREE SIGN})[_.]?')
 LEADING = re.compile(r'(?:in|units?:?)\s+(?=\S)|units?:', re.IGNORECASE)
 COMMENTS = ('#', '%')
+COMMENT = re.compile(r'[#%]+(?:\s+|$)')
+RULE = '-=|+:,; \t'  # characters of a line below a header
 PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
 OF_CHANNELS = frozenset(
     ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
@@ -207,6 +209,11 @@ class _Block:
         """Whether the cells have numbers where expected."""
         return any(_is_number(cell) for _, row in self.rows for cell in self.measured(row))
 
+    @property
+    def numbers_last(self) -> bool:
+        """Whether the last row has numbers where expected."""
+        return any(map(_is_number, self.measured(self.rows[-1][1]))) if self.rows else False
+
     def trim(self) -> '_Block':
         """Separate the row of units, and remove text below the numbers: titles, results."""
         for k, (line, row) in enumerate(self.rows[:MAX_SUBHEADERS]):
@@ -317,7 +324,7 @@ def _text(path: Path) -> str:
 
 def _rows(text: str) -> Iterator[tuple[int, str]]:
     """Yield rows with the number of their first line: quoted cells may span several lines."""
-    lines = text.splitlines()
+    lines = text.replace('\ufeff', '').splitlines()  # there are several in files that were joined
     at = 0
     while at < len(lines):
         quotes, end = 0, at
@@ -371,6 +378,8 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
         for (number, row), cells in zip(rows, split, strict=True):
             if cells[0] in COMMENTS and len(cells) == usual + 1:  # as numpy.savetxt writes it
                 del cells[0]
+            is_comment = COMMENT.match(cells[0])
+            cells[0] = COMMENT.sub('', cells[0]) or cells[0]
             if 1 < len(cells) < MAX_COLUMNS and (
                     named or len(re.findall(r'[^\W\d_]+', row)) >= len(required)):
                 header = [' '.join(cell.split()) for cell in cells]
@@ -385,7 +394,9 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
                     continue
                 if len(required) - len(missing) > best[0]:
                     best = len(required) - len(missing), number, header, missing
-            if blocks and any(cells):
+            is_rule = not row.strip(RULE) and ('--' in row or '==' in row)
+            if blocks and any(cells) and not (
+                    is_rule or (is_comment and blocks[-1].numbers_last)):
                 blocks[-1].rows.append((number, cells))
         filled = [block for block in blocks if block.trim().rows]
         filled = [block for block in filled if block.numbered] or filled

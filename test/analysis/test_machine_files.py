@@ -201,6 +201,16 @@ SAME = {
                                 lambda u, f: f'{u:.2f} {u:.2f} {f:.2f}'),
     'points numbered below #': table('# Displacement_mm Force_N',
                                      lambda u, f: f'{u:.2f} {u:.2f} {f:.2f}'),
+    'a line below the header': table('Displacement  Force\n  mm  N\n----  -----',
+                                     lambda u, f: f'{u:.2f}  {f:.2f}'),
+    'comments between the rows': table(
+        '# Displacement,Force\n# mm,N',
+        lambda u, f: f'{u:.2f},{f:.2f}' + '\n# paused, by 1 operator' * (u == 2.7)),
+    'a byte order mark where files were joined': table(
+        '\ufeffWeg [mm];Kraft [N]',
+        lambda u, f: '\ufeffWeg [mm];Kraft [N]\n' * (u == 2.7) + f'{u:.2f};{f:.2f}'),
+    'a second side that was not measured': table(
+        'Weg [mm];Kraft [N];Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f};;'),
     'all above one, but the time has decimal commas': table(
         'Zeit [s];Weg [um];Kraft [mN]', lambda u, f: f'{comma(u)};{1e3 * u:.0f};{1e3 * f:.0f}'),
 }
@@ -316,7 +326,10 @@ BRACKETED = 'Time;Force [N];Displacement [mm];Force [N];Displacement [mm]'
 CALLED = {
     'between header and units': (HEADER, CHANNELS, UNITS),
     'above the header': (CHANNELS, HEADER, UNITS),
-    'above what is said of each': ('Specimen 1;;;Specimen 2', 'Area;12,5;;12,5', HEADER, UNITS),
+    'below numbers over each': (';12;;13', ';Cell 1;;Cell 2', HEADER, UNITS),
+    'probes, which are sensors': (';Probe 1;;Probe 2', HEADER, UNITS),
+    'numbered behind a word': ('Sensor;1;;2', HEADER, UNITS),
+    'of one specimen, and units': ('Specimen 1;;;Specimen 2', HEADER, 's;N;mm;mN;mm'),
     'above a header with units': (CHANNELS, BRACKETED),
     'between header and numbers': (BRACKETED, CHANNELS),
     'over the first column of each': (';Cell 1;;Cell 2;', HEADER, UNITS),
@@ -341,10 +354,18 @@ def test_channels_named_above_columns_that_blanks_separate_are_asked_for():
         lambda u, f: f'{f:.2f}  {u:.2f}  {f:.2f}  {u:.2f}'))
 
 
+GERMAN = 'Zeit;Kraft;Weg;Kraft;Weg'
+
+
 @pytest.mark.parametrize('head', [
+    ('Specimen 1;;;Specimen 2', 'Thickness;2,1;;2,2', HEADER, UNITS),
+    (';1 _ 1;;1 _ 2;', HEADER, UNITS), (';Sample A;;Sample B', BRACKETED),
+    (';1;;2', HEADER, UNITS),
+    (';Probe Nr. 1;;Probe Nr. 2', GERMAN, UNITS), (';Test 1;Test 1;Test 2;Test 2', HEADER, UNITS),
+    ('Specimen;soft;;softer', HEADER, UNITS), (HEADER, ';Run 1;;Run 2', UNITS),
     (HEADER, UNITS), (BRACKETED,), ('Test report', 'Operator;NN', HEADER, UNITS),
     ('Raw;Raw;Raw;Raw;Raw', HEADER, ';Actual;Actual;Actual;Actual', UNITS)])
-def test_repetitions_side_by_side_that_are_called_the_same_are_read(head):
+def test_repetitions_side_by_side_called_the_same_or_as_specimens_are_read(head):
     first, second = read(two_cells(*head))
     assert first.force == pytest.approx(FORCE)
     assert second.displacement == pytest.approx(0.3e-3 * np.arange(30))
