@@ -28,6 +28,8 @@ MIN_POINTS = 10  # on the way up, for a slope that means something
 SWING = 0.5  # of the range: a fall, or a rise after it, between two repetitions at most
 LEAST_SWING = 0.1  # of the range: a smaller one finds the zero
 NOISE = 6.0  # median second differences: a smaller one is noise
+JUMP = 0.5  # of the range: a row is wrong that differs by more from those before and after
+GAP = 0.75  # of the range: rows beyond are overflows, or marks of missing values
 NEW_PAGE = 0.1  # of the range: a block that begins higher goes on with the one before
 MAX_CURVES = 50
 MAX_POINTS = 100_000  # of all curves together
@@ -37,7 +39,8 @@ FORCE = Quantity('force', ('force', 'load', 'kraft', 'f', 'forza', 'carico', 'fu
 DISPLACEMENT = Quantity(
     'displacement', ('displacement', 'travel', 'deflection', 'extension', 'crosshead', 'stroke',
                      'position', 'weg', 'verformung', 'durchbiegung', 'u', 'deplacement',
-                     'spostamento', 'corsa', 'desplazamiento', 'deslocamento', 'verplaatsing'),
+                     'spostamento', 'corsa', 'desplazamiento', 'deslocamento', 'verplaatsing',
+                     'deformation', 'distance', 'disp', 'displ'),
     'm', options=True)
 TIME = Quantity('time', ('time', 'zeit', 't', 'temps', 'tempo', 'tiempo'), required=False,
                 options=True)
@@ -211,7 +214,7 @@ def _split(table: Table, displacement: Column, force: Column, start: int, end: i
     if end == start:
         return []
     column = displacement.part(start, end)
-    u, f = column.numbers(), force.part(start, end).numbers()
+    u, f = (_checked(side.part(start, end)) for side in (displacement, force))
     labels = {_changes(c.part(start, end).cells) for c in table.columns['repetition']}
     first = [0, *labels.pop()] if len(labels) == 1 else [0]
     starts = []
@@ -235,6 +238,18 @@ def _split(table: Table, displacement: Column, force: Column, start: int, end: i
         for start, here, end, a, b in zip(starts, starts[1:], ends[1:], tops, tops[1:],
                                           strict=False)]
     return [(column.part(a, b), u[a:b], f[a:b]) for a, b in zip(starts, ends, strict=True)]
+
+
+def _checked(column: Column) -> Array:
+    """Return the numbers; raises MeasurementError for one that is unlike both neighbours."""
+    values = column.numbers()
+    steps = np.diff(values) / (np.ptp(values) or 1.0)
+    for row in np.flatnonzero((steps[:-1] * steps[1:] < 0.0) & (
+            np.minimum(abs(steps[:-1]), abs(steps[1:])) > JUMP))[:1] + 1:
+        raise MeasurementError(
+            f'{column.path}, line {column.lines[row]}: {column.header} is {column.cells[row]!r}, '
+            'far from the rows before and after; delete this line')
+    return values
 
 
 def _changes(cells: Sequence[str]) -> tuple[int, ...]:
@@ -297,6 +312,14 @@ def _check_time(time: Column, starts: Sequence[int]) -> None:
 
 def _curve(name: str, column: Column, displacement: Array, force: Array) -> Curve:
     where = f'{column.path}, line {column.lines[0]}'
+    for values in (displacement, force) if len(force) >= MIN_POINTS else ():
+        order = np.argsort(values)
+        gap = int(np.argmax(np.diff(values[order])))
+        if values[order[gap + 1]] - values[order[gap]] > GAP * np.ptp(values):
+            row = min(order[gap + 1:], order[:gap + 1], key=len).min()
+            raise MeasurementError(
+                f'{column.path}, line {column.lines[row]}: displacement or force is far from the '
+                'other rows; delete this line, or export in smaller steps')
     curve = Curve(name, displacement, force)
     up = curve.turn + 1
     if up < MIN_POINTS:

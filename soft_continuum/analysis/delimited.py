@@ -48,6 +48,10 @@ BRACKETS = re.compile(r'[\[({<]([^\[\](){}<>]*)[\])}>]')
 EDGES = ' []()<>{}'
 SUFFIX = re.compile(
     r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ]|\.\.)([^\W\d_]{1,3}|\N{DEGREE SIGN})[_.]?')
+SCALED = re.compile(
+    r'[*/^\u00d7\u00f7]\s*\d|\d\s*[*\u00d7]|[(\[{<]\s*x\s*\d|\d\s*x\s*[)\]}>]'
+    r'|\b(?:log(?:10)?|ln|times|divided|multiplied|normali[sz]ed)\b', re.IGNORECASE)
+"""What a header says of numbers that are not those of its unit: Force (x10) [N], Force/2 [N]."""
 LEADING = re.compile(r'(?:in|units?:?)\s+(?=\S)|units?:', re.IGNORECASE)
 COMMENTS = ('#', '%')
 COMMENT = re.compile(r'[#%]+(?:\s+|$)')
@@ -547,6 +551,10 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
     """Return the factor of a column to SI; raises MeasurementError for units that do not fit."""
     if not quantity.unit:
         return 1.0
+    if not given and SCALED.search(header):
+        raise MeasurementError(
+            f'{where}: column {header!r} may hold other numbers than its unit says; export it '
+            'unscaled, or rename it')
     inside = BRACKETS.findall(header)[::-1]
     suffix = SUFFIX.fullmatch(header)
     said = [text.strip(EDGES) for text in (
@@ -558,10 +566,11 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
                if (unit := _unit(text)) and wanted and unit[1] == wanted[1]}
     rows = {text.strip(EDGES) for text in below} & fitting.keys()
     first = next(iter(fitting), '')
-    if other := next((text for text in rows if fitting[text] != fitting[first]), ''):
+    if other := next((text for text in fitting if fitting[text] != fitting[first]), ''):
         raise MeasurementError(
-            f'{where}: column {header!r} is in {first} by its header and in {other} by the row of '
-            'units; ' + (f'give {option}' if option else 'correct one of them'))
+            f'{where}: column {header!r} is in {first} by its header and in {other} by '
+            f'{"the row of units" if other in rows else "its end"}; '
+            + (f'give {option}' if option else 'correct one of them'))
     if fitting:
         return fitting[first]
     wrong = next((text for text in said[:len(inside) + len(below) or 1] if text), '')
@@ -599,12 +608,14 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
     table: the cells of all columns, which decide if the required ones allow both marks.
     """
     if delimiter == ',':
-        for column in measured:
-            for cell, line in zip(column.cells, column.lines, strict=True):
+        halves = () if any('.' in cell for cells in table for cell in cells) else table
+        for cells in (*(column.cells for column in measured), *halves):
+            for cell, line in zip(cells, measured[0].lines, strict=True):
                 if re.fullmatch(r'[-+]?0\d+', cell):
                     raise MeasurementError(
-                        f'{column.path}, line {line}: {column.header} is {cell!r}, the end of '
-                        'another number; decimal commas need semicolons between the columns')
+                        f'{measured[0].path}, line {line}: {cell!r} may be the end of another '
+                        'number; decimal commas need semicolons between the columns; if they are '
+                        'none, give --decimal .')
     excluded: dict[str, int] = {}
     unsure: list[tuple[int, Column]] = []
     for column in measured:
