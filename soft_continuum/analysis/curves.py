@@ -144,6 +144,8 @@ def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
     places = [[column.number - 1 for column in side] for side in sides]
     # In English a probe is a sensor.
     kind = NAMED if 'kraft' in sides[0][1].header.lower() else NAMED.replace('|probe|', '|')
+    if len({_length(side) for side in sides}) > 1:
+        kind = '.*'  # channels would end together
     named = any(_name_specimens(row, places, kind) for _, row in table.above)
     for rows, are_below in ((table.below, True), (() if named else table.above, False)):
         for line, row in rows:
@@ -161,7 +163,7 @@ def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
                     f'{table.path}, line {line}: columns with one header are not called the same '
                     f'here ({", ".join(repr(printable(cell, MAX_NAME)) for cell in row if cell)}),'
                     f' so they may be several channels: give the numbers of the columns, {choices}'
-                    '; if they are repetitions, have this line say the same of all')
+                    '; if they are repetitions, call them Specimen 1, Specimen 2 there')
 
 
 def _over(row: Sequence[str], places: Sequence[Sequence[int]]) -> tuple[list[str], list[str]]:
@@ -170,6 +172,12 @@ def _over(row: Sequence[str], places: Sequence[Sequence[int]]) -> tuple[list[str
     # One name stands over all the columns of a side, in the first of them.
     return cells, [next((cell for cell in reversed(cells[:k + 1]) if cell), '')
                    for k in range(len(cells))]
+
+
+def _length(side: Sequence[Column]) -> int:
+    """Return how many rows a side fills."""
+    return max(k for k, cells in enumerate(zip(*(c.cells for c in side), strict=True), 1)
+               if k == 1 or any(cells))
 
 
 def _name_specimens(row: Sequence[str], places: Sequence[Sequence[int]], kind: str) -> bool:

@@ -388,6 +388,14 @@ def test_repetitions_side_by_side_called_the_same_or_as_specimens_are_read(head)
     assert second.displacement == pytest.approx(0.3e-3 * np.arange(30))
 
 
+def test_names_above_sides_of_other_lengths_are_those_of_specimens():
+    whole = two_cells(';soft, first;;soft, second', HEADER, UNITS)
+    shorter = re.sub(r'(\n2[5-9];[^;]*;[^;]*);.*', r'\1;;', whole)
+    assert [len(curve.force) for curve in read(shorter)] == [30, 25]
+    refused("'soft, first', 'soft, second'.*call them Specimen 1, Specimen 2 there", whole)
+    refused("'Cell 1', 'Crosshead'", shorter.replace('soft, first;;', 'Cell 1;Crosshead;'))
+
+
 @pytest.mark.parametrize('columns', [
     {'force': '4', 'displacement': '5'}, {'force': 'Cell 2', 'displacement': 'Extensometer'}])
 @pytest.mark.parametrize('head', [(HEADER, CHANNELS, UNITS), (CHANNELS, HEADER, UNITS)])
