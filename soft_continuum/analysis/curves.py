@@ -25,7 +25,8 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.text import MAX_NAME, printable
 
 MIN_POINTS = 10  # on the way up, for a slope that means something
-SWING = 0.5  # of the range: a fall, or a rise after it, between two repetitions at most
+SWING = 0.5  # of the range, or of the rise before: a fall between two repetitions
+RISE = 0.2  # of that fall: a rise after it
 LEAST_SWING = 0.1  # of the range: a smaller one finds the zero
 NOISE = 6.0  # median second differences: a smaller one is noise
 JUMP = 0.5  # of the range: a row is wrong that differs by more from those before and after
@@ -276,7 +277,7 @@ def _upwards(displacement: Array, force: Array) -> float:
     extent = np.ptp(displacement)
     ahead = displacement[np.argmax(np.abs(force))] - displacement[0]
     # Positions of the machine have their zero elsewhere.
-    is_position = np.abs(displacement).min() > NEW_PAGE * extent and abs(ahead) > SWING * extent
+    is_position = abs(displacement[0]) > NEW_PAGE * extent and abs(ahead) > SWING * extent
     return float(np.sign(ahead)) if is_position else away
 
 
@@ -284,20 +285,20 @@ def _starts(u: Array) -> list[int]:
     """
     Return where the displacement, after falling, rises again.
 
-    It falls, and rises, by half the range, or by half the branch before: loops may grow.  A cycle
-    of few points below half the range belongs to the one beside it.
+    It falls by half the range, or by half the rise before: loops may grow.  A cycle of few points
+    below half the range belongs to the one beside it.
     """
     swing = SWING * np.ptp(u)
     noise = float(np.median(np.abs(np.diff(u, 2, prepend=u[:1], append=u[-1:]))))
     least = max(LEAST_SWING * np.ptp(u), NOISE * noise)
-    turns, extreme, upwards = [0], 0, 1.0
+    turns, extreme, upwards, share = [0], 0, 1.0, SWING
     for i, value in enumerate(u):
         if upwards * (value - u[extreme]) >= 0.0:
             extreme = i
-        elif abs(value - u[extreme]) > min(swing, max(least, 0.5 * abs(
-                u[extreme] - u[turns[-1]]))):
+        elif abs(value - u[extreme]) > min(swing, max(
+                least, share * abs(u[extreme] - u[turns[-1]]))):
             turns.append(extreme)
-            extreme, upwards = i, -upwards
+            extreme, upwards, share = i, -upwards, RISE if upwards > 0.0 else SWING
     cycles = list(zip(turns[::2], [*turns[1::2], extreme], strict=False))
     whole = [top - start >= MIN_POINTS - 1 or u[top] - u[start] > swing for start, top in cycles]
     return [0, *(start for (start, _), before, own in zip(cycles[1:], whole, whole[1:],

@@ -112,7 +112,7 @@ def loops(*largest, points=20):
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 @pytest.mark.parametrize('largest', [(2e-3, 4e-3, 6e-3, 8e-3), (3e-3, 8e-3), (8e-3, 6e-3, 4e-3),
-                                     (1e-3, 1e-3, 8e-3, 8e-3)])
+                                     (1e-3, 1e-3, 8e-3, 8e-3), (5e-3, 2.3e-3, 2.4e-3, 5.4e-3)])
 def test_loops_that_grow_or_shrink_are_repetitions(tmp_path, largest, sign):
     path = files.export(tmp_path / 'a.csv', [(sign * u, sign * f) for u, f in loops(*largest)])
     curves = read_curves([path])
@@ -126,7 +126,7 @@ def test_a_small_loop_of_few_points_makes_no_repetition(tmp_path, tail):
     assert len(read_curves([path])) == 1
 
 
-@pytest.mark.parametrize('position', [0.1, -0.1])
+@pytest.mark.parametrize('position', [0.1, -0.1, 5e-3, -5e-3])
 @pytest.mark.parametrize('sign', [1.0, -1.0])
 def test_positions_of_a_machine_count_in_the_direction_of_the_load(tmp_path, position, sign):
     path = files.export(tmp_path / 'a.csv', [
