@@ -54,7 +54,7 @@ SCALED = re.compile(
 """What a header says of numbers that are not those of its unit: Force (x10) [N], Force/2 [N]."""
 LEADING = re.compile(r'(?:in|units?:?)\s+(?=\S)|units?:', re.IGNORECASE)
 COMMENTS = ('#', '%')
-COMMENT = re.compile(r'[#%]+(?:\s+|$)')
+COMMENT = re.compile(r'[#%]{1,2}(?:\s+|$)')
 RULE = '-=|+:,; \t'  # characters of a line below a header
 PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
 OF_CHANNELS = frozenset(
@@ -215,8 +215,9 @@ class _Block:
 
     @property
     def numbers_last(self) -> bool:
-        """Whether the last row has numbers where expected."""
-        return any(map(_is_number, self.measured(self.rows[-1][1]))) if self.rows else False
+        """Whether the last row has numbers where expected, and is no comment nor labelled so."""
+        last = self.rows[-1][1] if self.rows else ['']
+        return not COMMENT.match(last[0]) and any(map(_is_number, self.measured(last)))
 
     def trim(self) -> '_Block':
         """Separate the row of units, and remove text below the numbers: titles, results."""
@@ -382,8 +383,8 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
         for (number, row), cells in zip(rows, split, strict=True):
             if cells[0] in COMMENTS and len(cells) == usual + 1:  # as numpy.savetxt writes it
                 del cells[0]
-            is_comment = COMMENT.match(cells[0])
-            cells[0] = COMMENT.sub('', cells[0]) or cells[0]
+            if (is_comment := COMMENT.match(cells[0])) and not any(map(_is_number, cells)):
+                cells[0] = COMMENT.sub('', cells[0]) or cells[0]
             if 1 < len(cells) < MAX_COLUMNS and (
                     named or len(re.findall(r'[^\W\d_]+', row)) >= len(required)):
                 header = [' '.join(cell.split()) for cell in cells]
@@ -399,8 +400,7 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
                 if len(required) - len(missing) > best[0]:
                     best = len(required) - len(missing), number, header, missing
             is_rule = not row.strip(RULE) and ('--' in row or '==' in row)
-            if blocks and any(cells) and not (
-                    is_rule or (is_comment and blocks[-1].numbers_last)):
+            if blocks and any(cells) and not (is_rule or (is_comment and blocks[-1].numbers_last)):
                 blocks[-1].rows.append((number, cells))
         filled = [block for block in blocks if block.trim().rows]
         filled = [block for block in filled if block.numbered] or filled

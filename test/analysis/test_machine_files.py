@@ -205,7 +205,9 @@ SAME = {
                                      lambda u, f: f'{u:.2f}  {f:.2f}'),
     'comments between the rows': table(
         '# Displacement,Force\n# mm,N',
-        lambda u, f: f'{u:.2f},{f:.2f}' + '\n# paused, by 1 operator' * (u == 2.7)),
+        lambda u, f: f'{u:.2f},{f:.2f}' + '\n# paused, by 1 operator\n# 5,9' * (u == 2.7)),
+    'labels like comments': table('Specimen,Displacement [mm],Force [N]',
+                                  lambda u, f: f'# 1,{u:.2f},{f:.2f}'),
     'a byte order mark where files were joined': table(
         '\ufeffWeg [mm];Kraft [N]',
         lambda u, f: '\ufeffWeg [mm];Kraft [N]\n' * (u == 2.7) + f'{u:.2f};{f:.2f}'),
