@@ -76,12 +76,22 @@ class _Untyped(Loader):
                                           'line', directive.start_mark)
         return found
 
+    def scan_directive_name(self, start_mark: Any) -> Any:
+        name = super().scan_directive_name(start_mark)
+        if name not in ('YAML', 'TAG'):
+            raise yaml.scanner.ScannerError(
+                None, None, f'ROS does not know %{printable(name, MAX_SHOWN)}; delete this line',
+                start_mark)
+        return name
+
     def scan_plain(self) -> Any:
         token = super().scan_plain()
-        if self.flow_level and ':' in token.value:
+        if self.flow_level and (':' in token.value or (
+                self.peek() == ':' and self.peek(1) in ',[]{}')):
             raise yaml.scanner.ScannerError(
                 None, None, f'ROS may not read {printable(token.value, MAX_SHOWN)}, with a colon '
-                'between brackets; quote it', token.start_mark)
+                'between brackets; quote it, and write a blank behind that of a key',
+                token.start_mark)
         return token
 
 

@@ -170,7 +170,9 @@ def test_a_key_twice_in_one_mapping_is_refused(tmp_path: Path, text: str, line: 
     ('%YAML 1.2\n---\n' + section('/**', 'a: 1'), 'line 1, .* YAML 1.1 alone; delete this line'),
     (section('/**', 'grbl: {port: /dev/by-path/pci-0000:00:14.0}'),
      'line 3, .*not read /dev/by-path/pci-0000:00:14.0, with a colon between brackets; quote it'),
-    (section('/**', 'a: [http://x:1]'), 'quote it')])
+    (section('/**', 'a: [http://x:1]'), 'quote it'),
+    (section('/**', 'a: {b:{c: 1}}'), 'line 3, .* write a blank behind that of a key'),
+    ('%YML 1.1\n---\n' + section('/**', 'a: 1'), 'line 1, .* %YML; delete this line')])
 def test_what_not_every_ros_reads_is_refused_with_a_remedy(
         tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ParameterError, match=message):
