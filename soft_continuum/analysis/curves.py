@@ -48,9 +48,10 @@ TIME = Quantity('time', ('time', 'zeit', 't', 'temps', 'tempo', 'tiempo'), requi
 REPETITION = Quantity('repetition', ('repetition', 'cycle', 'cycles', 'zyklus', 'zyklen',
                                      'wiederholung', 'specimen'), required=False, options=True)
 SPECIMEN = (r'(?:specimen|sample|(?:probe|pr\u00fcf)k\u00f6rper|pr\u00fcfling|probe|muestra|'
-            r'provino|[\u00e9e]prouvette|repetition|wiederholung)[\W_]*(?:no|nr)?[\W_]*')
+            r'provino|[\u00e9e]prouvette|repetition|replicate|wiederholung|piece)'
+            r'[\W_]*(?:no|nr)?[\W_]*')
 RUN = r'(?:test|run|trial|cycle|zyklus|versuch|messung|measurement|essai|ensayo|prova)[\W_]*'
-NAMED = rf'(?:{SPECIMEN}|{RUN})+(?:\d[\d\W_]*|[a-z])|\d+ ?_ ?\d+'
+NAMED = rf'(?:{SPECIMEN}|{RUN})+(?:\d[\d\W_]*|[a-z])|\d+ ?[-_] ?\d+'
 """Names above repeated headers that are those of specimens: Sample A, Test 1, 1 _ 2."""
 
 
@@ -155,7 +156,7 @@ def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
             if (are_below or any(cells[max(places[0]) + 1:])) and any(
                     [said[k] for k in place] != [said[k] for k in places[0]]
                     for place in places for said in ((cells, over) if are_below else (over,))
-                    ) and not _name_specimens(row, places, rf'{kind}|\d+'):
+                    ) and not _name_specimens(row, places, rf'{kind}|(?:no|nr)?\W*\d+'):
                 choices = ' and '.join(
                     f'--{quantity.name}-column {" or ".join(str(c.number) for c in columns)}'
                     for quantity, columns in zip((DISPLACEMENT, FORCE), zip(*sides, strict=True),

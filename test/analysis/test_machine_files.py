@@ -347,6 +347,7 @@ CALLED = {
     'above the header': (CHANNELS, HEADER, UNITS),
     'below numbers over each': (';12;;13', ';Cell 1;;Cell 2', HEADER, UNITS),
     'probes, which are sensors': (';Probe 1;;Probe 2', HEADER, UNITS),
+    'of one run': (';Test 1 (cell A);;Test 1 (cell B)', HEADER, UNITS),
     'numbered behind a word': ('Sensor;1;;2', HEADER, UNITS),
     'of one specimen, and units': ('Specimen 1;;;Specimen 2', HEADER, 's;N;mm;mN;mm'),
     'above a header with units': (CHANNELS, BRACKETED),
@@ -379,7 +380,7 @@ GERMAN = 'Zeit;Kraft;Weg;Kraft;Weg'
 @pytest.mark.parametrize('head', [
     ('Specimen 1;;;Specimen 2', 'Thickness;2,1;;2,2', HEADER, UNITS),
     (';1 _ 1;;1 _ 2;', HEADER, UNITS), (';Sample A;;Sample B', BRACKETED),
-    (';1;;2', HEADER, UNITS),
+    (';1;;2', HEADER, UNITS), (';No. 1;;No. 2', HEADER, UNITS),
     (';Probe Nr. 1;;Probe Nr. 2', GERMAN, UNITS), (';Test 1;Test 1;Test 2;Test 2', HEADER, UNITS),
     ('Specimen;soft;;softer', HEADER, UNITS), (HEADER, ';Run 1;;Run 2', UNITS),
     (HEADER, UNITS), (BRACKETED,), ('Test report', 'Operator;NN', HEADER, UNITS),
