@@ -51,7 +51,7 @@ SPECIMEN = (r'(?:specimen|sample|(?:probe|pr\u00fcf)k\u00f6rper|pr\u00fcfling|pr
             r'provino|[\u00e9e]prouvette|repetition|replicate|wiederholung|piece)'
             r'[\W_]*(?:no|nr)?[\W_]*')
 RUN = r'(?:test|run|trial|cycle|zyklus|versuch|messung|measurement|essai|ensayo|prova)[\W_]*'
-NAMED = rf'(?:{SPECIMEN}|{RUN})+(?:\d[\d\W_]*|[a-z])|\d+ ?[-_] ?\d+'
+NAMED = rf'(?:{SPECIMEN}|{RUN})+(?:\d[\d\W_]*|[a-z])|\d+ ?_ ?\d+'
 """Names above repeated headers that are those of specimens: Sample A, Test 1, 1 _ 2."""
 
 
@@ -149,6 +149,7 @@ def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
     if len({_length(side) for side in sides}) > 1:
         kind = '.*'  # channels would end together
     named = any(_name_specimens(row, places, kind) for _, row in table.above)
+    numbered = rf'{kind}|(?:no|nr)?\W*\d+(?: ?- ?\d+)?'
     for rows, are_below in ((table.below, True), (() if named else table.above, False)):
         for line, row in rows:
             cells, over = _over(row, places)
@@ -156,7 +157,7 @@ def _check_alike(table: Table, sides: Sequence[tuple[Column, Column]]) -> None:
             if (are_below or any(cells[max(places[0]) + 1:])) and any(
                     [said[k] for k in place] != [said[k] for k in places[0]]
                     for place in places for said in ((cells, over) if are_below else (over,))
-                    ) and not _name_specimens(row, places, rf'{kind}|(?:no|nr)?\W*\d+'):
+                    ) and not _name_specimens(row, places, numbered):
                 choices = ' and '.join(
                     f'--{quantity.name}-column {" or ".join(str(c.number) for c in columns)}'
                     for quantity, columns in zip((DISPLACEMENT, FORCE), zip(*sides, strict=True),
