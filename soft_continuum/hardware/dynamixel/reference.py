@@ -127,11 +127,12 @@ class ZeroFile:
             raise HardwareError(f'the zero cannot be saved in {self._path} ({error.strerror}); '
                                 'make it writable, and reference again') from None
 
-    def begin_write(self, servos: Sequence[Servo], zeros: Sequence[int]) -> Future[None]:
+    def begin_write(self, servos: Sequence[Servo], zeros: Sequence[int]) -> None:
         """
         Keep zeros (Present Positions), as ``write``, on a thread of its own.
 
         A busy disk would hold up the thread of the bus for longer than the servos' watchdogs wait.
+        ``check_written`` reports a failure.
         """
         before, pool = self._last, ThreadPoolExecutor(1, 'dynamixel_zeros')
 
@@ -142,12 +143,17 @@ class ZeroFile:
 
         self._last = pool.submit(write)
         pool.shutdown(wait=False)  # its thread ends with the write
-        return self._last
 
     @property
     def writing(self) -> bool:
         """Whether zeros are being written."""
         return self._last is not None and not self._last.done()
+
+    def check_written(self) -> None:
+        """Raise HardwareError, once, if the last zeros could not be written."""
+        if self._last is not None and self._last.done():
+            last, self._last = self._last, None
+            last.result()
 
     def _all(self) -> dict[str, dict[str, int | None]]:
         try:

@@ -9,7 +9,6 @@ the next hundredth of a second and reads all servos.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import Future
 import contextlib
 from dataclasses import replace
 from enum import Enum
@@ -71,7 +70,6 @@ class DynamixelSession(Session[DynamixelBus]):
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
         self._mark_due = not self._unreferenced  # where the zero was found in another way
-        self._kept: Future[None] | None = None  # whether the file has the last zero
         self._since = self._stepped = self._near = bus.clock()
         self._take_up: TakeUp | None = None
         self._accuracy = Accuracy(
@@ -173,11 +171,10 @@ class DynamixelSession(Session[DynamixelBus]):
             marks, self._mark_due = self._mark_due, False
             zeros = list(self._path.zeros)
         if marks:
-            self._kept = self._zero_file.begin_write(self._servos, zeros)
+            self._zero_file.begin_write(self._servos, zeros)
             mark_zeros(self.link, self._servos, zeros)  # now, for the servos are at rest
-        elif self._kept is not None and self._kept.done():
-            kept, self._kept = self._kept, None
-            kept.result()
+        else:
+            self._zero_file.check_written()
 
     def _plan(self, now: float) -> None:
         """Set what the servos are to do in this cycle."""
