@@ -14,7 +14,6 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from soft_continuum.nodes.entries import repeat, serve, subscribe
-from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.status import ERROR, OK, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -51,7 +50,6 @@ class DiscSensors(SuiteNode):
         """Declare parameters, topics and the service; raises ParameterError."""
         super().__init__(DISC_SENSORS, 'trackers and IMUs', **options)
         values = self.parameters
-        self._node_info = NodeInfoPublisher(self, values)
         arm = arm_from_parameters(values)
         self._heights = straight_heights(arm)
         count = len(self._heights)

@@ -71,7 +71,7 @@ class JammingValves(ManagedNode):
         serve(self, SetBool, '~/set_all_stiff',
               partial(self._set_stiff, list(range(self._segments))))
         self._emergency = EmergencyStop(self)
-        self._conflicts = Conflicts(self, self._segments, self.parameters)
+        self._conflicts = Conflicts(self, self._segments)
         self._state_publisher = StatePublisher(self, JammingValvesState)
         for publisher in self._stiff:
             publisher.publish(Bool(data=False))

@@ -150,7 +150,7 @@ class Kinematics(SuiteNode):
                       partial(self._on_pressure, i), SENSOR)
         self._without = UNKNOWN * np.diag(~self._arm.pose_axes)  # of what there is not
         self._measured = MeasuredPoses(self, self._arm, frame, self._wake)
-        self.conflicts = Conflicts(self, segments, self.parameters)
+        self.conflicts = Conflicts(self, segments)
         self._shared_joints = SharedJoints(self, self._joint_message.name, self.conflicts)
         self._timer = repeat(self, CHECK_PERIOD, self._check)  # only while something waits
         serve(self, Trigger, '~/reset', self._on_reset)
