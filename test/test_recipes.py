@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recipes of CONTRIBUTING.md, followed on a copy of the suite: what they touch is enough."""
 
+import json
 import os
 from pathlib import Path
 import shutil
@@ -65,6 +66,36 @@ def test_a_parameter_is_one_entry_and_then_checked_and_described(suite):
     assert '| `pose_interval` | double `0.0` s | 0 to 10 | shortest time' in suite.page(
         'msg_docs/kinematics.md')
     assert suite.touched == {'nodes/parameter_table.py'}
+
+
+def test_a_planner_is_a_module_a_row_with_the_shapes_that_it_suits_and_its_settings(suite):
+    suite.add('sequencing/staying.py', """
+import numpy as np
+
+from soft_continuum.sequencing.plans import Reach
+
+
+def stay(validator, start, shape, first):
+    away = float(np.linalg.norm(start.state.tip - shape.tips[0].position))
+    return Reach(start.plan(shape), tip_error=away)
+""")
+    suite.add('sequencing/shape_plans.py',
+              'from soft_continuum.sequencing.staying import stay\n',
+              below='from soft_continuum.sequencing.reach.passage import BlockedError, Node\n')
+    suite.add('sequencing/shape_plans.py',
+              '    (stay, lambda shape, settings: bool(shape.tips) and settings.stay),\n',
+              below='Callable[[Shape, ReachSettings], bool]], ...] = (\n')
+    suite.add('sequencing/settings.py',
+              "    stay: bool = setting(False, 'stay where the arm is', read_only=False)\n",
+              below='    lock_in: float = LOCK_IN_STDDEV\n')
+    (suite.root / 'given.yaml').write_text(
+        '/**: {ros__parameters: {reach.stay: true}}', encoding='utf-8')
+    plan = ['-m', 'soft_continuum', 'plan', '0.1', '0.28', '--json']
+    steps = [json.loads(suite.run(*plan, *more).stdout)['steps']
+             for more in ([], ['--params-file', 'given.yaml'])]
+    assert steps[0] and not steps[1]
+    assert '| `reach.stay` * | bool `false` |' in suite.page('msg_docs/shape_sequencer.md')
+    assert suite.touched == {'sequencing/shape_plans.py', 'sequencing/settings.py'}
 
 
 def test_a_verb_is_one_line_and_the_module_with_its_function(suite):

@@ -23,8 +23,8 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.planner import Planner
 from soft_continuum.sequencing.plans import PlanError, Reach, Shape, TipGoal
 from soft_continuum.sequencing.reach.arcs import TipResidual
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 from soft_continuum.sequencing.reach.search import AIM, check_goal, Search
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans of shapes one after the other, given by angles or by the tip, among obstacles."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -51,12 +51,8 @@ def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float] | Array,
     for shape in shapes:
         try:
             start = validator.start(state, pulls)
-            if not shape.tips:
-                found = _by_angles(validator, start, shape)
-            elif shape.vacuums:
-                found = reach_held(validator, start, shape, first)
-            else:
-                found = _by_tip(validator, start, shape, first)
+            plan = next(plan for plan, suits in PLANNERS if suits(shape, validator.settings))
+            found = plan(validator, start, shape, first)
         except PlanError as error:
             planner.check_wanted()
             found = Reach(None, str(error))
@@ -102,7 +98,7 @@ def _by_tip(validator: MotionValidator, start: Node, shape: Shape, first: bool) 
         found, plan=replace(plan, shape=shape.at(plan.state)))
 
 
-def _by_angles(validator: MotionValidator, start: Node, shape: Shape) -> Reach:
+def _by_angles(validator: MotionValidator, start: Node, shape: Shape, _: bool) -> Reach:
     """Return the plan to angles from the base, or in the first order clear of obstacles."""
     planner = validator.planner
     arm, tolerance = planner.statics.chain.arm, planner.settings.angle_tolerance
@@ -173,3 +169,12 @@ def _in_some_order(validator: MotionValidator, start: Node, shape: Shape,
             blocked_by |= dict.fromkeys([error.obstacle] if error.obstacle else [])
     more = ', and no other order of the segments is free' if len(goals) > 1 else ''
     raise BlockedError(f'{why}{more}', next(iter(blocked_by), ''))
+
+
+PLANNERS: tuple[tuple[Callable[[MotionValidator, Node, Shape, bool], Reach],
+                      Callable[[Shape, ReachSettings], bool]], ...] = (
+    (_by_angles, lambda shape, _: not shape.tips),
+    (reach_held, lambda shape, _: bool(shape.vacuums)),
+    (_by_tip, lambda *_: True),
+)
+"""Planners, each with the shapes that it suits; the first one that does plans a shape."""

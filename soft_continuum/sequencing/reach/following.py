@@ -26,8 +26,8 @@ from soft_continuum.sequencing.plans import (
     WHOLE_ARM,
 )
 from soft_continuum.sequencing.reach.arcs import Arcs, TipResidual
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 from soft_continuum.sequencing.reach.search import check_goal, NAME, Search
 

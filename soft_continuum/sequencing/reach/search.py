@@ -21,8 +21,8 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles import Clearance
 from soft_continuum.sequencing.plans import PlanError, Reach, Shape, TipGoal
 from soft_continuum.sequencing.reach.arcs import Arcs, size, TipResidual
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
-from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import (
     BlockedError,
     BodyFrames,
@@ -164,7 +164,7 @@ class Search:
         return self._weighed(softenings, softenings * pause + seconds, 0.0)
 
     def _weighed(self, softenings: int, seconds: float, tension: float) -> tuple[float, ...]:
-        if self.settings.weights is None:
+        if not any(self.settings.weights):
             return (softenings, round(seconds / TIME_TOLERANCE), tension)
         one, second, newton = self.settings.weights
         return (one * softenings + second * seconds + newton * tension,)
