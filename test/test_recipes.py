@@ -82,12 +82,12 @@ def test_a_planner_is_a_module_a_row_with_the_shapes_that_it_suits_and_its_setti
     suite.add('sequencing/staying.py', """
 import numpy as np
 
-from soft_continuum.sequencing.plans import Reach
+from soft_continuum.sequencing.plans import PlanResult
 
 
 def stay(validator, start, shape, first):
     away = float(np.linalg.norm(start.state.tip - shape.tips[0].position))
-    return Reach(start.plan(shape), tip_error=away)
+    return PlanResult(start.plan(shape), tip_error=away)
 """)
     suite.add('sequencing/shape_plans.py',
               'from soft_continuum.sequencing.staying import stay\n',

@@ -98,7 +98,8 @@ class ObservedTopic:
     optional: bool = False
 
 
-def of_tendons(attribute: str) -> Callable[['ObservedArm', JointState], tuple[float, ...] | None]:
+def tendon_values(attribute: str
+                  ) -> Callable[['ObservedArm', JointState], tuple[float, ...] | None]:
     """Return what reads values of a JointState in the order of ``ObservedArm.tendons``."""
     def read(arm: 'ObservedArm', message: JointState) -> tuple[float, ...] | None:
         values = dict(zip(message.name, getattr(message, attribute), strict=False))
@@ -114,8 +115,8 @@ def all_poses(_: 'ObservedArm', message: PoseArray) -> tuple[Pose, ...]:
 
 TOPICS = {
     'tendon_states': ObservedTopic(JointState, SENSOR, TENDON_ACTUATION, {
-        'pulls': of_tendons('position'), 'speeds': of_tendons('velocity'),
-        'measured_tensions': of_tendons('effort')}),
+        'pulls': tendon_values('position'), 'speeds': tendon_values('velocity'),
+        'measured_tensions': tendon_values('effort')}),
     TENDON_STATE: ObservedTopic(TendonActuationState, EVERY_STATE, TENDON_ACTUATION, {
         'emergency_stop': lambda _, message: message.emergency_stop,
         'referenced': lambda _, message: message.referenced}),
@@ -126,7 +127,7 @@ TOPICS = {
     'segment_poses': ObservedTopic(PoseArray, SENSOR, KINEMATICS, {'segment_poses': all_poses}),
     'disc_poses': ObservedTopic(PoseArray, SENSOR, KINEMATICS, {'disc_poses': all_poses}),
     'tendon_tensions': ObservedTopic(JointState, SENSOR, KINEMATICS, {
-        'tensions': of_tendons('effort')}),
+        'tensions': tendon_values('effort')}),
     KINEMATICS_STATE: ObservedTopic(KinematicsState, SENSOR, KINEMATICS),
     PREDICTED_DISCS: ObservedTopic(PoseArray, SENSOR, KINEMATICS, {
         'predicted_disc_poses': all_poses}, optional=True),
