@@ -24,12 +24,12 @@ from soft_continuum.mechanics.plane._active_set import (
 )
 from soft_continuum.mechanics.plane._arrays import (
     ANGLE,
-    Drive,
     LENGTH,
     State,
     System,
+    TendonDrive,
     TENSION,
-    workspace,
+    work_arrays,
 )
 from soft_continuum.mechanics.plane._assembly import (
     add_springs_and_loads,
@@ -76,7 +76,7 @@ def assemble(state, system, drive, bias, damping, iteration, work):  # type: ign
     for k in range(gradient.shape[0]):
         gradient[k] = bias[k] + damping * moved[k]
         diagonal[k] = damping
-    turn(state.theta, work)
+    turn(state.theta, work.cosine, work.sine)
     tendon_geometry(system, work, state.lengths)
     add_springs_and_loads(state.theta, system, work, iteration % 16 >= 8)
     used = 1
@@ -234,14 +234,14 @@ def newton(state, system, drive, bias, damping, tolerance):  # type: ignore[no-u
     Returns (status, iterations, residual in N m, largest sum over the joints of one segment of
     how far they turned, rad).
 
-    state, system, drive: the values of a State, a System and a Drive, as plain tuples, which
+    state, system, drive: the values of a State, a System and a TendonDrive, as plain tuples, which
     numba takes faster.  bias: (groups,) N m, dead moments.  damping: N m/rad towards the first
     state.  tolerance: (3,), residual N m; the same where rounding keeps it from falling further,
     N m; tendon length m.
     """
-    state, system, drive = State(*state), System(*system), Drive(*drive)
+    state, system, drive = State(*state), System(*system), TendonDrive(*drive)
     segments = system.guides.shape[0]
-    work = workspace(state.theta.shape[0], segments, bias.shape[0])
+    work = work_arrays(state.theta.shape[0], segments, bias.shape[0])
     last = Change(1.0, 1.0, 0)
     residual = 0.0
     best = 1e300
@@ -323,9 +323,9 @@ def equilibrium(  # type: ignore[no-untyped-def]
 
 @compiled
 def newton_batch(  # type: ignore[no-untyped-def]
-        states, systems, groups, drives, tolerance, status, residual, turned, first, last):
+        states, systems, groups, drives, tolerance, status, residual, turned, rows, first, last):
     """
-    Find the equilibria ``first`` to ``last``, as ``newton`` in LENGTH mode without friction.
+    Find the equilibria of rows[first:last], as ``newton`` in LENGTH mode without friction.
 
     The first axis of the arrays of ``states``, target, status, residual and turned is the problem;
     that of the arrays of ``systems`` (but tables), groups, compliance and tolerance the same, or
@@ -334,7 +334,7 @@ def newton_batch(  # type: ignore[no-untyped-def]
     theta, tension, lengths = states
     bodies, joints, tables, guides, ratios, group = systems
     mode, target, compliance, segment = drives
-    for i in range(first, last):
+    for i in rows[first:last]:
         g = i % groups.shape[0]
         status[i], _, residual[i], turned[i] = newton(
             (theta[i], tension[i], lengths[i]),
