@@ -3,6 +3,7 @@
 
 """What the sequencer takes for the state of the arm, and when that is a fault."""
 
+from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
@@ -120,6 +121,20 @@ def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: st
     bench.stream(0.2 * TIMEOUT)
     assert bench.observer.fault.startswith('nothing received for 0.5 s from ')
     assert topic.split('/')[-1] in bench.observer.fault
+
+
+def test_kinematics_that_runs_without_a_shape_is_told_from_one_that_is_gone(bench: Bench) -> None:
+    def beat() -> None:
+        node_info = bench.observer.conflicts.node_info.own
+        bench.send('kinematics/heartbeat', replace(node_info, process='another').to_ros(0.0))
+
+    beat()
+    bench._callbacks['kinematics/state'] = Mock()
+    bench.stream(1.2 * TIMEOUT)
+    assert bench.observer.fault == 'nothing received for 0.5 s from kinematics (~/state)'
+    beat()
+    assert bench.observer.fault == (
+        'kinematics runs, but has reported no shape for 0.5 s; its status has the reason')
 
 
 @pytest.mark.parametrize('missing', ['tendon_actuation', 'kinematics', 'jamming_valves'])
