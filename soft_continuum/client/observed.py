@@ -49,7 +49,7 @@ from soft_continuum.ros.names import (
 )
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age
-from soft_continuum.ros.urdf import pose_axes_of
+from soft_continuum.ros.urdf import are_of_an_arm, pose_axes_of
 from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
@@ -73,6 +73,7 @@ FEEDBACK = 'run_shape_sequence/_action/feedback'
 TENDON_STATE = f'{TENDON_ACTUATION}/state'
 JAMMING_STATE = f'{JAMMING_VALVES}/state'
 KINEMATICS_STATE = f'{KINEMATICS}/state'
+JOINTS = 'joint_states'
 PREDICTED_DISCS = 'predicted_disc_poses'
 SEQUENCER_STATE = f'{SHAPE_SEQUENCER}/state'
 RECORDER_STATE = f'{RECORDER}/state'
@@ -81,7 +82,7 @@ TOPICS: dict[str, tuple[Any, Any, str]] = {
     'tendon_states': (JointState, SENSOR, TENDON_ACTUATION),
     TENDON_STATE: (TendonActuationState, EVERY_STATE, TENDON_ACTUATION),
     JAMMING_STATE: (JammingValvesState, EVERY_STATE, JAMMING_VALVES),
-    'joint_states': (JointState, SENSOR, KINEMATICS),
+    JOINTS: (JointState, SENSOR, KINEMATICS),
     'segment_poses': (PoseArray, SENSOR, KINEMATICS),
     'disc_poses': (PoseArray, SENSOR, KINEMATICS),
     'tendon_tensions': (JointState, SENSOR, KINEMATICS),
@@ -130,6 +131,8 @@ class ObservedArm:
         self._listeners.append(listener)
 
     def _on_message(self, topic: str, source: str, message: Any) -> None:
+        if topic == JOINTS and not are_of_an_arm(message.name):
+            return  # of a base that carries the arm, for example
         self._messages[topic] = message
         for name in (topic, source):
             self._ages.setdefault(name, Age()).refresh()
@@ -249,12 +252,12 @@ class ObservedArm:
     @property
     def _pose_axes(self) -> NDArray[np.bool_]:
         """The pose_axes of the arm, by its joints."""
-        joints = self.message('joint_states')
+        joints = self.message(JOINTS)
         return pose_axes_of(joints.name if joints is not None else ())
 
     def bending(self) -> Array | None:
         """Return the bending of each segment (segments, 2), rad; None if unknown."""
-        joints, segments = self._fresh('joint_states'), self._fresh('segment_poses')
+        joints, segments = self._fresh(JOINTS), self._fresh('segment_poses')
         if joints is None or segments is None or not segments.poses:
             return None
         if self._pose_axes.all():
@@ -329,13 +332,19 @@ class ObservedArm:
 
     @property
     def complete(self) -> bool:
-        """Whether every topic of an active arm, and of its sensors, has had a message."""
+        """
+        Whether every topic of an active arm, and of its sensors, has had a message.
+
+        The ROS graph may still lack a node whose messages arrive.
+        """
         expected = TOPICS.keys() - OPTIONAL | {
             f'segment_{n}/pressure' for n in range(1, self._jams + 1)} | {
             topic for topic in self.disc_topics if self._node.count_publishers(topic)}
         if self._lacks_jamming:
             expected = {topic for topic in expected if not topic.startswith(JAMMING_VALVES)}
-        return self._segments > 0 and self._messages.keys() >= expected
+        return self._segments > 0 and self._messages.keys() >= expected and all(
+            runs or self.message(f'{name}/status') is None
+            for name, runs in self.running().items())
 
     @property
     def _lacks_jamming(self) -> bool:
@@ -348,7 +357,7 @@ class ObservedArm:
 
     def snapshot(self) -> ArmState:
         """Return the present state."""
-        joints, tendons = self._fresh('joint_states'), self.tendon_actuation
+        joints, tendons = self._fresh(JOINTS), self.tendon_actuation
         angles = None if joints is None else tuple(float(a) for a in joints.position)
         disc_poses, bending, towards = self.poses('disc_poses'), self.bending(), list[float]()
         bends = None if bending is None else bending[:, 1].tolist()
