@@ -53,6 +53,8 @@ class JointLaws:
             [self._least(s, chain) for s in range(chain.segments)])
         self.rigid_only = all(s.jam.rigid for s in self._segments)
         """Whether no stiff segment can bend."""
+        self.linear = self.rigid_only and not tables
+        """Whether moments grow in proportion to angles, whatever is stiff."""
         rows_needed = max([len(t.curvatures) for t in tables], default=2)
         # Shorter tables go on with their last slope.
         self.tables = np.zeros((max(1, len(tables)), 2, rows_needed))
