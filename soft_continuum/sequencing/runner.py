@@ -227,7 +227,6 @@ class Runner:
         """Hold a shape, with every segment stiff but those that have less vacuum."""
         self._report(Phase.HOLDING, 1.0, segment=0)
         until = self._now + shape.hold_time
-        yield  # so that it is reported without a hold time, too
         while self._now < until:
             self._check_stiff(None)
             yield

@@ -99,12 +99,6 @@ def undisturbed():
     return rig
 
 
-def test_shapes_without_a_hold_time_are_reported_as_held():
-    rig = VirtualRig([replace(shape, hold_time=0.0) for shape in (BOW, C_FORM)])
-    rig.run()
-    assert phase_letters(rig).count('h') == 2
-
-
 def test_a_run_sets_every_segment_to_its_angle_and_leaves_the_arm_at_rest_and_stiff(undisturbed):
     outcome = undisturbed.runner.outcome
     assert (outcome.code, outcome.message, outcome.shapes_completed) == (Code.SUCCESSFUL, '', 3)
