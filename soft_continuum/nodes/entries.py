@@ -77,7 +77,7 @@ def serve_later(node: Any, kind: Any, name: str,
     service.send_response = on_request
 
 
-class Question:
+class Confirmation:
     """
     Asks for confirmation of a request that contradicts the known state.
 

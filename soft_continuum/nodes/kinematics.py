@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.measuring import Innovation, Measurement
 from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import (
@@ -28,7 +28,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
-from soft_continuum.nodes.entries import Question, repeat, serve, subscribe
+from soft_continuum.nodes.entries import Confirmation, repeat, serve, subscribe
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measurements import (
     JamVacuum,
@@ -137,7 +137,7 @@ class Kinematics(SuiteNode):
         self._refused_poses, self._refused_tensions = Refusals('poses'), Refusals('tensions')
         self._follows = False  # whether the state is that of the last pulls
         self._unknown = ''  # why the pulls are unknown
-        self._question = Question()
+        self._question = Confirmation()
         self._states = self.create_publisher(KinematicsState, '~/state', STREAM)
         subscribe(self, TendonActuationState, f'{TENDON_ACTUATION}/state',
                   self._on_tendon_actuation, EVERY_STATE)
@@ -150,7 +150,7 @@ class Kinematics(SuiteNode):
                       partial(self._on_pressure, i), SENSOR)
         self._without = UNKNOWN * np.diag(~self._arm.pose_axes)  # of what there is not
         self._measured = MeasuredPoses(self, self._arm, frame, self._wake)
-        self.conflicts = Conflicts(self, segments, self.parameters)
+        self.conflicts = Conflicts(self, segments)
         self._shared_joints = SharedJoints(self, self._joint_message.name, self.conflicts)
         self._timer = repeat(self, CHECK_PERIOD, self._check)  # only while something waits
         serve(self, Trigger, '~/reset', self._on_reset)
@@ -383,7 +383,7 @@ class Kinematics(SuiteNode):
         jumped = self._shape.state is not None and self._shape.state.jumped
         try:
             jammed = tuple(bool(jam) for jam in self._stiff.jammed(self._elastic))
-            self._shape.follow(Commands(
+            self._shape.follow(ActuatorState(
                 self._time, self._pulls, jammed,
                 self._vacuum.parts, tuple(self._sliding.tolist()),
                 jammed != self._stiff.confirmed))

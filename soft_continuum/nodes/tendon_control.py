@@ -14,7 +14,7 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.entries import Question
+from soft_continuum.nodes.entries import Confirmation
 from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.threads import RestingStream
@@ -106,7 +106,7 @@ class TendonControl(DeviceControl):
         self._emergency = False  # whether emergency_stop is on
         self._ended = self._refusal = ''  # why the last motion was ended, refused, for people
         self._known_pulls = (0.0,) * len(tendons)  # the last ones that were referenced, m
-        self._question = Question()
+        self._question = Confirmation()
         self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
         self._over: dict[str, tuple[Reason, str]] = {}  # motions that were revoked, by their id
 

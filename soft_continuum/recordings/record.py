@@ -25,7 +25,7 @@ DISCOVERY_TIMEOUT = 5.0  # s
 AFTER_GOAL = 0.5  # s, in which the last state and poses of a goal arrive
 
 
-class Recording:
+class TimedRecording:
     """
     A recording that ends when it is interrupted, after a time, or with a goal.
 
@@ -95,7 +95,7 @@ def _run(options: argparse.Namespace) -> int:
     begin = monotonic()
     connection = Connection('record', options.namespace)
     try:
-        recording = Recording(connection.requests, path, options.pictures, options.goal)
+        recording = TimedRecording(connection.requests, path, options.pictures, options.goal)
 
         def interrupt(number: int, _: Any) -> None:
             # An exception would be lost in a callback, such as those of an import.

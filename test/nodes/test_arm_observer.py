@@ -3,7 +3,6 @@
 
 """What the sequencer takes for the state of the arm, and when that is a fault."""
 
-from dataclasses import replace
 from typing import Any
 from unittest.mock import Mock
 
@@ -14,6 +13,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import (
@@ -125,9 +125,9 @@ def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: st
 
 def test_kinematics_that_runs_without_a_shape_is_told_from_one_that_is_gone(bench: Bench) -> None:
     def beat() -> None:
-        node_info = bench.observer.conflicts.node_info.own
-        bench.send('kinematics/heartbeat', replace(node_info, process='another').to_ros(0.0))
+        bench.send('kinematics/heartbeat', NodeInfo('another').to_ros(0.0))
 
+    bench.observer.conflicts.node_info = Mock(own=NodeInfo('own'), time=0.0)
     beat()
     bench._callbacks['kinematics/state'] = Mock()
     bench.stream(1.2 * TIMEOUT)
