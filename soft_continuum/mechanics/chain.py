@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics._checks import real_array
-from soft_continuum.mechanics.arm import Arm, Array, PAPER
+from soft_continuum.mechanics.arm import Arm, Array, check_arm, PAPER
 from soft_continuum.mechanics.directions import bending_directions
 from soft_continuum.mechanics.orientations import bending_between, bending_rates, quaternions
 
@@ -190,6 +190,7 @@ class Chain:
         """Create the subclass for the arm; unpickled objects keep theirs."""
         kind: type[Any] = cls
         if cls is Chain and arm is not None:
+            check_arm(arm)
             if arm.planar:
                 from soft_continuum.mechanics.plane.chain import PlaneChain as kind
             else:

@@ -12,6 +12,7 @@ from math import cos, degrees, isfinite, sin
 
 import numpy as np
 
+from soft_continuum.mechanics._checks import bending_of, listed, real_array
 from soft_continuum.mechanics.arm import Arm, Array
 
 STRAIGHT = 1e-6  # rad: what bends by less, as rounding bends, has the direction 0
@@ -26,9 +27,16 @@ def bending_vectors(arm: Arm, angles: Sequence[float], directions: Sequence[floa
     Return the bending (segments, 2), rad, of angles and directions (segments,), rad.
 
     directions: empty means 0 for every segment.  About rigid axes the bending is exactly 0.
+    Raises ValueError for other sizes.
     """
-    towards = np.array(directions if len(directions) else [0.0] * len(angles))
-    vectors = np.array(angles)[:, None] * np.column_stack([-np.sin(towards), np.cos(towards)])
+    count = len(arm.segments)
+    sizes, towards = (real_array(given, f'{name} must be numbers (rad)')
+                      for name, given in (('angles', angles), ('directions', directions)))
+    if sizes.shape != (count,) or towards.size and towards.shape != (count,):
+        raise ValueError(f'angles and directions must be one number (rad) for each of the {count} '
+                         f'segments; given: {angles!r}, {directions!r}')
+    towards = towards if towards.size else np.zeros(count)
+    vectors = sizes[:, None] * np.column_stack([-np.sin(towards), np.cos(towards)])
     return np.where(arm.bending_axes, vectors, 0.0)
 
 
@@ -64,6 +72,7 @@ def within_limits(bending: Array, limits: Array) -> Array:
 
 def bending_directions(bending: Array) -> Array:
     """Return the directions (segments,), rad, -pi to pi, of bending (segments, 2), rad."""
+    bending = bending_of(bending, len(listed(bending)))
     directions = np.arctan2(-bending[:, 0], bending[:, 1])
     return np.where(np.linalg.norm(bending, axis=1) > STRAIGHT, directions, 0.0)
 

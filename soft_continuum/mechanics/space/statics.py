@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._checks import (
+    bending_of,
     pulls_of,
     sliding_signs,
     soft_flags,
@@ -179,7 +180,7 @@ class SpaceStatics(Statics):
              ) -> HeldBending:
         """Return the state that pulls_for_bending finds; all as in Statics."""
         from soft_continuum.mechanics.inverse import pulls_for_bending  # needs this
-        given, mask = self._wanted(start, bending, soft, sliding)
+        given, mask = self._wanted(start, bending, soft, sliding, pretensions)
         wanted = np.where(self.chain.arm.bending_axes & np.array(mask)[:, None], given, np.nan)
         errors = []
         for pretension in pretensions:
@@ -190,8 +191,9 @@ class SpaceStatics(Statics):
                 errors.append(error)
         raise errors[0]
 
-    def sliding_towards(self, _: Array, /) -> tuple[int, ...]:
+    def sliding_towards(self, change: Array, /) -> tuple[int, ...]:
         """Return sliding while bending changes: unknown, so 0."""
+        bending_of(change, self.chain.segments)
         return ()
 
     def solve_together(self, problems: 'Problems') -> 'Batch':
@@ -224,8 +226,9 @@ class SpaceStatics(Statics):
 
     def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the compliance (tendons,) m/N of the tendons for the tension at the base."""
-        return self.friction.carried(state.rotations, sliding)[1] if any(sliding) else (
-            self.compliance)
+        check_start(state, 'state')
+        ways = sliding_signs(sliding, len(self.compliance))
+        return self.friction.carried(state.rotations, ways)[1] if any(ways) else self.compliance
 
     def _holding(self, start: Equilibrium, stiff: tuple[bool, ...],
                  vacuum: tuple[float, ...]) -> Equilibrium:
