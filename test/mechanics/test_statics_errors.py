@@ -22,6 +22,7 @@ from soft_continuum.mechanics import (
     exceeds_pi,
     Jam,
     LawError,
+    LEFT,
     Linearisation,
     MomentCurvature,
     OverconstrainedError,
@@ -30,6 +31,7 @@ from soft_continuum.mechanics import (
     self_intersections,
     set_shape,
     SLACK,
+    solve_batch,
     solve_path,
     Statics,
     StaticsError,
@@ -264,9 +266,24 @@ def test_nothing_determines_what_a_tendon_carries_along_a_locked_arm(statics):
     held = statics.solve(state, asked, STIFF)
     assert np.isnan(held.tensions[asked > SLACK]).all()
     assert not held.tensions[asked == SLACK].any()
-    assert statics is SPACE or np.all(held.slack[asked == SLACK] == inf)
+    assert np.all(held.slack[asked == SLACK] == inf)
     again = statics.solve(held, asked, FIRST)
     assert again.points == pytest.approx(state.points, abs=1e-9)
+
+
+@BOTH
+@pytest.mark.parametrize('soft', [ALL, STIFF], ids=['soft', 'locked'])
+def test_a_tendon_that_never_carries_has_slack_without_end_and_one_by_force_has_none(
+        statics, soft):
+    start, count = statics.chain.straight(), len(statics.compliance)
+    pulls = np.where(np.arange(count) == LEFT, SLACK, 0.0)
+    never = statics.solve(start, pulls, soft)
+    assert np.array_equal(np.isinf(never.slack), pulls == SLACK)
+    together = solve_batch(statics, start, [pulls, pulls], soft)
+    assert np.array_equal(together.slack[0], never.slack)
+    by_force = statics.solve(start, pulls, soft, tensions=np.where(pulls == SLACK, 0.0, nan))
+    assert by_force.slack[LEFT] == 0.0
+    assert np.isfinite(statics.solve(never, np.zeros(count), soft).slack).all()
 
 
 def test_tendons_that_stretch_carry_in_a_locked_arm_what_they_are_stretched_by():

@@ -159,10 +159,11 @@ class SpaceStatics(Statics):
         """Return the equilibrium followed from ``start``; all as in Statics."""
         tendons = len(self.compliance)
         begin, locks = self.begin(start, soft, vacuum)
-        by_force, target = driven(pulls_of(pulls, tendons), None if tensions is None else
-                                  tensions_of(tensions, tendons, optional=True))
-        ways = sliding_signs(sliding, tendons)
-        return self._follow(begin, locks, by_force, target, ways)
+        by_force, target, endless = driven(
+            pulls_of(pulls, tendons), None if tensions is None else
+            tensions_of(tensions, tendons, optional=True))
+        found = self._follow(begin, locks, by_force, target, sliding_signs(sliding, tendons))
+        return replace(found, slack=found.slack + endless) if endless.any() else found
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
              soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
@@ -252,8 +253,9 @@ class SpaceStatics(Statics):
                 angles, held = start.joint_angles, held.copy()
             held[rows] = angles[rows] - self.chain.laws.rescaled(
                 s, angles[rows] - held[rows], share)
-        return Equilibrium(start.configuration, start.tensions, start.pulls, start.slack, 0.0,
-                                  0, stiff, held, vacuum=vacuum, chain=self.chain)
+        slack = np.where(start.slack < np.inf, start.slack, 0.0)  # a path begins somewhere
+        return Equilibrium(start.configuration, start.tensions, start.pulls, slack, 0.0, 0, stiff,
+                           held, vacuum=vacuum, chain=self.chain)
 
     def _find_locks(self, stiff: tuple[bool, ...], vacuum: tuple[float, ...]) -> ConstraintState:
         chain = self.chain
