@@ -14,7 +14,7 @@ about y, pushing it along y bends it about x.
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import nan
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,7 @@ SOFT_OVER_LEAF = (0.6, 8.0)
 """Plausible E I of a soft segment over that of its leaf spring: a factor of 10 falls outside."""
 STIFF_OVER_SOFT = (1.05, 60.0)
 """Plausible ratio K: published granular devices reach 4 to 20."""
+ALIKE = 1.5  # largest slope of a repetition over the smallest, of one segment in one state
 GREYS = ('0.0', '0.4', '0.65')
 DASHES = ('-', '--', ':', '-.')
 NAME = 'characterize'
@@ -398,10 +399,15 @@ def _run(options: argparse.Namespace) -> None:
                  f'{"K" if state.name == STIFF else "E I"}.' if state.name in tables else
                  'not written: a description has a single table, for the softer axis.'))
     for state in states:
-        if not isfinite(state.result.linearity_error):
+        if not (state.result.table or state.result.linearity_error <= NONLINEAR):
             print(f'\nE I of the {state.name} segment is a mean only: its curves are no line '
                   f'(R^2 = {state.result.regression.determination:.3f}), and no law that rises '
-                  'fits them. Look at the figure; leave out where it slips.')
+                  'fits them. Look at the figure; leave out where it slips, holds or does not '
+                  'touch.')
+        if (each := state.result.regression.each).max() > ALIKE * each.min():
+            print(f'\nThe repetitions of the {state.name} segment differ: k is '
+                  f'{1e-3 * each.min():.4g} to {1e-3 * each.max():.4g} N/mm. Are they of one '
+                  'segment, in one state, and of its own force?')
         if len(state.curves) == 1:
             print(f'\nThe {state.name} segment has a single repetition, so there is '
                   'no\nconfidence interval: measure three or more.')

@@ -48,8 +48,14 @@ BRACKETS = re.compile(r'[\[({<]([^\[\](){}<>]*)[\])}>]')
 EDGES = ' []()<>{}'
 SUFFIX = re.compile(
     r'(.+?)(?:\s*[,/]\s*|\s+in\s+|[_ ]|\.\.)([^\W\d_]{1,3}|\N{DEGREE SIGN})[_.]?')
+SCALED = re.compile(
+    r'[*/^\u00d7\u00f7]\s*\d|\d\s*[*\u00d7]|[(\[{<]\s*x\s*\d|\d\s*x\s*[)\]}>]'
+    r'|\b(?:log(?:10)?|ln|times|divided|multiplied|normali[sz]ed)\b', re.IGNORECASE)
+"""What a header says of numbers that are not those of its unit: Force (x10) [N], Force/2 [N]."""
 LEADING = re.compile(r'(?:in|units?:?)\s+(?=\S)|units?:', re.IGNORECASE)
 COMMENTS = ('#', '%')
+COMMENT = re.compile(r'[#%]{1,2}(?:\s+|$)')
+RULE = '-=|+:,; \t'  # characters of a line below a header
 PREPOSITIONS = frozenset(('at', 'of', 'to', 'from', 'per', 'in', 'on', 'bei', 'von', 'pro', 'de'))
 OF_CHANNELS = frozenset(
     ('sensor', 'cell', 'channel', 'ch', 'kanal', 'count', 'number', 'no', 'nr'))
@@ -207,6 +213,12 @@ class _Block:
         """Whether the cells have numbers where expected."""
         return any(_is_number(cell) for _, row in self.rows for cell in self.measured(row))
 
+    @property
+    def numbers_last(self) -> bool:
+        """Whether the last row has numbers where expected, and is no comment nor labelled so."""
+        last = self.rows[-1][1] if self.rows else ['']
+        return not COMMENT.match(last[0]) and any(map(_is_number, self.measured(last)))
+
     def trim(self) -> '_Block':
         """Separate the row of units, and remove text below the numbers: titles, results."""
         for k, (line, row) in enumerate(self.rows[:MAX_SUBHEADERS]):
@@ -317,7 +329,7 @@ def _text(path: Path) -> str:
 
 def _rows(text: str) -> Iterator[tuple[int, str]]:
     """Yield rows with the number of their first line: quoted cells may span several lines."""
-    lines = text.splitlines()
+    lines = text.replace('\ufeff', '').splitlines()  # there are several in files that were joined
     at = 0
     while at < len(lines):
         quotes, end = 0, at
@@ -371,6 +383,8 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
         for (number, row), cells in zip(rows, split, strict=True):
             if cells[0] in COMMENTS and len(cells) == usual + 1:  # as numpy.savetxt writes it
                 del cells[0]
+            if (is_comment := COMMENT.match(cells[0])) and not any(map(_is_number, cells)):
+                cells[0] = COMMENT.sub('', cells[0]) or cells[0]
             if 1 < len(cells) < MAX_COLUMNS and (
                     named or len(re.findall(r'[^\W\d_]+', row)) >= len(required)):
                 header = [' '.join(cell.split()) for cell in cells]
@@ -385,7 +399,8 @@ def _blocks(path: Path, text: str, quantities: Sequence[Quantity], named: Mappin
                     continue
                 if len(required) - len(missing) > best[0]:
                     best = len(required) - len(missing), number, header, missing
-            if blocks and any(cells):
+            is_rule = not row.strip(RULE) and ('--' in row or '==' in row)
+            if blocks and any(cells) and not (is_rule or (is_comment and blocks[-1].numbers_last)):
                 blocks[-1].rows.append((number, cells))
         filled = [block for block in blocks if block.trim().rows]
         filled = [block for block in filled if block.numbered] or filled
@@ -536,6 +551,10 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
     """Return the factor of a column to SI; raises MeasurementError for units that do not fit."""
     if not quantity.unit:
         return 1.0
+    if not given and SCALED.search(header):
+        raise MeasurementError(
+            f'{where}: column {header!r} may hold other numbers than its unit says; export it '
+            'unscaled, or rename it')
     inside = BRACKETS.findall(header)[::-1]
     suffix = SUFFIX.fullmatch(header)
     said = [text.strip(EDGES) for text in (
@@ -547,10 +566,11 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
                if (unit := _unit(text)) and wanted and unit[1] == wanted[1]}
     rows = {text.strip(EDGES) for text in below} & fitting.keys()
     first = next(iter(fitting), '')
-    if other := next((text for text in rows if fitting[text] != fitting[first]), ''):
+    if other := next((text for text in fitting if fitting[text] != fitting[first]), ''):
         raise MeasurementError(
-            f'{where}: column {header!r} is in {first} by its header and in {other} by the row of '
-            'units; ' + (f'give {option}' if option else 'correct one of them'))
+            f'{where}: column {header!r} is in {first} by its header and in {other} by '
+            f'{"the row of units" if other in rows else "its end"}; '
+            + (f'give {option}' if option else 'correct one of them'))
     if fitting:
         return fitting[first]
     wrong = next((text for text in said[:len(inside) + len(below) or 1] if text), '')
@@ -588,12 +608,14 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
     table: the cells of all columns, which decide if the required ones allow both marks.
     """
     if delimiter == ',':
-        for column in measured:
-            for cell, line in zip(column.cells, column.lines, strict=True):
+        halves = () if any('.' in cell for cells in table for cell in cells) else table
+        for cells in (*(column.cells for column in measured), *halves):
+            for cell, line in zip(cells, measured[0].lines, strict=True):
                 if re.fullmatch(r'[-+]?0\d+', cell):
                     raise MeasurementError(
-                        f'{column.path}, line {line}: {column.header} is {cell!r}, the end of '
-                        'another number; decimal commas need semicolons between the columns')
+                        f'{measured[0].path}, line {line}: {cell!r} may be the end of another '
+                        'number; decimal commas need semicolons between the columns; if they are '
+                        'none, give --decimal .')
     excluded: dict[str, int] = {}
     unsure: list[tuple[int, Column]] = []
     for column in measured:

@@ -28,7 +28,7 @@ import warnings
 import numpy as np
 
 from soft_continuum.mechanics._compile import Function, jit, MARKED
-from soft_continuum.mechanics.plane import _assembly, _newton
+from soft_continuum.mechanics.plane import _assembly, _lanes, _newton
 from soft_continuum.mechanics.space import _assembly as _spatial_assembly
 from soft_continuum.mechanics.space import _path
 
@@ -42,16 +42,18 @@ DRIVE = f'Tuple(({NUMBERS}, {LIST}, {LIST}, {NUMBERS}))'
 LINKS = (f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, {NUMBERS}, {TABLE}, i8[:, ::1], '
          f'{TABLE}, {BLOCKS}, {LIST}))')
 ROUTING = f'Tuple(({MATRIX}, {INDICES}, {INDICES}, {INDICES}, {MATRIX}))'
+BATCH = (
+    f'void(Tuple(({TABLE}, {TABLE}, {TABLE})), '
+    f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, i8[:, ::1])), {NUMBERS}, '
+    f'Tuple(({NUMBERS}, {TABLE}, {TABLE}, {NUMBERS})), {TABLE}, '
+    f'{NUMBERS}, {LIST}, {LIST}, {NUMBERS}, i8, i8)')
 SIGNATURES = {
     'newton': f'Tuple((i8, i8, f8, f8))({STATE}, {SYSTEM}, {DRIVE}, {LIST}, f8, {LIST})',
     'equilibrium':
         f'Tuple((i8, i8, f8, f8))(UniTuple({VECTOR}, 2), {SYSTEM}, {DRIVE}, Tuple((i8, f8)), b1, '
         f'{LIST}, UniTuple({LIST}, 4))',
-    'newton_batch':
-        f'void(Tuple(({TABLE}, {TABLE}, {TABLE})), '
-        f'Tuple(({BLOCKS}, {BLOCKS}, {BLOCKS}, {BLOCKS}, {TABLE}, i8[:, ::1])), {NUMBERS}, '
-        f'Tuple(({NUMBERS}, {TABLE}, {TABLE}, {NUMBERS})), {TABLE}, '
-        f'{NUMBERS}, {LIST}, {LIST}, i8, i8)',
+    'newton_batch': BATCH,
+    'newton_lanes': BATCH,
     'moment_balance': f'f8[::1]({VECTOR}, {VECTOR}, {SYSTEM}, i8)',
     'dense_system':
         f'Tuple((f8[:, ::1], f8[:, ::1], f8[:, ::1]))({VECTOR}, {VECTOR}, {SYSTEM}, i8)',
@@ -100,6 +102,7 @@ class Functions(NamedTuple):
     newton: Function
     equilibrium: Function
     newton_batch: Function
+    newton_lanes: Function
     moment_balance: Function
     dense_system: Function
     spatial_lay_out: Function
@@ -111,9 +114,9 @@ class Functions(NamedTuple):
 
 
 SOURCE = Functions(
-    _newton.newton, _newton.equilibrium, _newton.newton_batch, _assembly.moment_balance,
-    _assembly.dense_system, _path.lay_out, _path.follow, _path.follow_batch,
-    _spatial_assembly.balance, _spatial_assembly.linearise, 'python')
+    _newton.newton, _newton.equilibrium, _newton.newton_batch, _lanes.newton_lanes,
+    _assembly.moment_balance, _assembly.dense_system, _path.lay_out, _path.follow,
+    _path.follow_batch, _spatial_assembly.balance, _spatial_assembly.linearise, 'python')
 """The functions as plain Python."""
 
 

@@ -84,7 +84,8 @@ class Problems:
     """
     The problems to solve; each field is shared by all or has ``count`` rows.
 
-    pulls, tensions: m and N, as in Statics.solve, the latter with nan.  ways: sliding.
+    pulls, tensions: m and N, as in Statics.solve, the latter with nan.  ways: sliding.  friction:
+    the largest coefficient of the tendons.
     """
 
     models: Sequence[Any]
@@ -94,13 +95,13 @@ class Problems:
     tensions: Array
     vacuum: Sequence[Sequence[float] | None]
     ways: Sequence[tuple[int, ...]]
+    friction: float
     count: int
 
     @property
     def rub(self) -> NDArray[np.bool_]:
         """Whether tendons slide with friction, (count,)."""
-        friction = max(t.friction for model in self.models for t in model.chain.arm.tendons)
-        return np.broadcast_to(np.any(self.ways, axis=1) & (friction > 0.0), self.count)
+        return np.broadcast_to(np.any(self.ways, axis=1) & (self.friction > 0.0), self.count)
 
     def solve(self, i: int) -> Equilibrium:
         """Return the equilibrium of one of them; raises what Statics.solve raises."""
@@ -150,7 +151,7 @@ def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence
     wanted = pulls_of(pulls, tendons, rows=True)
     given = np.full((1, tendons), np.nan) if tensions is None else tensions_of(
         tensions, tendons, optional=True, rows=True)
-    problems = Problems(models, starts, masks, wanted, given, parts, ways, common_count(
+    problems = Problems(models, starts, masks, wanted, given, parts, ways, friction, common_count(
         {'arms': len(models), 'starts': len(starts), 'rows of pulls': len(wanted),
          'soft masks': len(masks), 'rows of tensions': len(given), 'rows of vacuum': len(parts),
          'rows of sliding': len(ways)}))

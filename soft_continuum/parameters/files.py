@@ -65,8 +65,8 @@ def load_description(*paths: str | Path, node: str = '', namespace: str = ''
 
     node: its name; without one, what is said for all nodes of the namespace.  Raises
     ParameterError naming the file and the key: also for keys that no node has, lists that do not
-    fit together, shapes outside the limits, and thresholds in the wrong order; without a name,
-    also for an arm that a node would read otherwise.
+    fit together, shapes outside the limits, thresholds in the wrong order, and an arm that a node
+    would read otherwise.
     """
     overrides, name = Overrides(*paths), full_name(node, namespace)
     for path, sections in overrides.files.items():  # a node may find nothing in a file
@@ -74,22 +74,16 @@ def load_description(*paths: str | Path, node: str = '', namespace: str = ''
             which = f'of {namespace}, only for' if namespace else 'only for'
             raise ParameterError(f'{path}: has no section for all nodes (/**), {which} '
                                  f'{", ".join(sections)}; name the namespace of the arm')
-    values = described(overrides, name)
     for other in () if node else DESCRIBED:
-        own = full_name(other, namespace)
-        seen = described(overrides, own) if overrides.of(own) != overrides.of(name) else values
-        for key in (p.name for p in ARM_PARAMETERS if seen[p.name] != values[p.name]):
-            section, path = overrides.last_section(own, key)
-            raise ParameterError(
-                f'{path}: section {section} sets {key} for {other} alone, which is not the arm '
-                f'that other nodes and commands read; write it below {full_name("**", namespace)}')
-    return values
+        described(overrides, full_name(other, namespace))
+    return described(overrides, name)
 
 
 def described(overrides: Overrides, node: str) -> dict[str, Value]:
     """Return every parameter for a node, by its full name; raises as load_description does."""
+    namespace = node.rpartition('/')[0]
     values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
-    values[FRAME.name] = default_frame(node.rpartition('/')[0])
+    values[FRAME.name] = default_frame(namespace)
     values |= given_parameters(overrides, (*ALL_PARAMETERS, *OF_ROS), node, UNCHECKED)
     try:
         arm = arm_from_parameters(values)
@@ -98,6 +92,15 @@ def described(overrides: Overrides, node: str) -> dict[str, Value]:
     except ParameterError as error:
         paths = ', '.join(dict.fromkeys(where for _, where in overrides.of(node).values()))
         raise ParameterError(f'{paths}: {error}') from None
+    everywhere = overrides.of(full_name('', namespace))
+    for p in ARM_PARAMETERS:
+        value = everywhere.get(p.name, (p.default, ''))[0]
+        if values[p.name] != (tuple(value) if isinstance(value, list) else value):
+            section, path = overrides.last_section(node, p.name)
+            raise ParameterError(
+                f'{path}: section {section} sets {p.name} for {node.rpartition("/")[2]} alone, '
+                'which is not the arm that other nodes and commands read; write it below '
+                f'{full_name("**", namespace)}')
     return values
 
 

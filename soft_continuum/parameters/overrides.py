@@ -31,6 +31,11 @@ ALL_NODES = '/**'
 ANY_NODE = '_'
 """Stands for a node of any name: only sections for all nodes of its namespace apply to it."""
 SECTION = re.compile(r'/?(?:(?:\*\*?|[A-Za-z_]\w*)/)*(?:\*\*?|[A-Za-z_]\w*)', re.ASCII)
+PART = r'(?:/|(?!__)[A-Za-z_]\w*(?!\w))'
+TARGET = re.compile(
+    r'(?!ros(?:service|topic)://|.*___)(?:((?!\w*__)[A-Za-z_]\w*):)?'
+    rf'({PART}+(?:\.{PART}+)*)', re.ASCII)
+"""What an argument ``-p`` may name: a node without namespace if it is for one, a parameter."""
 REMAPPED = re.compile(r'(?:(\w+):)?__(ns|node|name):=(.*)')
 KINDS = (bool, int, float, str)  # rclpy takes the first of which there is a value
 TEXT_TAG = 'tag:yaml.org,2002:str'
@@ -71,12 +76,22 @@ class _Untyped(Loader):
                                           'line', directive.start_mark)
         return found
 
+    def scan_directive_name(self, start_mark: Any) -> Any:
+        name = super().scan_directive_name(start_mark)
+        if name not in ('YAML', 'TAG'):
+            raise yaml.scanner.ScannerError(
+                None, None, f'ROS does not know %{printable(name, MAX_SHOWN)}; delete this line',
+                start_mark)
+        return name
+
     def scan_plain(self) -> Any:
         token = super().scan_plain()
-        if self.flow_level and ':' in token.value:
+        if self.flow_level and (':' in token.value or (
+                self.peek() == ':' and self.peek(1) in ',[]{}')):
             raise yaml.scanner.ScannerError(
                 None, None, f'ROS may not read {printable(token.value, MAX_SHOWN)}, with a colon '
-                'between brackets; quote it', token.start_mark)
+                'between brackets; quote it, and write a blank behind that of a key',
+                token.start_mark)
         return token
 
 
@@ -148,16 +163,17 @@ class Overrides:
 
     def add_argument(self, text: str) -> None:
         """Read one more ``-p [node:]parameter:=value``."""
-        target, found, value = text.partition(':=')
-        section, _, name = target.rpartition(':')
+        before, _, value = text.partition(':=')
+        target = TARGET.fullmatch(before)
         try:
             node = yaml.compose(value, _Untyped)
         except yaml.YAMLError:
             node = None
-        if not found or not name or node is None or isinstance(node, yaml.MappingNode):
-            raise ParameterError(f'argument -p {text}: expected parameter:=value')
-        entries = self._sections.setdefault(section or ALL_NODES, [])
-        _set_value(f'argument -p {text}', _find(entries, name), node)
+        if target is None or node is None or isinstance(node, yaml.MappingNode):
+            raise ParameterError(f'argument -p {text}: expected parameter:=value, or '
+                                 'node:parameter:=value with the name of a node alone')
+        entries = self._sections.setdefault(target[1] or ALL_NODES, [])
+        _set_value(f'argument -p {text}', _find(entries, target[2]), node)
 
     def _pairs(self, path: str, tree: yaml.MappingNode) -> Pairs:
         for key, _ in tree.value:

@@ -220,6 +220,25 @@ def test_a_segment_that_is_not_linear_becomes_a_table_that_the_arm_is_computed_w
 
 
 @pytest.mark.usefixtures('undrawn')
+def test_a_curve_that_begins_before_the_machine_touches_is_not_passed_over(tmp_path):
+    u = files.ramp()
+    path = files.export(tmp_path / 'a.csv', [(u, files.SLOPE * np.maximum(u - 0.004, 0.0))] * 2)
+    status, text, error = run(characterize, path, *CHARACTERIZE)
+    assert status == 0, error
+    assert 'is a mean only: its curves are no line' in text
+
+
+@pytest.mark.usefixtures('undrawn')
+@pytest.mark.parametrize('ratio', [1.2, 2.0])
+def test_repetitions_of_two_states_in_one_file_are_questioned(tmp_path, ratio):
+    u = files.ramp()
+    path = files.export(tmp_path / 'a.csv', [(u, files.SLOPE * u), (u, ratio * files.SLOPE * u)])
+    status, text, error = run(characterize, path, *CHARACTERIZE)
+    assert status == 0, error
+    assert ('segment differ: k is 0.072 to 0.144 N/mm. Are they of one' in text) == (ratio == 2.0)
+
+
+@pytest.mark.usefixtures('undrawn')
 def test_a_linear_segment_takes_its_table_out_of_the_description(tmp_path):
     table = tmp_path / 'table.yaml'
     table.write_text('/**:\n  ros__parameters:\n    arm:\n'

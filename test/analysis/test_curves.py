@@ -5,6 +5,7 @@
 import numpy as np
 import pytest
 
+from soft_continuum.analysis.characterisation import regress
 from soft_continuum.analysis.curves import read_curves
 from soft_continuum.analysis.delimited import MeasurementError
 from support import curve_files as files
@@ -99,6 +100,51 @@ def test_a_machine_that_counts_downwards_gives_the_same_curve(tmp_path):
     curve, = read_curves([path])
     assert curve.displacement == pytest.approx(UP)
     assert curve.force == pytest.approx(FORCE)
+
+
+def loops(*largest, points=20):
+    """Return cycles to these displacements (m), with forces (N) that lag on the way back."""
+    for top in largest:
+        up = np.linspace(0.0, top, points)
+        yield up[:-1], files.SLOPE * up[:-1]
+        yield up[::-1], files.SLOPE * (up[::-1] - 0.6 * up[::-1] * (1.0 - up[::-1] / top))
+
+
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+@pytest.mark.parametrize('largest', [(2e-3, 4e-3, 6e-3, 8e-3), (3e-3, 8e-3), (8e-3, 6e-3, 4e-3),
+                                     (1e-3, 1e-3, 8e-3, 8e-3), (5e-3, 2.3e-3, 2.4e-3, 5.4e-3)])
+def test_loops_that_grow_or_shrink_are_repetitions(tmp_path, largest, sign):
+    path = files.export(tmp_path / 'a.csv', [(sign * u, sign * f) for u, f in loops(*largest)])
+    curves = read_curves([path])
+    assert [curve.displacement.max() for curve in curves] == pytest.approx(largest)
+    assert regress(curves).slope == pytest.approx(files.SLOPE)
+
+
+@pytest.mark.parametrize('tail', [(0.3e-3,), (4e-3,)])
+def test_a_small_loop_of_few_points_makes_no_repetition(tmp_path, tail):
+    path = files.export(tmp_path / 'a.csv', [*loops(8e-3), *loops(*tail, points=6)])
+    assert len(read_curves([path])) == 1
+
+
+@pytest.mark.parametrize('position', [0.1, -0.1, 5e-3, -5e-3])
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_positions_of_a_machine_count_in_the_direction_of_the_load(tmp_path, position, sign):
+    path = files.export(tmp_path / 'a.csv', [
+        (position + sign * u, sign * f) for u, f in loops(8e-3, 8e-3, 8e-3)])
+    curves = read_curves([path])
+    assert [len(curve.loading[0]) for curve in curves] == [20] * 3
+    assert regress(curves).slope == pytest.approx(files.SLOPE)
+
+
+@pytest.mark.parametrize('label', [
+    lambda row: 'A1', lambda row: row // 39, lambda row: row // 78, lambda row: (row + 2) // 39,
+    lambda row: (row + 20) // 39 + row // 39])
+def test_labels_of_specimens_cycles_and_half_cycles_give_the_same_repetitions(label):
+    rows = [(1e3 * u, f) for part in loops(8e-3, 8e-3, 8e-3) for u, f in zip(*part, strict=True)]
+    curves = files.read('Cycle;Weg [mm];Kraft [N]\n' + '\n'.join(
+        f'{label(k)};{u};{f}' for k, (u, f) in enumerate(rows)))
+    assert [len(curve.loading[0]) for curve in curves] == [20] * 3
+    assert regress(curves).slope == pytest.approx(files.SLOPE)
 
 
 HEAD = 'time [s];displacement [mm];force [N]\n'

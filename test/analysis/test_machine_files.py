@@ -201,6 +201,18 @@ SAME = {
                                 lambda u, f: f'{u:.2f} {u:.2f} {f:.2f}'),
     'points numbered below #': table('# Displacement_mm Force_N',
                                      lambda u, f: f'{u:.2f} {u:.2f} {f:.2f}'),
+    'a line below the header': table('Displacement  Force\n  mm  N\n----  -----',
+                                     lambda u, f: f'{u:.2f}  {f:.2f}'),
+    'comments between the rows': table(
+        '# Displacement,Force\n# mm,N',
+        lambda u, f: f'{u:.2f},{f:.2f}' + '\n# paused, by 1 operator\n# 5,9' * (u == 2.7)),
+    'labels like comments': table('Specimen,Displacement [mm],Force [N]',
+                                  lambda u, f: f'# 1,{u:.2f},{f:.2f}'),
+    'a byte order mark where files were joined': table(
+        '\ufeffWeg [mm];Kraft [N]',
+        lambda u, f: '\ufeffWeg [mm];Kraft [N]\n' * (u == 2.7) + f'{u:.2f};{f:.2f}'),
+    'a second side that was not measured': table(
+        'Weg [mm];Kraft [N];Weg [mm];Kraft [N]', lambda u, f: f'{u:.2f};{f:.2f};;'),
     'all above one, but the time has decimal commas': table(
         'Zeit [s];Weg [um];Kraft [mN]', lambda u, f: f'{comma(u)};{1e3 * u:.0f};{1e3 * f:.0f}'),
 }
@@ -219,7 +231,24 @@ def test_habits_of_programs_give_the_same_curve(habit):
     (table('Weg [mm];Kraft [N]', lambda u, f: f'{u + 1.234:.3f};{f + 1:.3f}'),
      r"line 2: Kraft \[N\] is '1.000', which may be 1 or 1000: .* --decimal"),
     (table('Weg [mm],Kraft [N],Note,Nr', lambda u, f: f'{comma(u, 3)},{comma(f, 3)}'),
-     r"line 2: Kraft \[N\] is '000', the end of another number; decimal commas need semicolons"),
+     r"line 2: '000' may be the end of another number; decimal commas need semicolons"),
+    (table('Zeit [s],Weg [mm],Kraft [N],Temperatur,Feuchte,Nr',
+           lambda u, f: f'{comma(u, 1)},{comma(u, 1)},{comma(f, 3)}'),
+     "line 2: '000' may be the end of another number; decimal commas need semicolons"),
+    *((table(f'Displacement [mm],{header}', lambda u, f: f'{u:.2f},{f:.2f}'),
+       'may hold other numbers than its unit says; export it unscaled, or rename it')
+      for header in ('Force (x10) [N]', 'Force*100 [N]', 'Force/2 [N]', '1000 * Force [N]',
+                     'log Force [N]', 'Force^2 [N]', 'Force (divided by 10) [N]')),
+    (table('Displacement [mm],Force (lbf) / N', lambda u, f: f'{u:.2f},{f:.2f}'),
+     'is in lbf by its header and in N by its end; give --force-unit'),
+    *((table('Displacement [mm],Force [N]', lambda u, f: f'{u:.2f},{f:.2f}').replace(
+        f'\n{row}', f'\n{wrong}'), message) for row, wrong, message in (
+            ('2.70,0.20', '2.70,9.9E37', r'line 12: Force \[N\] is .9.9E37., far from the rows'),
+            ('2.70,0.20', '-999,0.20', 'line 12: Displacement .* far from the rows before and af'),
+            ('7.02,0.52', '0,0', 'line 28: Displacement .* far from the rows before and after'),
+            ('7.83,0.58', '7.83,9.99', 'line 31: displacement or force is far from the other'),
+            ('0.00,0.00', '-999,-999', 'line 2: displacement or force is far from the other'),
+            ('2.70,0.20\n2.97,0.22', '2.70,99\n2.97,99', 'line 12: displacement or force is f'))),
     (table('Weg [mm];Kraft [N]', lambda u, f: f'1.23.4;{comma(f)}'),
      r"line 2: Weg \[mm\] is '1.23.4', not a finite number with a decimal comma"),
     (table('Weg [mm];Kraft [N]', lambda u, f: f'1 2;{comma(f)}'), "line 2: .* is '1 2', not a"),
@@ -316,7 +345,11 @@ BRACKETED = 'Time;Force [N];Displacement [mm];Force [N];Displacement [mm]'
 CALLED = {
     'between header and units': (HEADER, CHANNELS, UNITS),
     'above the header': (CHANNELS, HEADER, UNITS),
-    'above what is said of each': ('Specimen 1;;;Specimen 2', 'Area;12,5;;12,5', HEADER, UNITS),
+    'below numbers over each': (';12;;13', ';Cell 1;;Cell 2', HEADER, UNITS),
+    'probes, which are sensors': (';Probe 1;;Probe 2', HEADER, UNITS),
+    'of one run': (';Test 1 (cell A);;Test 1 (cell B)', HEADER, UNITS),
+    'numbered behind a word': ('Sensor;1;;2', HEADER, UNITS),
+    'of one specimen, and units': ('Specimen 1;;;Specimen 2', HEADER, 's;N;mm;mN;mm'),
     'above a header with units': (CHANNELS, BRACKETED),
     'between header and numbers': (BRACKETED, CHANNELS),
     'over the first column of each': (';Cell 1;;Cell 2;', HEADER, UNITS),
@@ -341,13 +374,29 @@ def test_channels_named_above_columns_that_blanks_separate_are_asked_for():
         lambda u, f: f'{f:.2f}  {u:.2f}  {f:.2f}  {u:.2f}'))
 
 
+GERMAN = 'Zeit;Kraft;Weg;Kraft;Weg'
+
+
 @pytest.mark.parametrize('head', [
+    ('Specimen 1;;;Specimen 2', 'Thickness;2,1;;2,2', HEADER, UNITS),
+    (';1 _ 1;;1 _ 2;', HEADER, UNITS), (';Sample A;;Sample B', BRACKETED),
+    (';1;;2', HEADER, UNITS), (';No. 1;;No. 2', HEADER, UNITS),
+    (';Probe Nr. 1;;Probe Nr. 2', GERMAN, UNITS), (';Test 1;Test 1;Test 2;Test 2', HEADER, UNITS),
+    ('Specimen;soft;;softer', HEADER, UNITS), (HEADER, ';Run 1;;Run 2', UNITS),
     (HEADER, UNITS), (BRACKETED,), ('Test report', 'Operator;NN', HEADER, UNITS),
     ('Raw;Raw;Raw;Raw;Raw', HEADER, ';Actual;Actual;Actual;Actual', UNITS)])
-def test_repetitions_side_by_side_that_are_called_the_same_are_read(head):
+def test_repetitions_side_by_side_called_the_same_or_as_specimens_are_read(head):
     first, second = read(two_cells(*head))
     assert first.force == pytest.approx(FORCE)
     assert second.displacement == pytest.approx(0.3e-3 * np.arange(30))
+
+
+def test_names_above_sides_of_other_lengths_are_those_of_specimens():
+    whole = two_cells(';soft, first;;soft, second', HEADER, UNITS)
+    shorter = re.sub(r'(\n2[5-9];[^;]*;[^;]*);.*', r'\1;;', whole)
+    assert [len(curve.force) for curve in read(shorter)] == [30, 25]
+    refused("'soft, first', 'soft, second'.*call them Specimen 1, Specimen 2 there", whole)
+    refused("'Cell 1', 'Crosshead'", shorter.replace('soft, first;;', 'Cell 1;Crosshead;'))
 
 
 @pytest.mark.parametrize('columns', [

@@ -122,6 +122,32 @@ def test_any_mixture_of_arms_starts_masks_and_drives_is_as_one_by_one(plane):
     assert np.array_equal(forth, back.configurations[::-1][batch.found])
 
 
+def test_more_arms_than_are_solved_side_by_side_are_as_one_by_one():
+    random, count = np.random.default_rng(5), 400
+    arms = [Statics(paper_like(3, gravity=9.80665, mounting_angle=m, tendon=made_of(stretch)))
+            for m in (2.0, 2.5, 3.0) for stretch in (np.inf, 5e3)]
+    models = [arms[i] for i in random.integers(0, len(arms), count)]
+    masks = [[(True, True, True), (True, False, True)][i] for i in random.integers(0, 2, count)]
+    # Far enough that some converge late, not at all, or with both tendons taut.
+    pulls = np.column_stack([random.choice([0.002, 0.03, 0.06], count) * random.random(count),
+                             random.choice([SLACK, -0.03, 0.0], count)])
+    pulls[::2] = pulls[::2, ::-1]
+    start, alone = arms[0].chain.straight(), []
+    batch = solve_batch(models, start, pulls, masks)
+    for i in range(count):
+        try:
+            alone.append(models[i].solve(start, pulls[i], masks[i]))
+        except StaticsError:
+            alone.append(None)
+    assert batch.found.tolist() == [state is not None for state in alone]
+    found = [i for i in range(count) if batch.found[i]]
+    assert batch.configurations[found] == pytest.approx(
+        np.array([alone[i].configuration for i in found]), abs=1e-11)
+    assert batch.tensions[found] == pytest.approx(
+        np.array([alone[i].tensions for i in found]), abs=1e-9)
+    assert (batch.tensions > 1e-3).all(axis=1).sum() > 10 and len(found) > 300
+
+
 @pytest.mark.parametrize('plane', [False, True], ids=['space', 'plane'])
 def test_friction_vacuum_and_given_tensions_of_each_row_are_as_one_by_one(plane):
     arm = paper.build(bodies_per_segment=4) if plane else three_segments()

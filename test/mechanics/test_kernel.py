@@ -208,7 +208,8 @@ def fits(value, kind):
     if isinstance(kind, types.BaseTuple):
         return len(value) == len(kind) and all(map(fits, value, kind))
     if isinstance(kind, types.Array):
-        return value.dtype == np.dtype(str(kind.dtype)) and value.ndim == kind.ndim
+        return (value.dtype == np.dtype(str(kind.dtype)) and value.ndim == kind.ndim
+                and (kind.layout != 'C' or value.flags.c_contiguous))
     return isinstance(value, int if isinstance(kind, types.Integer) else float | int)
 
 
@@ -240,7 +241,8 @@ def test_the_extension_is_given_arrays_of_the_types_that_it_is_built_for(monkeyp
     state = jammed.bend(state, 1, 0.2, sliding=(1, -1))
     Linearisation(jammed, state, (1, -1)).pulls()
     hanging = Statics(paper.build(bodies_per_segment=2, mounting_angle=np.pi))
-    solve_batch(hanging, hanging.chain.straight(), [[0, 0], [0.001, -1]], [1, 0, 0])
+    solve_batch(hanging, hanging.chain.straight(), np.array([[0, 0], [0.001, -1]]).T, [1, 0, 0])
+    solve_batch(jammed, straight, np.array([[0, 0], [0.001, -1]]).T, [1, 0, 0], sliding=[0, 0])
     solve_batch(hanging, hanging.chain.straight(), [0, 0.001], [1, 0, 0])
     solid = SpaceStatics(paper.build(bodies_per_segment=2, mounting_angle=np.pi))
     bent = solid.solve(solid.chain.straight(), [0, -1], [1, 1, 0], tensions=[np.nan, 0])

@@ -5,6 +5,7 @@
 from collections.abc import Sequence
 from math import isnan
 from pathlib import Path
+import re
 from typing import Any
 
 from hypothesis import given, HealthCheck, settings
@@ -169,7 +170,9 @@ def test_a_key_twice_in_one_mapping_is_refused(tmp_path: Path, text: str, line: 
     ('%YAML 1.2\n---\n' + section('/**', 'a: 1'), 'line 1, .* YAML 1.1 alone; delete this line'),
     (section('/**', 'grbl: {port: /dev/by-path/pci-0000:00:14.0}'),
      'line 3, .*not read /dev/by-path/pci-0000:00:14.0, with a colon between brackets; quote it'),
-    (section('/**', 'a: [http://x:1]'), 'quote it')])
+    (section('/**', 'a: [http://x:1]'), 'quote it'),
+    (section('/**', 'a: {b:{c: 1}}'), 'line 3, .* write a blank behind that of a key'),
+    ('%YML 1.1\n---\n' + section('/**', 'a: 1'), 'line 1, .* %YML; delete this line')])
 def test_what_not_every_ros_reads_is_refused_with_a_remedy(
         tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ParameterError, match=message):
@@ -202,6 +205,23 @@ def test_arguments_are_read_in_the_order_of_the_command_line(
     second = write(tmp_path / 'second.yaml', section('kinematics', 'a: 7.0'))
     assert assert_same(given_as(file, second, more=more), 'tendon_actuation') is not None
     assert assert_same([*given_as(more=more), *given_as(file)], 'tendon_actuation') is not None
+
+
+@settings(max_examples=100)
+@given(st.one_of(st.text('a1_.:/*~-', min_size=1, max_size=6), st.lists(st.sampled_from((
+    'a', 'b1', '_x', '__', '1', '.', ':', '/', '**', '~', '__ns', 'rostopic', '://', ' ', '-')),
+    min_size=1, max_size=5).map(''.join)))
+def test_what_an_argument_may_name_is_what_ros_takes(name: str) -> None:
+    arguments = given_as(more=['-p', f'{name}:=1'])
+    assert (of_suite(arguments, 'kinematics') is None) == (
+        of_rclpy(arguments, 'kinematics') is None)
+
+
+@pytest.mark.parametrize('name', ['a-b', 'a.', '.a', '1a', 'a..b', '/left/kinematics:a', '/**:a',
+                                  '__a', 'a___b', 'a__b:c', 'a:b:c', 'a b'])
+def test_a_name_that_ros_does_not_take_is_refused_with_the_argument(name: str) -> None:
+    with pytest.raises(ParameterError, match=re.escape(f'argument -p {name}:=1: expected ')):
+        check_parameter_files(given_as(more=['-p', f'{name}:=1']), [])
 
 
 # Whatever files and arguments say.
@@ -266,3 +286,16 @@ def test_a_mistake_in_the_first_of_two_sections_is_seen_before_the_start(tmp_pat
                  + section('/**', 'tension_limit: 40.0'))
     with pytest.raises(ParameterError, match='spede_limit; did you mean speed_limit'):
         check_parameter_files(given_as(path), ['tendon_actuation'])
+
+
+@pytest.mark.parametrize(('node', 'arguments'), [
+    ('kinematics', []), ('kinematics', ['-r', '__ns:=/left']),
+    ('other', ['-r', '__ns:=/left', '-r', '__node:=other'])])
+def test_no_node_starts_with_an_arm_of_its_own(
+        tmp_path: Path, node: str, arguments: Sequence[str]) -> None:
+    """Library, commands and other nodes would have another one."""
+    path = write(tmp_path / 'file.yaml', section(f'/**/{node}', 'arm: {payload: 0.2}'))
+    with pytest.raises(ParameterError, match='sets arm.payload for .* alone'):
+        check_parameter_files(given_as(path, more=arguments), ['kinematics'])
+    everywhere = write(tmp_path / 'all.yaml', section('/**', 'arm: {payload: 0.2}'))
+    check_parameter_files(given_as(everywhere, path, more=arguments), ['kinematics'])

@@ -64,14 +64,13 @@ def jam_law(q, joint, tables, secant):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def turn(theta, work):  # type: ignore[no-untyped-def]
+def turn(theta, cosine, sine):  # type: ignore[no-untyped-def]
     """
     Fill the cosines and sines of the absolute angles, to 2e-16, for angles up to 1e5 rad.
 
     By the polynomials of Cephes (Moshier 1992, sin.c) without branches, so that several are
     computed at once; two calls of the C library for each angle would take a quarter of a solve.
     """
-    cosine, sine = work.cosine, work.sine
     for i in range(theta.shape[0]):
         # Adding and subtracting ROUND rounds to a whole number.
         quarters = (theta[i] * TWO_OVER_PI + ROUND) - ROUND
@@ -211,7 +210,7 @@ def add_springs_and_loads(theta, system, work, secant):  # type: ignore[no-untyp
 def _springs_and_loads(theta, system, groups):  # type: ignore[no-untyped-def]
     """Return a Work that holds the springs, the loads and the geometry of the tendons."""
     work = workspace(theta.shape[0], system.guides.shape[0], groups)
-    turn(theta, work)
+    turn(theta, work.cosine, work.sine)
     tendon_geometry(system, work, np.empty(2))
     add_springs_and_loads(theta, system, work, False)
     return work

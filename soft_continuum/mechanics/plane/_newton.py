@@ -76,7 +76,7 @@ def assemble(state, system, drive, bias, damping, iteration, work):  # type: ign
     for k in range(gradient.shape[0]):
         gradient[k] = bias[k] + damping * moved[k]
         diagonal[k] = damping
-    turn(state.theta, work)
+    turn(state.theta, work.cosine, work.sine)
     tendon_geometry(system, work, state.lengths)
     add_springs_and_loads(state.theta, system, work, iteration % 16 >= 8)
     used = 1
@@ -323,9 +323,9 @@ def equilibrium(  # type: ignore[no-untyped-def]
 
 @compiled
 def newton_batch(  # type: ignore[no-untyped-def]
-        states, systems, groups, drives, tolerance, status, residual, turned, first, last):
+        states, systems, groups, drives, tolerance, status, residual, turned, rows, first, last):
     """
-    Find the equilibria ``first`` to ``last``, as ``newton`` in LENGTH mode without friction.
+    Find the equilibria of rows[first:last], as ``newton`` in LENGTH mode without friction.
 
     The first axis of the arrays of ``states``, target, status, residual and turned is the problem;
     that of the arrays of ``systems`` (but tables), groups, compliance and tolerance the same, or
@@ -334,7 +334,7 @@ def newton_batch(  # type: ignore[no-untyped-def]
     theta, tension, lengths = states
     bodies, joints, tables, guides, ratios, group = systems
     mode, target, compliance, segment = drives
-    for i in range(first, last):
+    for i in rows[first:last]:
         g = i % groups.shape[0]
         status[i], _, residual[i], turned[i] = newton(
             (theta[i], tension[i], lengths[i]),

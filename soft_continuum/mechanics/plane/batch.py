@@ -4,21 +4,16 @@
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._linear_algebra import NO_TENSION
-from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.batch import Batch, in_parts, Problems
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.plane import _newton
-from soft_continuum.mechanics.plane._problem import Point, Problem, TURN_LIMIT_BOTH_TAUT
+from soft_continuum.mechanics.plane._problem import Point, TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.plane.statics import PlaneStatics
-
-Kind = TypeVar('Kind')
 
 
 def full_steps(given: Problems) -> Batch:
@@ -35,19 +30,38 @@ def full_steps(given: Problems) -> Batch:
         starts[i % len(starts)], given.masks[i % len(given.masks)], np.zeros(2),
         given.vacuum[i % len(given.vacuum)]) for i in range(kinds)]
     straight = np.array([m.chain.straight_paths for m in models])
-    target = straight - np.broadcast_to(given.pulls, (count, 2))
+    target = np.ascontiguousarray(straight - np.broadcast_to(given.pulls, (count, 2)))
     theta = np.broadcast_to(np.cumsum([s.configuration for s in starts], axis=1),
                             (count, models[0].chain.bodies)).copy()
     tension = np.broadcast_to(np.nan_to_num([s.tensions for s in starts]), (count, 2)).copy()
     lengths, residual = np.full((count, 2), np.nan), np.full(count, np.nan)
-    found = np.zeros(count, dtype=bool)
-    tables = problems[0].system.tables
-    alike = np.array([p.groups > 0 and np.array_equal(p.system.tables, tables) for p in problems])
-    rows = np.flatnonzero(alike & ~given.rub & np.isnan(given.tensions).all(axis=1))
-    if rows.size:
-        theta[rows], tension[rows], lengths[rows], residual[rows], found[rows] = _full_steps(
-            _chosen(models, rows), _chosen(problems, rows), theta[rows], tension[rows],
-            target[rows])
+    systems, tables = [p.system for p in problems], problems[0].system.tables
+    groups, group = np.array([p.groups for p in problems]), np.array([s.group for s in systems])
+    linear = all(model.laws.linear for model in models)
+    alike = linear or np.array([np.array_equal(s.tables, tables) for s in systems])
+    rows = np.flatnonzero((groups > 0) & alike & ~given.rub & np.isnan(given.tensions).all(axis=1))
+    status, turned = np.full(count, _newton.FAILED), np.zeros(count)
+    arguments = (
+        (theta, tension, lengths),
+        (np.array([s.bodies for s in systems]), np.array([s.joints for s in systems]), tables,
+         np.array([s.guides for s in systems]), systems[0].ratios, group), groups,
+        (problems[0].drive.mode, target, np.array([m.compliance for m in models]),
+         problems[0].drive.segment),
+        np.array([p.tolerance for p in problems]), status, residual, turned)
+    if linear:
+        # Those side by side need the same rigid groups and the same driven tendons.
+        kind = np.column_stack([np.broadcast_to(group, (count, group.shape[1])),
+                                np.isfinite(target)])[rows]
+        while len(rows):
+            same = (kind == kind[0]).all(axis=1)
+            in_parts(partial(_kernel.functions().newton_lanes, *arguments, rows[same]),
+                     int(np.count_nonzero(same)))
+            rows, kind = rows[~same], kind[~same]
+    else:
+        in_parts(partial(_kernel.functions().newton_batch, *arguments, rows), len(rows))
+    limit = np.where((tension > NO_TENSION).all(axis=1), TURN_LIMIT_BOTH_TAUT,
+                     [p.turn_limit for p in problems])
+    found = (status == _newton.CONVERGED) & (turned <= limit)
 
     def state(i: int) -> Equilibrium:
         problem = problems[i % kinds]
@@ -59,31 +73,3 @@ def full_steps(given: Problems) -> Batch:
         np.diff(theta, axis=1, prepend=0.0), tension, straight - lengths,
         np.where(tension > 0.0, 0.0, np.maximum(target - lengths, 0.0)), found,
         np.zeros(count, dtype=bool), residual, models, state)
-
-
-def _chosen(values: Sequence[Kind], rows: NDArray[np.intp]) -> Sequence[Kind]:
-    """Return what belongs to the rows, of one value for all or one for each."""
-    return values if len(values) == 1 else [values[i] for i in rows]
-
-
-def _full_steps(models: Sequence[PlaneStatics], problems: Sequence[Problem], theta: Array,
-                tension: Array, target: Array
-                ) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-    """Return the results of full steps: angles, tensions, lengths, residual, accepted."""
-    count, systems = len(theta), [p.system for p in problems]
-    lengths, residual, turned = np.empty((count, 2)), np.empty(count), np.empty(count)
-    status = np.empty(count, dtype=np.int64)
-    arguments = (
-        (theta, tension, lengths),
-        (np.array([s.bodies for s in systems]), np.array([s.joints for s in systems]),
-         systems[0].tables, np.array([s.guides for s in systems]), systems[0].ratios,
-         np.array([s.group for s in systems])),
-        np.array([p.groups for p in problems]),
-        (problems[0].drive.mode, target, np.array([m.compliance for m in models]),
-         problems[0].drive.segment),
-        np.array([p.tolerance for p in problems]), status, residual, turned)
-    in_parts(partial(_kernel.functions().newton_batch, *arguments), count)
-    limit = np.where((tension > NO_TENSION).all(axis=1), TURN_LIMIT_BOTH_TAUT,
-                     [p.turn_limit for p in problems])
-    return (theta, tension, lengths, residual,
-            (status == _newton.CONVERGED) & (turned <= limit))

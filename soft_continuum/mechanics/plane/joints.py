@@ -63,6 +63,8 @@ class JointLaws:
         """Smallest tangent stiffness of each joint of soft segments, (bodies,), N m/rad."""
         self.rigid_only = all(s.jam.rigid for s in self._segments)
         """Whether no stiff segment can bend."""
+        self.linear = self.rigid_only and not tables
+        """Whether moments grow in proportion to angles, whatever is stiff."""
         self.tables = stacked([(t.curvatures, t.moments) for t in tables or [linear(1.0)]])
 
     def greatest_stiffness(self, stiff: Sequence[bool]) -> float:
