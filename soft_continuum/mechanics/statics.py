@@ -241,17 +241,19 @@ class Statics:
                 'soften a segment first', start)
 
 
-def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array, Array]:
+def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array, Booleans]:
     """
     Return which tendons have a given force, and tensions (N) of these, pulls (m) of the others.
 
-    And their least slack, m, inf for SLACK.
-    pulls, tensions: (…, tendons), as for Statics.solve; all results have this shape.
+    And which never carry.  pulls, tensions: (…, tendons), as for Statics.solve; all results have
+    this shape.
     """
-    given = np.zeros(1, dtype=bool) if tensions is None else ~np.isnan(tensions)
-    never = (pulls == SLACK) & ~given
-    target = np.where(never, 0.0, pulls if tensions is None else np.where(given, tensions, pulls))
-    return given | never, target, np.where(never, np.inf, 0.0)
+    never = pulls == SLACK
+    target = np.where(never, 0.0, pulls)
+    if tensions is None:
+        return never, target, never
+    given = ~np.isnan(tensions)
+    return given | never, np.where(given, tensions, target), never & ~given
 
 
 def warm_up() -> None:

@@ -159,11 +159,13 @@ class SpaceStatics(Statics):
         """Return the equilibrium followed from ``start``; all as in Statics."""
         tendons = len(self.compliance)
         begin, locks = self.begin(start, soft, vacuum)
-        by_force, target, endless = driven(
+        by_force, target, never = driven(
             pulls_of(pulls, tendons), None if tensions is None else
             tensions_of(tensions, tendons, optional=True))
         found = self._follow(begin, locks, by_force, target, sliding_signs(sliding, tendons))
-        return replace(found, slack=found.slack + endless) if endless.any() else found
+        if any(never.tolist()):
+            return replace(found, slack=np.where(never, np.inf, found.slack))
+        return found
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
              soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
@@ -253,7 +255,9 @@ class SpaceStatics(Statics):
                 angles, held = start.joint_angles, held.copy()
             held[rows] = angles[rows] - self.chain.laws.rescaled(
                 s, angles[rows] - held[rows], share)
-        slack = np.where(start.slack < np.inf, start.slack, 0.0)  # a path begins somewhere
+        slack = start.slack
+        if np.inf in slack.tolist():  # a path begins somewhere
+            slack = np.where(slack == np.inf, 0.0, slack)
         return Equilibrium(start.configuration, start.tensions, start.pulls, slack, 0.0, 0, stiff,
                            held, vacuum=vacuum, chain=self.chain)
 
