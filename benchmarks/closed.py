@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.contenders import Goal, Outcome
 from benchmarks.lab import Lab, LabError
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
@@ -81,7 +81,7 @@ class _Rig:
                               for tendon in self._pulls.T], axis=1))
         change = lab.pulls - before
         self._sliding = np.where(np.abs(change) > MOVED, np.sign(change), self._sliding)
-        self.shape.follow(Commands(
+        self.shape.follow(ActuatorState(
             lab.time, lab.pulls, lab.stiff, None, tuple(int(one) for one in self._sliding)))
 
     def look(self) -> None:

@@ -16,7 +16,7 @@ from benchmarks.lab import Description, Lab
 from benchmarks.loop import ANGLE
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
     Measurement,
@@ -54,7 +54,7 @@ HEAD = ('error of the tip, mm: median', '95 %', 'worst', 'NEES',
 class Tick:
     """What nodes and sensors say at one time; truth: bottom and top of the discs, (8, 3)."""
 
-    commands: Commands
+    commands: ActuatorState
     measured: Mapping[str, Sequence[Measurement]]
     truth: Array
     judged: bool
@@ -111,8 +111,8 @@ class RecordedLab(Lab):
         if len(self.ticks) % PICTURE_TICKS == 0:
             measured[CAMERA] = [seen for n, seen in self.look().items() if n > 0]
         self.ticks.append(Tick(
-            Commands(self.time, self.pulls.copy(), self.stiff, None,
-                     tuple(int(one) for one in self._sliding)),
+            ActuatorState(self.time, self.pulls.copy(), self.stiff, None,
+                          tuple(int(one) for one in self._sliding)),
             measured, self.truth, False))
 
     def judge(self) -> None:

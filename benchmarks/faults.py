@@ -24,7 +24,7 @@ from benchmarks.lab import Description
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.anomalies import Anomaly
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
@@ -76,8 +76,8 @@ def observe(arm: Arm, run: Run) -> list[Anomaly]:
         change, before = pulls - before, pulls
         sliding = np.where(np.abs(change) > 1e-9, np.sign(change), sliding).astype(int)
         try:
-            shape.follow(Commands(time, pulls, tuple(not one for one in soft.tolist()), None,
-                                  tuple(sliding.tolist())))
+            shape.follow(ActuatorState(time, pulls, tuple(not one for one in soft.tolist()), None,
+                                       tuple(sliding.tolist())))
         except StaticsError as error:
             progress(f'faults: {error}')
         if k % PICTURES == 0:

@@ -19,7 +19,7 @@ from benchmarks.lab import Description
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
-from soft_continuum.sequencing.planner import Planner, soft_flags
+from soft_continuum.sequencing.planner import Planner, soft_segments
 from soft_continuum.sequencing.plans import Move, PlanError, TipGoal
 
 MARGIN = 0.005  # m that plans keep
@@ -109,7 +109,7 @@ def _moved(description: Description, planner: Any, draw: np.random.Generator, st
 
 def states_of(planner: Any, state: Any, pulls: Array, move: Move) -> Iterator[Any]:
     """Yield the states of a move by the statics, one for each DENSE s, the softened one first."""
-    soft = soft_flags(move.segment, planner.statics.chain.segments)
+    soft = soft_segments(move.segment, planner.statics.chain.segments)
     state = planner.statics.solve(state, pulls, soft)
     yield state
     times = np.linspace(0.0, move.times[-1], max(2, int(np.ceil(move.times[-1] / DENSE))))

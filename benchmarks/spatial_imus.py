@@ -13,7 +13,7 @@ from benchmarks.loop import HOLDING, random_goal
 from benchmarks.spatial_loop import ARM
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
@@ -63,8 +63,8 @@ class TiltedLab(Lab):
 
     def _follow(self) -> None:
         with suppress(ShapeError, StaticsError):  # kinematics reports it and goes on
-            self.shape.follow(Commands(self.time, self.pulls.copy(), self.stiff, None,
-                                       (0,) * len(self.pulls)))
+            self.shape.follow(ActuatorState(self.time, self.pulls.copy(), self.stiff, None,
+                                            (0,) * len(self.pulls)))
         seen, none = [], np.zeros(3)
         for n, motion in enumerate(self.sensors.motions()):
             with suppress(SensorError):

@@ -14,7 +14,7 @@ from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
 from soft_continuum.study.design import read_study, Study
 from soft_continuum.study.running import cluster, Results
-from soft_continuum.study.running import run as compute
+from soft_continuum.study.running import run_units as compute
 
 SOLVES, QUICK_SOLVES = 1_000_000, 20_000
 SOLVES_PER_SHAPE = 2.0  # on average: one to three segments of the paper's arm are bent

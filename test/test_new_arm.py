@@ -13,7 +13,7 @@ import pytest
 
 from soft_continuum.cli.up import nodes_of
 from soft_continuum.new_arm import description as new_arm
-from soft_continuum.new_arm.description import complete, describe, questions_of
+from soft_continuum.new_arm.description import complete, describe_arm, questions_of
 from soft_continuum.new_arm.drawings import DRAWINGS
 from soft_continuum.new_arm.questions import AnswerError, KINDS, QUESTIONS
 from soft_continuum.parameters.files import load_arm, load_description, parameters_text
@@ -77,7 +77,7 @@ def answered(draw):
     HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
 @given(answered())
 def test_the_arm_of_the_file_has_what_was_answered(tmp_path, typed):
-    described = describe(complete(typed))
+    described = describe_arm(complete(typed))
     path = tmp_path / 'arm.yaml'
     path.write_text(parameters_text(described.values, [], described.notes), encoding='utf-8')
     arm, values = load_arm(path), load_description(path)
@@ -118,11 +118,11 @@ def test_the_arm_of_the_file_has_what_was_answered(tmp_path, typed):
 
 
 def test_a_stiffness_that_nobody_gave_is_that_of_the_rod_or_the_leaf_spring():
-    arm = describe(complete({'kind': 'tendons', 'rod_diameters': (0.7,)})).arm
+    arm = describe_arm(complete({'kind': 'tendons', 'rod_diameters': (0.7,)})).arm
     rod = 60e9 * pi / 64 * 0.0007**4  # nitinol
     assert [s.stiffness_x for s in arm.segments] == pytest.approx([rod] * 3, rel=1e-3)
     assert [s.torsional_stiffness for s in arm.segments] == pytest.approx([rod / 1.33] * 3, 1e-3)
-    arm = describe(complete({'kind': 'planar', 'leaf_thicknesses': (0.5, 0.35, 0.25)})).arm
+    arm = describe_arm(complete({'kind': 'planar', 'leaf_thicknesses': (0.5, 0.35, 0.25)})).arm
     assert [s.stiffness_y for s in arm.segments] == pytest.approx(
         [200e9 * 0.0127 * t**3 / 12 for t in (5e-4, 3.5e-4, 2.5e-4)])
 

@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 import pytest
 import yaml
 
-from soft_continuum.cli.reference import COMMAND, page_with_table, pages, table, tables
+from soft_continuum.cli.reference import (
+    COMMAND,
+    generated_pages,
+    page_with_table,
+    parameter_tables,
+    table,
+)
 from soft_continuum.hardware.drivers import (
     driver_parameters,
     JAMMING_DRIVERS,
@@ -319,14 +325,14 @@ def test_a_default_given_in_millimetres_is_refused(parameter):
 
 
 def test_the_documented_tables_are_those_of_the_code():
-    for page, content in pages():
+    for page, content in generated_pages():
         text = page.read_text(encoding='utf-8')
         assert text == page_with_table(text, content), (
             f'{page.name} is out of date: ./run exec {COMMAND}')
 
 
 def test_every_parameter_is_documented_and_those_of_the_arm_once():
-    documented = dict(tables())
+    documented = dict(parameter_tables())
     assert documented.keys() == {'parameters.md', *(f'{node}.md' for node in NODE_PARAMETERS)}
     names = [p.name for parameters in documented.values() for p in parameters]
     assert {p.name for p in ALL_PARAMETERS} == set(names) - {

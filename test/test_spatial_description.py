@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.cli.operate import bendings
+from soft_continuum.cli.operate import parse_bendings
 from soft_continuum.cli.up import nodes_of
 from soft_continuum.client.sequence import goal
 from soft_continuum.client.state import _model_pose_text, Pose, Reached, reached_text
@@ -279,11 +279,11 @@ def test_what_is_no_bending_is_refused(bend):
 
 
 def test_degrees_on_the_command_line_have_directions_behind_an_at():
-    assert bendings('10,20@120,-30@-60') == (
+    assert parse_bendings('10,20@120,-30@-60') == (
         radians(10.0), (radians(20.0), radians(120.0)), (radians(-30.0), radians(-60.0)))
     for text in '10@', '@20', '10@20@30', '10@nan', '10;20':
         with pytest.raises(ArgumentTypeError, match='such as 10@0,20@120,30@-60'):
-            bendings(text)
+            parse_bendings(text)
 
 
 def test_what_was_reached_and_a_pose_out_of_the_plane_are_told_in_space():

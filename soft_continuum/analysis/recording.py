@@ -72,7 +72,7 @@ MAX_NUMBERS = 100_000_000  # of all tables: some hours
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldShape:
     """
     A shape that was held.
 
@@ -99,10 +99,10 @@ class Recording:
     A recording.
 
     tendon_names: in the order of the columns.  tendons, tensions: (rows, 1 + tendons), time in s
-    and mm or N.  points: (rows, 9), time, number of the point, and pose as in Held.  pressures,
-    stiff: (rows, 3), time, number of the segment, and kPa, or 1 for stiff.  events: (time, source,
-    text).  description: the arm as a parameter file, empty if unknown.  damage: why data may be
-    missing; empty if complete.
+    and mm or N.  points: (rows, 9), time, number of the point, and pose as in HeldShape.
+    pressures, stiff: (rows, 3), time, number of the segment, and kPa, or 1 for stiff.  events:
+    (time, source, text).  description: the arm as a parameter file, empty if unknown.  damage: why
+    data may be missing; empty if complete.
     """
 
     tendon_names: tuple[str, ...]
@@ -115,7 +115,7 @@ class Recording:
     description: str = ''
     damage: str = ''
 
-    def held_shapes(self) -> list[Held]:
+    def held_shapes(self) -> list[HeldShape]:
         """Return every held shape at the start of its holding."""
         found = []
         for time, source, text in self.events:
@@ -126,8 +126,8 @@ class Recording:
                              for rows in (self.points, self.tendons))
             if points and pulls:
                 first = np.searchsorted(self.points[:, 0], self.points[points - 1, 0])
-                found.append(Held(shape, time, self.points[first:points, 2:],
-                                  self.tendons[pulls - 1, 1:]))
+                found.append(HeldShape(shape, time, self.points[first:points, 2:],
+                                       self.tendons[pulls - 1, 1:]))
         return found
 
     @property
@@ -136,7 +136,8 @@ class Recording:
         return next((text for _, source, text in self.events if source == ABOUT), '')
 
 
-def tables(recording: Recording) -> dict[str, tuple[tuple[str, ...], list[Sequence[object]]]]:
+def recorded_tables(recording: Recording
+                    ) -> dict[str, tuple[tuple[str, ...], list[Sequence[object]]]]:
     """Return the columns and the rows of every table by name, as in CSV files."""
     named = {'tendons': ('time [s]', *(name + PULL for name in recording.tendon_names)),
              'tensions': ('time [s]', *(name + TENSION for name in recording.tendon_names)),
@@ -153,7 +154,7 @@ def _counted(row: list[float]) -> list[object]:
 
 def write_tables(recording: Recording, paths: Sequence[Path]) -> None:
     """Write the tables into CSV files of the names in FILES; raises OSError."""
-    for path, (header, rows) in zip(paths, tables(recording).values(), strict=True):
+    for path, (header, rows) in zip(paths, recorded_tables(recording).values(), strict=True):
         write_rows(path, [header, *(
             [f'{time:.4f}', *(f'{v:.6g}' if isinstance(v, float) else v for v in values)]
             for time, *values in rows)])

@@ -15,7 +15,7 @@ import numpy as np
 
 from soft_continuum import version
 from soft_continuum.analysis.figures import new_figure, new_panels
-from soft_continuum.analysis.recording import Held, Recording
+from soft_continuum.analysis.recording import HeldShape, Recording
 from soft_continuum.analysis.results import reserve_outputs, text_table
 from soft_continuum.analysis.verbs import given_recording, recording_parser, run_verb
 from soft_continuum.parameters.arm import ARM_PARAMETERS
@@ -99,7 +99,7 @@ def shapes_table(recording: Recording) -> tuple[list[str], list[list[str]]]:
             *(f'{name} pull, mm' for name in recording.tendon_names)], rows
 
 
-def _shapes(held: Sequence[Held]) -> 'Figure':
+def _shapes(held: Sequence[HeldShape]) -> 'Figure':
     columns = min(4, len(held))
     rows = -(-len(held) // columns)
     figure, panels = new_panels(rows, columns, 3.2 * columns, 3.8 * rows)

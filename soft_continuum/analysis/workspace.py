@@ -43,7 +43,7 @@ USUAL_DIRECTIONS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class SampledWorkspace:
     """
     Tips of one arm, set in one order.
 
@@ -68,45 +68,45 @@ class Reach:
         return float(hull.volume)  # in the plane its volume is its area
 
 
-def reach(arm: Arm, order: Sequence[int], per_segment: int, directions: int = 1,
-          jamming: bool = True) -> Reach:
+def sample_workspace(arm: Arm, order: Sequence[int], per_segment: int, directions: int = 1,
+                     jamming: bool = True) -> SampledWorkspace:
     """
     Return the tips for ``per_segment`` angles between the limits of every segment.
 
     A segment that bends in all directions has half as many in each of ``directions``, and
     straight.  Without ``jamming`` all segments are bent at once.  Tendon friction is neglected.
     """
-    grid = bendings(arm, per_segment, directions)
+    grid = bending_grid(arm, per_segment, directions)
     found = set_each(Statics(arm), grid, order, jamming=jamming,
                      progress=progress)
     axes = arm.pose_axes[:3]
-    return Reach(tuple(order),
-                 np.array([state.poses[-1, :3][axes] for state, _ in found]).reshape(
+    return SampledWorkspace(tuple(order),
+                            np.array([state.poses[-1, :3][axes] for state, _ in found]).reshape(
                      -1, axes.sum()),
-                 np.array([bending for _, bending in found]).reshape(-1, len(grid), 2),
-                 prod(map(len, grid)))
+                            np.array([bending for _, bending in found]).reshape(-1, len(grid), 2),
+                            prod(map(len, grid)))
 
 
-def bendings(arm: Arm, per_segment: int, directions: int) -> list[Array]:
+def bending_grid(arm: Arm, per_segment: int, directions: int) -> list[Array]:
     """Return the bendings (k, 2), rad, of each segment; all combinations are set."""
     return [bends(arm, s, per_segment, directions) for s in range(len(arm.segments))]
 
 
-def furthest_apart(one: Reach, other: Reach) -> float:
+def furthest_apart(one: SampledWorkspace, other: SampledWorkspace) -> float:
     """Return the largest distance (m) of tips with the same bending; nan without any."""
     return max((float(np.linalg.norm(a - b)) for a, b in tips_in_common(one, other)),
                default=float('nan'))
 
 
-def tips_in_common(one: Reach, other: Reach) -> list[tuple[Array, Array]]:
+def tips_in_common(one: SampledWorkspace, other: SampledWorkspace) -> list[tuple[Array, Array]]:
     """Return both tips (m) for all common bendings."""
     there = {row.tobytes(): tip for row, tip in zip(other.bending, other.tips, strict=True)}
     return [(tip, there[row.tobytes()]) for row, tip in zip(one.bending, one.tips, strict=True)
             if row.tobytes() in there]
 
 
-def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], base: Reach,
-                     height: float) -> None:
+def workspace_figure(path: str | Path, workspaces: Sequence[tuple[str, SampledWorkspace]],
+                     base: SampledWorkspace, height: float) -> None:
     """
     Write a figure of tips, a panel for each set, and their displacement by gravity; mm.
 
@@ -114,15 +114,15 @@ def workspace_figure(path: str | Path, reaches: Sequence[tuple[str, Reach]], bas
     top views, darker for larger displacements.  base: the tips whose outline is drawn in every
     panel.  height: of the straight arm, m.
     """
-    flat, count = base.tips.shape[1] == 2, len(reaches)
+    flat, count = base.tips.shape[1] == 2, len(workspaces)
     figure, panels = new_panels(2, count, 4.2 * count, 6.8 if flat else 8.4)
-    for column, (title, reach) in enumerate(reaches):
+    for column, (title, sampled) in enumerate(workspaces):
         above, below = panels[column::count]
-        pairs = np.array(tips_in_common(reach, base)).reshape(-1, 2, base.tips.shape[1]) * 1e3
-        moves = reach is not base and len(pairs) > 0
+        pairs = np.array(tips_in_common(sampled, base)).reshape(-1, 2, base.tips.shape[1]) * 1e3
+        moves = sampled is not base and len(pairs) > 0
         if flat:
-            if reach.tips.size:
-                tips = above.hexbin(*(1e3 * reach.tips.T), gridsize=30, mincnt=1, cmap='Greys',
+            if sampled.tips.size:
+                tips = above.hexbin(*(1e3 * sampled.tips.T), gridsize=30, mincnt=1, cmap='Greys',
                                     vmin=0.0, linewidths=0.1)
                 figure.colorbar(tips, ax=above, label='tips in a cell', shrink=0.6)
             _outline(above, base.tips, base.hull)
@@ -184,8 +184,8 @@ def _run(options: argparse.Namespace) -> None:
     angles = options.per_segment or default_angles(arm, directions)
     count, most = _shapes(arm, angles, directions), _limit(arm, MAX_SHAPES, MAX_TIME)
     if count > most:
-        raise ArmError(f'{max(map(len, bendings(arm, angles, directions)))} bendings in each of '
-                       f'{len(arm.segments)} segments are {count} shapes; '
+        raise ArmError(f'{max(map(len, bending_grid(arm, angles, directions)))} bendings in each '
+                       f'of {len(arm.segments)} segments are {count} shapes; '
                        f'{_remedy(arm, directions, most)}')
     figure, = reserve_outputs(options.output, [f'{NAME}.png'], options.force)
     base_first = tuple(range(len(arm.segments)))
@@ -200,7 +200,7 @@ def _run(options: argparse.Namespace) -> None:
           file=sys.stderr, flush=True)
     for number, (title, model, order) in enumerate(cases, start=1):
         print(f'{number} of {len(cases)}, {title} ...', file=sys.stderr, flush=True)
-        reaches.append((title, reach(model, order, angles, directions, jamming)))
+        reaches.append((title, sample_workspace(model, order, angles, directions, jamming)))
     print(_table(reaches, arm.axes))
     print('\nHeld: shapes that a tendon can hold. Apart: largest distance from the tip with the '
           'same bending angles without gravity.')
@@ -208,7 +208,7 @@ def _run(options: argparse.Namespace) -> None:
     print(f'Figure: {figure}')
 
 
-def _table(reaches: Sequence[tuple[str, Reach]], axes: str) -> str:
+def _table(reaches: Sequence[tuple[str, SampledWorkspace]], axes: str) -> str:
     rows, reference = [], reaches[0][1]
     for title, found in reaches:
         if not len(found.tips):
@@ -229,7 +229,7 @@ def _limit(arm: Arm, shapes: int, time: float) -> int:
 
 
 def _shapes(arm: Arm, angles: int, directions: int) -> int:
-    return prod(map(len, bendings(arm, angles, directions)))
+    return prod(map(len, bending_grid(arm, angles, directions)))
 
 
 def _most_angles(arm: Arm, directions: int, count: int) -> int:
@@ -254,12 +254,12 @@ def _remedy(arm: Arm, directions: int, most: int) -> str:
 
 
 def _duration(arm: Arm, angles: int, directions: int, jamming: bool) -> float:
-    """Estimate how long ``reach`` takes (s), from two bendings of each segment."""
+    """Estimate how long ``sample_workspace`` takes (s), from two bendings of each segment."""
     def solves(angles: int, directions: int) -> int:
-        each = list(map(len, bendings(arm, angles, directions)))
+        each = list(map(len, bending_grid(arm, angles, directions)))
         return sum(prod(each[:n + 1]) for n in range(len(each)))
 
     warm_up()
     begin = monotonic()
-    reach(arm, range(len(arm.segments)), 2, 1, jamming)
+    sample_workspace(arm, range(len(arm.segments)), 2, 1, jamming)
     return (monotonic() - begin) * solves(angles, directions) / solves(2, 1)

@@ -20,7 +20,7 @@ from websockets.exceptions import ConnectionClosed
 
 from soft_continuum.browser.connection_limiter import RateLimiter
 from soft_continuum.browser.log import LOG
-from soft_continuum.browser.session import Notice, plain
+from soft_continuum.browser.session import Notice, notice_text
 from soft_continuum.client.estimate import anomaly_text
 from soft_continuum.client.observed import STALE_AFTER
 from soft_continuum.client.state import ArmState, progress_text
@@ -79,7 +79,7 @@ def bar_state(state: ArmState, notices: Iterable[Notice] = ()) -> BarState:
 def alarm_text(state: ArmState) -> str:
     """Return the anomalies of the arm, one in each line; empty for none."""
     anomalies = state.estimate.anomalies if state.estimate else ()
-    lines = [plain(anomaly_text(anomaly), ALARM_LENGTH) for anomaly in anomalies]
+    lines = [notice_text(anomaly_text(anomaly), ALARM_LENGTH) for anomaly in anomalies]
     if len(lines) > MAX_ALARMS:
         lines[MAX_ALARMS:] = [f'{len(lines) - MAX_ALARMS} more under Measured shape']
     return '\n'.join(f'{line[:1].upper()}{line[1:]}' for line in lines)
@@ -92,10 +92,10 @@ def _motion(state: ArmState) -> tuple[str, str, str]:
     if state.stopped:
         remedy = ('the emergency stop is reset where it was triggered and you press Resume'
                   if state.emergency_stop else 'you press Resume')
-        return 'stopped', 'STOPPED', f'{plain(state.stopped)}. Nothing moves until {remedy}.'
+        return 'stopped', 'STOPPED', f'{notice_text(state.stopped)}. Nothing moves until {remedy}.'
     if state.progress is not None:
-        return ('moving', f'Setting {plain(state.progress.shape)}',
-                plain(progress_text(state.progress)))
+        return ('moving', f'Setting {notice_text(state.progress.shape)}',
+                notice_text(progress_text(state.progress)))
     return 'ready', 'Ready', ''
 
 

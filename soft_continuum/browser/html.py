@@ -7,7 +7,7 @@ from html import escape
 from math import degrees, isfinite, isnan, radians
 
 from soft_continuum.browser.charts import axis_end, chart, ERROR_ENDS, History
-from soft_continuum.browser.session import Description, Notice, plain
+from soft_continuum.browser.session import Description, Notice, notice_text
 from soft_continuum.browser.tip_planning import Planned
 from soft_continuum.client.estimate import (
     age_text,
@@ -349,7 +349,7 @@ def _status(html: str) -> str:
 
 
 def _text(text: str) -> str:
-    return escape(plain(text))
+    return escape(notice_text(text))
 
 
 def caption(html: str) -> str:

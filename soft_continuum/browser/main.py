@@ -26,7 +26,7 @@ from soft_continuum.browser.bar import alarm_text, Bar, bar_state, BarState
 from soft_continuum.browser.log import LOG
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.scene import Scene
-from soft_continuum.browser.session import Session
+from soft_continuum.browser.session import PageSession
 from soft_continuum.cli.processes import NodeProcesses
 from soft_continuum.cli.up import arguments_of, check_twin, chosen_nodes, start_parser
 from soft_continuum.client.connection import Connection
@@ -51,7 +51,7 @@ TOKEN = re.compile('[A-Za-z0-9_-]{12,}')
 class View:
     """Updates the scene and the panel while a browser shows them."""
 
-    def __init__(self, server: viser.ViserServer, session: Session, bar: Bar,
+    def __init__(self, server: viser.ViserServer, session: PageSession, bar: Bar,
                  playback: 'Playback | None' = None, title: str = '') -> None:
         """Show that there is no arm yet; title: of a playback."""
         self._server, self._session, self._bar = server, session, bar
@@ -175,9 +175,9 @@ def replay(argv: Sequence[str] | None = None) -> int:
         if playback.damage:
             print(f'{path}: {playback.damage}; the part before is shown', file=sys.stderr)
         with ExitStack() as running, playback:
-            serve(running, options, 'The recording', playback,
-                  f'of {path.name}: {playback.duration:.1f} s. No arm moves.',
-                  namespace=playback.namespace)
+            serve_view(running, options, 'The recording', playback,
+                       f'of {path.name}: {playback.duration:.1f} s. No arm moves.',
+                       namespace=playback.namespace)
     except (AccessError, MeasurementError) as error:
         return parser.fail(error, WRONG_USAGE)
     except KeyboardInterrupt:
@@ -195,8 +195,8 @@ def run(parser: Parser, nodes: Sequence[str], options: Namespace,
     signal.signal(signal.SIGTERM, interrupt)
     try:
         with ExitStack() as running, starting as arguments, NodeProcesses(nodes, arguments):
-            serve(running, options, 'The arm', arguments=arguments,
-                  discovery_timeout=DISCOVERY_TIMEOUT)
+            serve_view(running, options, 'The arm', arguments=arguments,
+                       discovery_timeout=DISCOVERY_TIMEOUT)
     except (AccessError, ClientError, ParameterError) as error:
         return parser.fail(error, WRONG_USAGE)
     except KeyboardInterrupt:
@@ -204,8 +204,8 @@ def run(parser: Parser, nodes: Sequence[str], options: Namespace,
     return DONE
 
 
-def serve(running: ExitStack, options: Namespace, what: str, playback: 'Playback | None' = None,
-          title: str = '', **connecting: Any) -> None:
+def serve_view(running: ExitStack, options: Namespace, what: str,
+               playback: 'Playback | None' = None, title: str = '', **connecting: Any) -> None:
     """
     Serve the view with the options of add_view_options until SIGINT or SIGTERM.
 
@@ -228,7 +228,7 @@ def serve(running: ExitStack, options: Namespace, what: str, playback: 'Playback
 async def _show(server: viser.ViserServer, requests: Requests, bar: Bar,
                 playback: 'Playback | None', title: str) -> View:
     """Start to show the arm, on the thread of the node."""
-    return View(server, Session(requests), bar, playback, title)
+    return View(server, PageSession(requests), bar, playback, title)
 
 
 def interrupt(*_: Any) -> None:

@@ -36,7 +36,7 @@ def tube(points: Array, frames: Array, radii: Array, sides: int = SIDES) -> Arra
     return vertices
 
 
-def faces(rings: int, sides: int = SIDES) -> Array:
+def tube_faces(rings: int, sides: int = SIDES) -> Array:
     """Return the triangles (k, 3) of such a tube, seen from outside."""
     ring, side = np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing='ij')
     a = (ring * sides + side).ravel()

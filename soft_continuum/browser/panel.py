@@ -12,7 +12,7 @@ from soft_continuum.browser import html
 from soft_continuum.browser.charts import History
 from soft_continuum.browser.controls import Controls, is_there, on_change, runs
 from soft_continuum.browser.scene import viewpoint, views_of
-from soft_continuum.browser.session import Description, Session
+from soft_continuum.browser.session import Description, PageSession
 from soft_continuum.browser.shapes_panel import ShapesPanel
 from soft_continuum.browser.tip_panel import TipPanel
 from soft_continuum.client.state import ArmState
@@ -34,7 +34,7 @@ PANEL_WIDTH = 340  # px
 class Panel:
     """Controls and readings of one arm, or of none yet."""
 
-    def __init__(self, server: viser.ViserServer, session: Session,
+    def __init__(self, server: viser.ViserServer, session: PageSession,
                  playback: 'Playback | None' = None) -> None:
         """Add every control; for a playback a slider, and no control that moves an arm."""
         self._server, self._session, self._playback = server, session, playback

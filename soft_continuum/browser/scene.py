@@ -15,7 +15,6 @@ import viser
 from soft_continuum.browser.meshes import (
     curve,
     dashes,
-    faces,
     frames_along,
     line,
     Points,
@@ -24,6 +23,7 @@ from soft_continuum.browser.meshes import (
     sampled,
     SIDES,
     tube,
+    tube_faces,
 )
 from soft_continuum.browser.session import Description
 from soft_continuum.client.state import ArmState, Pose
@@ -137,7 +137,7 @@ class Scene:
         self._stations = np.linspace(0.0, n - 1, RINGS_PER_JOINT * (n - 1) + 1)
         straight = self._chain.straight()
         points, frames = _along(straight)
-        triangles = faces(len(self._stations))
+        triangles = tube_faces(len(self._stations))
         self._joints = len(straight.joint_positions)
         rod = ROD * min(float(np.hypot(*guide[:2])) for guides in straight.tendon_points
                         for guide in guides)
@@ -149,7 +149,7 @@ class Scene:
         # Discs are meshes like the skins: a slow browser would move cylinders at another time.
         self._discs = scene.add_mesh_simple(
             '/arm/discs', self._disc_vertices(straight),
-            repeated(faces(len(DISC_RADII)), len(arm.discs)), color=DISC)
+            repeated(tube_faces(len(DISC_RADII)), len(arm.discs)), color=DISC)
         # With jamming the skin hides them.
         spacers = 0 if description.jamming else arm.spacers
         each = arm.bodies_per_segment // (spacers + 1)
@@ -158,11 +158,12 @@ class Scene:
         if len(self._spacers):
             self._spacer_mesh = scene.add_mesh_simple(
                 '/arm/spacers', self._spacer_vertices(points, frames),
-                repeated(faces(len(SPACER_RADII), SPACER_SIDES), len(self._spacers)), color=DISC)
+                repeated(tube_faces(len(SPACER_RADII), SPACER_SIDES), len(self._spacers)),
+                color=DISC)
         self._ball = np.cbrt(0.75 * arm.payload / (np.pi * STEEL))
         if self._ball:
             self._payload = scene.add_mesh_simple(
-                '/arm/payload', self._payload_vertices(points, frames), faces(len(BALL)),
+                '/arm/payload', self._payload_vertices(points, frames), tube_faces(len(BALL)),
                 color=DISC)
         self._dashes = max(2, round(DASHES / (spacers + 1)))
         self._tendons = [
@@ -182,8 +183,8 @@ class Scene:
         self._prediction = scene.add_label('/arm/prediction', 'predicted',
                                            anchor='center-center', visible=False)
         self._ghost = scene.add_mesh_simple(
-            '/arm/ghost', np.zeros((2 * SIDES, 3)), faces(2), color=GHOST, opacity=GHOST_OPACITY,
-            visible=False, cast_shadow=False, side='double')
+            '/arm/ghost', np.zeros((2 * SIDES, 3)), tube_faces(2), color=GHOST,
+            opacity=GHOST_OPACITY, visible=False, cast_shadow=False, side='double')
 
     def show(self, state: ArmState, ghost: Points, obstacles: Mapping[Key, Obstacle]) -> None:
         """Bring the scene up to date; ghost: of the target or selected shape."""
@@ -244,7 +245,7 @@ class Scene:
     def _show_ghost(self, points: Points) -> None:
         if len(points) > 1 and points != self._ghost_line:
             if len(points) != len(self._ghost_line):  # other numbers of vertices need other faces
-                self._ghost.faces = faces(len(points)).astype(np.uint32)
+                self._ghost.faces = tube_faces(len(points)).astype(np.uint32)
             self._ghost_line = points
             places = np.array(points)
             radii = np.full(len(points), 0.3 * self._description.arm.segments[0].outer_diameter)

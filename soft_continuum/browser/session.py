@@ -74,7 +74,7 @@ SOURCE = re.compile(f'^(?:{NODE}(?:/[a-z_0-9]+)*: )+')
 SERVICE = re.compile(f'(call )?(?:~|{NODE})/({"|".join(BUTTONS)})' r'\b')
 
 
-def plain(text: str, most: int = MAX_TEXT) -> str:
+def notice_text(text: str, most: int = MAX_TEXT) -> str:
     """Return a text with the names of buttons instead of services, cut, in one line."""
     text = text[:2 * MAX_TEXT]
     text = ''.join(c if c.isprintable() else ' ' for c in text)
@@ -123,7 +123,7 @@ class SavedShapes:
     saved name.
     """
 
-    def __init__(self, session: 'Session') -> None:
+    def __init__(self, session: 'PageSession') -> None:
         """Start empty."""
         self._session = session
         self._all = Saved()
@@ -238,7 +238,7 @@ class Notice:
         return f' (×{self.count})' if self.count > 1 else ''
 
 
-class Session:
+class PageSession:
     """
     Follows the description of the arm, collects notices, carries out requests of the page.
 
@@ -277,7 +277,7 @@ class Session:
 
         in_bar: whether the bar shows it while it is new.
         """
-        notice = Notice(plain(title), plain(text), is_problem)
+        notice = Notice(notice_text(title), notice_text(text), is_problem)
         if not in_bar:
             notice = replace(notice, time=-inf)
         last = self.notices[-1] if self.notices else None

@@ -13,7 +13,7 @@ import viser
 from soft_continuum.browser import html
 from soft_continuum.browser.controls import Controls, may_run, number_of, on_change, runs
 from soft_continuum.browser.meshes import Points, points_of
-from soft_continuum.browser.session import Description, SEQUENCE_HOLD, Session
+from soft_continuum.browser.session import Description, PageSession, SEQUENCE_HOLD
 from soft_continuum.client import own_file
 from soft_continuum.client.own_file import (
     Kind,
@@ -40,7 +40,7 @@ ROUNDING = 1e-3  # degrees: limits are written with so many digits
 class ShapesPanel:
     """Shapes of one arm; every browser shows the same."""
 
-    def __init__(self, gui: viser.GuiApi, controls: Controls, session: Session,
+    def __init__(self, gui: viser.GuiApi, controls: Controls, session: PageSession,
                  description: Description) -> None:
         """Add the controls at the present position of the GUI."""
         self._gui, self._controls = gui, controls

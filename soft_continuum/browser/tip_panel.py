@@ -18,7 +18,7 @@ from soft_continuum.browser import html
 from soft_continuum.browser.controls import Controls, may_run, number_of, on_change, runs
 from soft_continuum.browser.inbound import TIP_HANDLE
 from soft_continuum.browser.meshes import line
-from soft_continuum.browser.session import Description, Session
+from soft_continuum.browser.session import Description, PageSession
 from soft_continuum.client import own_file, Tip
 from soft_continuum.client.state import ArmState, Pose
 from soft_continuum.colours import GHOST
@@ -33,7 +33,7 @@ REACH = 1.2  # times the length of the arm: range of the handle
 class TipPanel:
     """The goal of the tip of one arm; every browser shows and drags the same."""
 
-    def __init__(self, server: viser.ViserServer, controls: Controls, session: Session,
+    def __init__(self, server: viser.ViserServer, controls: Controls, session: PageSession,
                  description: Description) -> None:
         """Add the controls at the present position of the GUI, and a hidden handle."""
         self._session, self._description = session, description

@@ -12,9 +12,9 @@ import numpy as np
 from soft_continuum.analysis.recording import (
     DESCRIPTION,
     FILES,
+    recorded_tables,
     Recording,
     TABLES,
-    tables,
     write_tables,
 )
 from soft_continuum.analysis.results import reserve_outputs
@@ -54,7 +54,7 @@ def _write_mat(recording: Recording, paths: Sequence[Path]) -> None:
     savemat(paths[0], {
         name: {field: _column([row[k] for row in rows])
                for k, field in enumerate(_fields(header))}
-        for name, (header, rows) in tables(recording).items()},
+        for name, (header, rows) in recorded_tables(recording).items()},
         oned_as='column', long_field_names=True)
 
 
@@ -75,6 +75,6 @@ def _column(values: Sequence[object]) -> np.ndarray:
 def _write_parquet(recording: Recording, paths: Sequence[Path]) -> None:
     import pyarrow as arrow
     from pyarrow import parquet
-    for path, (header, rows) in zip(paths, tables(recording).values(), strict=True):
+    for path, (header, rows) in zip(paths, recorded_tables(recording).values(), strict=True):
         columns = {column: [row[k] for row in rows] for k, column in enumerate(header)}
         parquet.write_table(arrow.table(columns), path)

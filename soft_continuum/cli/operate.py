@@ -101,7 +101,7 @@ def _interrupt(*_: object) -> NoReturn:
 # Shapes.
 
 
-def bendings(text: str) -> tuple['Bending', ...]:
+def parse_bendings(text: str) -> tuple['Bending', ...]:
     """Read ``10,20,30`` or ``10,20@120,30@-60`` in degrees; return rad."""
     try:
         values = tuple(tuple(radians(float(number)) for number in part.split('@'))
@@ -118,7 +118,7 @@ def bendings(text: str) -> tuple['Bending', ...]:
 def _shape_name(text: str) -> str:
     """Read the name of a shape; point out bending angles, which need an option."""
     try:
-        bendings(text)
+        parse_bendings(text)
     except ArgumentTypeError:
         return text
     raise ArgumentTypeError(f'{text!r} given; bending angles in degrees need --angles {text}')
@@ -128,7 +128,7 @@ def _run_options(parser: Parser) -> None:
     shapes = parser.add_argument('shapes', nargs='*', metavar='SHAPE', type=_shape_name,
                                  help='names in the library, or of saved shapes and sequences')
     shapes.completer = cached_shapes  # type: ignore[attr-defined]
-    parser.add_argument('--angles', action='append', type=bendings, default=[],
+    parser.add_argument('--angles', action='append', type=parse_bendings, default=[],
                         metavar='A,B,C', help='bending angle of each segment, base first, '
                         'degrees, set after the named shapes; may be repeated. For spatial arms, '
                         'A@D bends towards the direction D, degrees about z from x')

@@ -18,7 +18,7 @@ from soft_continuum.analysis.figures import DPI, new_figure
 from soft_continuum.analysis.results import ResultError, text_table
 from soft_continuum.analysis.verbs import described_arm, run_verb
 from soft_continuum.arguments import DONE, FAILED, given_path, number_in, Parser, whole_number_in
-from soft_continuum.cli.operate import bendings
+from soft_continuum.cli.operate import parse_bendings
 from soft_continuum.cli.tip_options import (
     add_tip,
     given_tip,
@@ -34,7 +34,7 @@ from soft_continuum.obstacles import CollisionScene, Obstacle
 from soft_continuum.obstacles.drawing import draw_obstacles
 from soft_continuum.obstacles.files import load_obstacles
 from soft_continuum.sequencing.planner import Planner, PlanSettings
-from soft_continuum.sequencing.plans import Reach, Shape, TipGoal, WHOLE_ARM
+from soft_continuum.sequencing.plans import PlanResult, Shape, TipGoal, WHOLE_ARM
 from soft_continuum.sequencing.settings import reach_from_parameters
 from soft_continuum.sequencing.shape_plans import plan_shapes, plans_to
 
@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--path', type=given_path, metavar='FILE',
                         help='instead of a position, a path: a CSV file with the columns x and z, '
                         'or x, y and z, and optionally angle')
-    parser.add_argument('--from', dest='start', type=bendings, metavar='A,B,C',
+    parser.add_argument('--from', dest='start', type=parse_bendings, metavar='A,B,C',
                         help='bending angle of each segment at the start, base first, degrees '
                         '(default: straight). For spatial arms, A@D bends towards the direction D')
     parser.add_argument('--obstacles', type=given_path, metavar='FILE',
@@ -118,7 +118,7 @@ def _run(parser: Parser, options: argparse.Namespace) -> int:
 
 
 def _planned(arm: Arm, values: dict[str, Any], around: CollisionScene,
-             start: Sequence[Any] | None, tips: Sequence[Tip]) -> tuple[Any, Reach]:
+             start: Sequence[Any] | None, tips: Sequence[Tip]) -> tuple[Any, PlanResult]:
     """Return the state at the start, and the plan; raises PlanError for an invalid goal."""
     planner, settings = Planner(arm, PlanSettings.of(values)), reach_from_parameters(values)
     goals = tuple(_goal(tip, values) for tip in tips)
@@ -143,7 +143,7 @@ def _goal(tip: Tip, values: dict[str, Any]) -> TipGoal:
         tip.angle_tolerance or values['reach.angle_tolerance'])
 
 
-def _print(found: Reach, as_json: bool, path: bool) -> None:
+def _print(found: PlanResult, as_json: bool, path: bool) -> None:
     """Print the steps and their totals; path: whether there are several goals."""
     moves = found.plan.moves if found.plan is not None else ()
     if as_json:
@@ -188,8 +188,8 @@ def _clearance(distance: float, obstacle: str) -> str:
     return f'{1e3 * distance:.1f} ({obstacle})' if isfinite(distance) else 'no obstacle'
 
 
-def plan_figure(path: Path, start: Any, found: Reach, obstacles: Sequence[Obstacle], goals: Array
-                ) -> None:
+def plan_figure(path: Path, start: Any, found: PlanResult, obstacles: Sequence[Obstacle],
+                goals: Array) -> None:
     """
     Write a picture of a plan that has steps, in mm.
 
@@ -206,7 +206,7 @@ def plan_figure(path: Path, start: Any, found: Reach, obstacles: Sequence[Obstac
 class _Picture:
     """Drawing shared by all panels and frames."""
 
-    def __init__(self, start: Any, found: Reach, obstacles: Sequence[Obstacle], goals: Array
+    def __init__(self, start: Any, found: PlanResult, obstacles: Sequence[Obstacle], goals: Array
                  ) -> None:
         assert found.plan is not None
         arm = start.chain.arm

@@ -77,7 +77,7 @@ class NodeProcesses:
 
     def __exit__(self, *_: object) -> None:
         """Make all nodes hold and exit; kill those that do not."""
-        end(self._children)
+        end_processes(self._children)
 
 
 class Child:
@@ -127,7 +127,7 @@ class Child:
             self._process.wait()
 
 
-def end(children: Sequence[Child]) -> None:
+def end_processes(children: Sequence[Child]) -> None:
     """Make all of them exit at the same time; kill those that do not."""
     for one in children:
         one.interrupt()

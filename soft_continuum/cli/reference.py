@@ -32,7 +32,7 @@ END = '<!-- end of table -->'
 COLUMNS = ('name (*: can be changed at run time)', 'type and default', 'range', 'description')
 
 
-def tables() -> Iterator[tuple[str, Sequence[Parameter]]]:
+def parameter_tables() -> Iterator[tuple[str, Sequence[Parameter]]]:
     """Return the name of each page in ``msg_docs/`` and the parameters in its table."""
     yield 'parameters.md', ARM_PARAMETERS
     for node, parameters in NODE_PARAMETERS.items():
@@ -42,9 +42,9 @@ def tables() -> Iterator[tuple[str, Sequence[Parameter]]]:
         yield f'{node}.md', [*(p for p in parameters if p not in ARM_PARAMETERS), *shapes]
 
 
-def pages() -> Iterator[tuple[Path, str]]:
+def generated_pages() -> Iterator[tuple[Path, str]]:
     """Return every page that has a table, and the content of the table."""
-    for name, parameters in tables():
+    for name, parameters in parameter_tables():
         yield ROOT / 'msg_docs' / name, table(parameters)
     yield ROOT / 'docs/reference/command_line.md', markdown_table(('verb', 'function'), (
         row for group, verbs in GROUPS.items()
@@ -101,7 +101,7 @@ def page_with_table(text: str, content: str) -> str:
 
 def main() -> None:
     """Write the tables into the pages."""
-    for page, content in pages():
+    for page, content in generated_pages():
         page.write_text(page_with_table(page.read_text(encoding='utf-8'), content),
                         encoding='utf-8')
 

@@ -22,7 +22,7 @@ from soft_continuum.parameters.scalars import EXACT
 from soft_continuum.ros.names import KINEMATICS, SERVO, SHAPE_SEQUENCER, TELEOP
 from soft_continuum.teleop.enable_button import MOVE, RELEASE
 from soft_continuum.teleop.keyboard import Keyboard
-from soft_continuum.teleop.pad import Controls, Pad
+from soft_continuum.teleop.pad import Pad, PadState
 from soft_continuum.text import printable
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ class _Screen:
             self._keyboard.release()
             self._publish(self._keyboard.controls(monotonic()))
 
-    def _publish(self, controls: Controls) -> None:
+    def _publish(self, controls: PadState) -> None:
         from sensor_msgs.msg import Joy
         axes, buttons = self._pad.write(controls)
         message = Joy(axes=axes, buttons=buttons)

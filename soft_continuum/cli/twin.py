@@ -44,7 +44,7 @@ def chosen_model_errors(options: Namespace) -> ModelErrors:
         options.file or description_file().with_name('twin.yaml'), options.preset)
 
 
-def serve(parser: Parser, begin: Callable[[ExitStack], None]) -> int:
+def run_until_interrupted(parser: Parser, begin: Callable[[ExitStack], None]) -> int:
     """Start something on an ExitStack, wait for Ctrl-C; return the exit status."""
     from soft_continuum.client.errors import ClientError
     try:
@@ -101,7 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             f'A simulated rig, preset {options.preset}. Ctrl-C ends it. Put this into a parameter '
             'file of the nodes:']), flush=True)
 
-    return serve(parser, begin)
+    return run_until_interrupted(parser, begin)
 
 
 def camera(argv: Sequence[str] | None = None) -> int:
@@ -142,7 +142,7 @@ def camera(argv: Sequence[str] | None = None) -> int:
         running.enter_context(Pictures(camera, options.rate, options.namespace, options.name))
         print(f'Simulated pictures on {options.name}/image_raw. Ctrl-C ends it.', flush=True)
 
-    return serve(parser, begin)
+    return run_until_interrupted(parser, begin)
 
 
 def _name(text: str) -> str:

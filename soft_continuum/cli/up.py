@@ -20,7 +20,7 @@ from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.arguments import DONE, FAILED, Parser, WRONG_USAGE
-from soft_continuum.cli.processes import Child, end, NodeProcesses
+from soft_continuum.cli.processes import Child, end_processes, NodeProcesses
 from soft_continuum.emulators.driving import board_links, driving_parameters
 from soft_continuum.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.mechanics.arm import Arm
@@ -78,8 +78,8 @@ def description_files(options: Namespace) -> list[str | Path]:
     return [*options.params_file] or [description_file()]
 
 
-def check_start(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = (),
-                nodes: Sequence[str] = NODES) -> None:
+def check_launch(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = (),
+                 nodes: Sequence[str] = NODES) -> None:
     """
     Check everything that a launch file starts before the start.
 
@@ -256,4 +256,4 @@ def twin_process(preset: str | None, files: Sequence[str | Path], namespace: str
                 parameters |= NO_OTHER_CAMERA
             yield parameters
         finally:
-            end(children)
+            end_processes(children)

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm observed over ROS: the latest message of every topic, and its age."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from math import dist, isfinite, nan
 from typing import Any
@@ -12,6 +13,7 @@ from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
@@ -77,27 +79,68 @@ PREDICTED_DISCS = 'predicted_disc_poses'
 SEQUENCER_STATE = f'{SHAPE_SEQUENCER}/state'
 RECORDER_STATE = f'{RECORDER}/state'
 TELEOP_STATE = f'{TELEOP}/state'
-TOPICS: dict[str, tuple[Any, Any, str]] = {
-    'tendon_states': (JointState, SENSOR, TENDON_ACTUATION),
-    TENDON_STATE: (TendonActuationState, EVERY_STATE, TENDON_ACTUATION),
-    JAMMING_STATE: (JammingValvesState, EVERY_STATE, JAMMING_VALVES),
-    'joint_states': (JointState, SENSOR, KINEMATICS),
-    'segment_poses': (PoseArray, SENSOR, KINEMATICS),
-    'disc_poses': (PoseArray, SENSOR, KINEMATICS),
-    'tendon_tensions': (JointState, SENSOR, KINEMATICS),
-    KINEMATICS_STATE: (KinematicsState, SENSOR, KINEMATICS),
-    PREDICTED_DISCS: (PoseArray, SENSOR, KINEMATICS),
-    SEQUENCER_STATE: (ShapeSequencerState, EVERY_STATE, SHAPE_SEQUENCER),
-    RECORDER_STATE: (RecorderState, EVERY_STATE, RECORDER),
-    TELEOP_STATE: (TeleopState, EVERY_STATE, TELEOP),
-    FEEDBACK: (RunShapeSequence.Impl.FeedbackMessage, SENSOR, SHAPE_SEQUENCER),
-    **{f'{node}/status': (DiagnosticStatus, EVERY_STATE, node)
+
+
+@dataclass(frozen=True)
+class ObservedTopic:
+    """
+    A topic that does not depend on the arm.
+
+    source: the node that publishes it.  readers: of fields of ArmState, from the arm and a message
+    that is not stale; without one the field has its default.  optional: whether an arm may lack
+    it.
+    """
+
+    kind: Any
+    qos: QoSProfile
+    source: str
+    readers: Mapping[str, Callable[['ObservedArm', Any], Any]] = field(default_factory=dict)
+    optional: bool = False
+
+
+def tendon_values(attribute: str
+                  ) -> Callable[['ObservedArm', JointState], tuple[float, ...] | None]:
+    """Return what reads values of a JointState in the order of ``ObservedArm.tendons``."""
+    def read(arm: 'ObservedArm', message: JointState) -> tuple[float, ...] | None:
+        values = dict(zip(message.name, getattr(message, attribute), strict=False))
+        names = arm.tendons
+        return tuple(float(values[n]) for n in names) if values.keys() >= set(names) else None
+    return read
+
+
+def all_poses(_: 'ObservedArm', message: PoseArray) -> tuple[Pose, ...]:
+    """Return the poses of a message."""
+    return tuple(map(pose_of, message.poses))
+
+
+TOPICS = {
+    'tendon_states': ObservedTopic(JointState, SENSOR, TENDON_ACTUATION, {
+        'pulls': tendon_values('position'), 'speeds': tendon_values('velocity'),
+        'measured_tensions': tendon_values('effort')}),
+    TENDON_STATE: ObservedTopic(TendonActuationState, EVERY_STATE, TENDON_ACTUATION, {
+        'emergency_stop': lambda _, message: message.emergency_stop,
+        'referenced': lambda _, message: message.referenced}),
+    JAMMING_STATE: ObservedTopic(JammingValvesState, EVERY_STATE, JAMMING_VALVES, {
+        'set_vacuums': lambda _, message: tuple(message.vacuums[:MAX_SEGMENTS])}),
+    'joint_states': ObservedTopic(JointState, SENSOR, KINEMATICS, {
+        'joint_angles': lambda _, message: tuple(message.position)}),
+    'segment_poses': ObservedTopic(PoseArray, SENSOR, KINEMATICS, {'segment_poses': all_poses}),
+    'disc_poses': ObservedTopic(PoseArray, SENSOR, KINEMATICS, {'disc_poses': all_poses}),
+    'tendon_tensions': ObservedTopic(JointState, SENSOR, KINEMATICS, {
+        'tensions': tendon_values('effort')}),
+    KINEMATICS_STATE: ObservedTopic(KinematicsState, SENSOR, KINEMATICS),
+    PREDICTED_DISCS: ObservedTopic(PoseArray, SENSOR, KINEMATICS, {
+        'predicted_disc_poses': all_poses}, optional=True),
+    SEQUENCER_STATE: ObservedTopic(ShapeSequencerState, EVERY_STATE, SHAPE_SEQUENCER),
+    RECORDER_STATE: ObservedTopic(RecorderState, EVERY_STATE, RECORDER, optional=True),
+    TELEOP_STATE: ObservedTopic(TeleopState, EVERY_STATE, TELEOP, optional=True),
+    FEEDBACK: ObservedTopic(
+        RunShapeSequence.Impl.FeedbackMessage, SENSOR, SHAPE_SEQUENCER, optional=True),
+    **{f'{node}/status': ObservedTopic(
+        DiagnosticStatus, EVERY_STATE, node, optional=node in SENSORS)
        for node in (*NODES, *SENSORS)},
 }
-"""Message, QoS and publishing node of the topics that do not depend on the arm."""
-OPTIONAL = {FEEDBACK, RECORDER_STATE, TELEOP_STATE, PREDICTED_DISCS,
-            *(f'{node}/status' for node in SENSORS)}
-"""Those that an arm may lack."""
+"""The topics that do not depend on the arm."""
 
 
 class ObservedArm:
@@ -116,10 +159,9 @@ class ObservedArm:
         self._listeners: list[Callable[[str], object]] = []
         self._measured: dict[str, tuple[Age, Pose]] = {}  # by disc, the last measurement
         self._segments = self._jams = 0  # with poses; switched
-        for topic, (kind, qos, source) in TOPICS.items():
-            if topic == FEEDBACK and not feedback:
-                continue
-            self._subscribe(topic, kind, qos, source)
+        for topic, one in TOPICS.items():
+            if topic != FEEDBACK or feedback:
+                self._subscribe(topic, one.kind, one.qos, one.source)
         subscribe(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
 
     def _subscribe(self, topic: str, kind: Any, qos: Any, source: str) -> None:
@@ -175,19 +217,21 @@ class ObservedArm:
         """Return the s since the last message of a topic or of a node; inf before the first."""
         return self._ages.get(source, Age()).seconds
 
-    def _fresh(self, topic: str, source: str = '') -> Any:
-        """Return the latest message unless it is stale, or its ``source`` node is."""
-        return self.message(topic) if self.age(source or topic) < STALE_AFTER else None
+    def _fresh(self, topic: str) -> Any:
+        """Return the latest message unless it, or the node of a state, is stale."""
+        one = TOPICS.get(topic)
+        source = one.source if one is not None and one.qos is EVERY_STATE else topic
+        return self.message(topic) if self.age(source) < STALE_AFTER else None
 
     @property
     def tendon_actuation(self) -> TendonActuationState | None:
         """State of tendon_actuation; None while that is stale."""
-        return self._fresh(TENDON_STATE, TENDON_ACTUATION)
+        return self._fresh(TENDON_STATE)
 
     @property
     def jamming_valves(self) -> JammingValvesState | None:
         """State of jamming_valves; None while that is stale."""
-        return self._fresh(JAMMING_STATE, JAMMING_VALVES)
+        return self._fresh(JAMMING_STATE)
 
     def stopped(self) -> str | None:
         """Return why motion is stopped, empty if it is not; None if unknown."""
@@ -199,7 +243,7 @@ class ObservedArm:
     @property
     def shape_sequencer(self) -> ShapeSequencerState | None:
         """State of shape_sequencer; None while that is stale."""
-        return self._fresh(SEQUENCER_STATE, SHAPE_SEQUENCER)
+        return self._fresh(SEQUENCER_STATE)
 
     @property
     def segments(self) -> int:
@@ -233,18 +277,19 @@ class ObservedArm:
         message = self._fresh(f'segment_{segment}/pressure')
         return None if message is None else float(message.fluid_pressure)
 
+    def values(self, topic: str) -> dict[str, Any]:
+        """Return the fields of ArmState that a topic has; empty while it is stale."""
+        message = self._fresh(topic)
+        return {} if message is None else {
+            name: read(self, message) for name, read in TOPICS[topic].readers.items()}
+
     def pulls(self) -> tuple[float, ...] | None:
         """Return the pull of each tendon, m."""
-        return self._of_tendons('tendon_states', 'position')
-
-    def tensions(self) -> tuple[float, ...] | None:
-        """Return the modelled tension of each tendon, N; nan where not determined."""
-        return self._of_tendons('tendon_tensions', 'effort')
+        return self.values('tendon_states').get('pulls')
 
     def poses(self, topic: str) -> tuple[Pose, ...] | None:
         """Return the poses of segment_poses or disc_poses."""
-        message = self._fresh(topic)
-        return None if message is None else tuple(map(pose_of, message.poses))
+        return self.values(topic).get(topic)
 
     @property
     def _pose_axes(self) -> NDArray[np.bool_]:
@@ -290,15 +335,6 @@ class ObservedArm:
                       for entry in found)
         return poses if any(poses) else ()
 
-    def _of_tendons(self, topic: str, field: str) -> tuple[float, ...] | None:
-        """Return a field of a JointState in the order of ``tendons``."""
-        message = self._fresh(topic)
-        if message is None:
-            return None
-        values = dict(zip(message.name, getattr(message, field), strict=False))
-        names = self.tendons
-        return tuple(float(values[n]) for n in names) if values.keys() >= set(names) else None
-
     def progress(self) -> Progress | None:
         """Return the progress of the running sequence of any client; None if none runs."""
         state, message = self.shape_sequencer, self.message(FEEDBACK)
@@ -313,7 +349,8 @@ class ObservedArm:
         message = self._fresh(KINEMATICS_STATE)
         if message is None:
             return None
-        now, alone = self.poses('disc_poses'), self.poses(PREDICTED_DISCS)
+        now = self.poses('disc_poses')
+        alone = self.values(PREDICTED_DISCS).get('predicted_disc_poses')
         error = dist(now[-1].position, alone[-1].position) if now and alone else nan
         return estimate_of(message, self.age(KINEMATICS_STATE), error if isfinite(error) else None)
 
@@ -330,7 +367,7 @@ class ObservedArm:
     @property
     def complete(self) -> bool:
         """Whether every topic of an active arm, and of its sensors, has had a message."""
-        expected = TOPICS.keys() - OPTIONAL | {
+        expected = {topic for topic, one in TOPICS.items() if not one.optional} | {
             f'segment_{n}/pressure' for n in range(1, self._jams + 1)} | {
             topic for topic in self.disc_topics if self._node.count_publishers(topic)}
         if self._lacks_jamming:
@@ -348,9 +385,8 @@ class ObservedArm:
 
     def snapshot(self) -> ArmState:
         """Return the present state."""
-        joints, tendons = self._fresh('joint_states'), self.tendon_actuation
-        angles = None if joints is None else tuple(float(a) for a in joints.position)
-        disc_poses, bending, towards = self.poses('disc_poses'), self.bending(), list[float]()
+        read = {name: value for topic in TOPICS for name, value in self.values(topic).items()}
+        disc_poses, bending, towards = read.get('disc_poses'), self.bending(), list[float]()
         bends = None if bending is None else bending[:, 1].tolist()
         if bending is not None and self._pose_axes.all():
             bends = np.linalg.norm(bending, axis=1).tolist()
@@ -360,24 +396,14 @@ class ObservedArm:
         nodes = [name for name in NODES if name != JAMMING_VALVES or running[name]
                  or not self._lacks_jamming]
         return ArmState(
-            tendons=self.tendons, pulls=self.pulls(),
-            speeds=self._of_tendons('tendon_states', 'velocity'),
-            tensions=self.tensions(),
-            measured_tensions=self._of_tendons('tendon_states', 'effort'),
-            stopped=self.stopped(),
-            emergency_stop=None if tendons is None else tendons.emergency_stop,
-            referenced=None if tendons is None else tendons.referenced,
+            **read, tendons=self.tendons, stopped=self.stopped(),
             stiff=tuple(self.stiff(n) for n in numbers),
             pressures=tuple(self.pressure(n) for n in numbers),
-            set_vacuums=tuple(self.jamming_valves.vacuums[:MAX_SEGMENTS])
-            if self.jamming_valves else (),
             bending_angles=None if bends is None else tuple(bends),
-            bending_directions=tuple(towards), joint_angles=angles,
-            segment_poses=self.poses('segment_poses'), disc_poses=disc_poses,
+            bending_directions=tuple(towards),
             tip=disc_poses[-1] if disc_poses else None, progress=self.progress(),
             measured_discs=self._measured_discs(),
             last_result=self._last_result(), estimate=self.estimate(),
-            predicted_disc_poses=self.poses(PREDICTED_DISCS),
             nodes=tuple(self._report(name, running[name]) for name in nodes),
             sensors=tuple(self._report(name, self.age(name) < STALE_AFTER)
                           for name in SENSORS if self.message(f'{name}/status')))

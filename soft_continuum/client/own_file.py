@@ -31,7 +31,7 @@ from typing import Any, Literal
 import yaml
 
 from soft_continuum.client.errors import ClientError
-from soft_continuum.client.sequence import Bending, bendings, MAX_HOLD
+from soft_continuum.client.sequence import angles_and_directions, Bending, MAX_HOLD
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.files import read_yaml
 from soft_continuum.parameters.overrides import MAX_SIZE
@@ -126,7 +126,7 @@ class Saved:
                 saved = self.shapes[shape.name]
                 found.append(Shape(
                     name=shape.name, hold_time=shape.hold_time,
-                    **plain(saved) | ({'vacuums': shape.vacuums} if shape.vacuums else {})))
+                    **file_entry(saved) | ({'vacuums': shape.vacuums} if shape.vacuums else {})))
             else:
                 found.append(shape)
         return found
@@ -169,7 +169,7 @@ def save_shape(name: str, shape: Sequence[Bending], library: Collection[str] = (
     library: names in the library of the arm.  Raises OwnShapesError, like all of these functions.
     """
     try:
-        kept = shape_of(bendings(shape))
+        kept = shape_of(angles_and_directions(shape))
     except ValueError as error:
         raise OwnShapesError(f'{name}: {error}') from None
     return _save('shapes', name, kept, library)
@@ -211,7 +211,7 @@ def delete(kind: Kind, name: str) -> str:
             raise OwnShapesError(f'{name} is in the sequence {", ".join(users)}; delete that '
                                  'first')
         was = group.pop(name)
-        return saved.having(kind, group), f'{name} deleted; it was {_flow(plain(was))}'
+        return saved.having(kind, group), f'{name} deleted; it was {_flow(file_entry(was))}'
     return _change(changed)
 
 
@@ -226,7 +226,7 @@ def _save(kind: Kind, name: str, kept: SavedShape | SavedSequence, library: Coll
                                          + name_hint(shape, known))
         group = dict(getattr(saved, kind))
         _check_name(name, {*library, *(saved.names - group.keys())})
-        was = f'; it was {_flow(plain(group[name]))}' if name in group else ''
+        was = f'; it was {_flow(file_entry(group[name]))}' if name in group else ''
         return saved.having(kind, group | {name: kept}), f'{name} saved{was}'
     return _change(changed)
 
@@ -256,7 +256,7 @@ def _change(changed: Callable[[Saved], tuple[Saved, str]]) -> str:
             saved = read_saved()
             after, done = changed(saved)
             text = HEADER + _flow({'version': VERSION, **{
-                kind: {name: plain(one) for name, one in getattr(after, kind).items()}
+                kind: {name: file_entry(one) for name, one in getattr(after, kind).items()}
                 for kind in KINDS}}) + '\n'
             if len(text) > MAX_SIZE:
                 raise OwnShapesError(f'{path} would be larger than {MAX_SIZE / 1e3:g} kB; delete '
@@ -333,7 +333,7 @@ def steps_from_text(text: str, hold: float) -> list[Step]:
 # Entries of the file.
 
 
-def plain(one: SavedShape | SavedSequence) -> dict[str, Any]:
+def file_entry(one: SavedShape | SavedSequence) -> dict[str, Any]:
     """Return an entry in the format of the file."""
     if isinstance(one, SavedSequence):
         return {'rounds': one.rounds, 'steps': [list(step) for step in one.steps]}

@@ -71,7 +71,7 @@ def fields_of(shape: ShapeLike) -> dict[str, Any]:
     tips = [shape] if isinstance(shape, Tip) else list(shape)
     if tips and all(isinstance(tip, Tip) for tip in tips):
         return {'tips': [tip_goal(tip) for tip in tips]}  # type: ignore[arg-type]
-    return bendings(tips)  # type: ignore[arg-type]
+    return angles_and_directions(tips)  # type: ignore[arg-type]
 
 
 def tip_goal(tip: Tip) -> TipGoal:
@@ -83,7 +83,7 @@ def tip_goal(tip: Tip) -> TipGoal:
         pose=Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(**turn)))
 
 
-def bendings(shape: Sequence[Bending]) -> dict[str, list[float]]:
+def angles_and_directions(shape: Sequence[Bending]) -> dict[str, list[float]]:
     """Return the angles of a shape and its directions, if any is given, as in Shape."""
     angles, directions, directed = [], [], False
     for bend in shape:

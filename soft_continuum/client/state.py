@@ -86,7 +86,7 @@ class NodeReport:
     stale: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmState:
     """
     A snapshot of the arm; None where a value was not received, or is stale.
@@ -109,29 +109,29 @@ class ArmState:
     """
 
     tendons: tuple[str, ...]
-    pulls: tuple[float, ...] | None
-    speeds: tuple[float, ...] | None
-    tensions: tuple[float, ...] | None
-    measured_tensions: tuple[float, ...] | None
+    pulls: tuple[float, ...] | None = None
+    speeds: tuple[float, ...] | None = None
+    tensions: tuple[float, ...] | None = None
+    measured_tensions: tuple[float, ...] | None = None
     stopped: str | None
-    emergency_stop: bool | None
-    referenced: bool | None
+    emergency_stop: bool | None = None
+    referenced: bool | None = None
     stiff: tuple[bool | None, ...]
     pressures: tuple[float | None, ...]
+    set_vacuums: tuple[float, ...] = ()
     bending_angles: tuple[float, ...] | None
-    joint_angles: tuple[float, ...] | None
-    segment_poses: tuple[Pose, ...] | None
-    disc_poses: tuple[Pose, ...] | None
+    bending_directions: tuple[float, ...] = ()
+    joint_angles: tuple[float, ...] | None = None
+    segment_poses: tuple[Pose, ...] | None = None
+    disc_poses: tuple[Pose, ...] | None = None
     tip: Pose | None
+    measured_discs: tuple[Pose | None, ...] = ()
+    predicted_disc_poses: tuple[Pose, ...] | None = None
+    estimate: Estimate | None = None
     progress: Progress | None
     last_result: 'SequenceResult | None'
     nodes: tuple[NodeReport, ...]
-    measured_discs: tuple[Pose | None, ...] = ()
     sensors: tuple[NodeReport, ...] = ()
-    predicted_disc_poses: tuple[Pose, ...] | None = None
-    estimate: Estimate | None = None
-    bending_directions: tuple[float, ...] = ()
-    set_vacuums: tuple[float, ...] = ()
 
     @property
     def disc_errors(self) -> tuple[tuple[float, float] | None, ...]:

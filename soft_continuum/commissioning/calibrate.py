@@ -55,7 +55,7 @@ from soft_continuum.hardware.protocols import (
 )
 from soft_continuum.hardware.tendon_controller import TendonLimits
 from soft_continuum.nodes.parameter_table import jamming_settings
-from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
+from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
 from soft_continuum.parameters.files import load_rig, write_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
@@ -415,7 +415,7 @@ def _jog_distances(job: Job, text: str) -> tuple[float, ...] | None:
 
 def _vacuum(job: Job) -> None:
     """Evacuate, hold and vent one segment after the other."""
-    check_jamming(job.values)
+    require_jamming(job.values)
     leak_time = job.options.leak_time or 10.0
     settings = jamming_settings(job.values)
     segments = len(job.values['arm.segment_lengths'])

@@ -12,7 +12,7 @@ from soft_continuum.hardware.dynamixel.bus import DynamixelBus
 from soft_continuum.hardware.dynamixel.registers import explain_hardware_error, HARDWARE_ERROR
 from soft_continuum.hardware.dynamixel.setup import (
     find_servos,
-    Servo,
+    FoundServo,
     Spools,
     unfit_settings,
     write_settings,
@@ -58,7 +58,7 @@ def _run(options: argparse.Namespace) -> None:
         bus.close()
 
 
-def _set_up(bus: DynamixelBus, servo: Servo, speed_limit: float,
+def _set_up(bus: DynamixelBus, servo: FoundServo, speed_limit: float,
             options: argparse.Namespace) -> None:
     """Show the changes that one servo needs, ask, and make them."""
     unfit = unfit_settings(servo, speed_limit)

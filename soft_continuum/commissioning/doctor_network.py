@@ -46,7 +46,7 @@ NOBODY = ('no node answers in namespace {}; do they run, with the same {} and '
 
 
 @dataclass
-class Answers:
+class NodeReplies:
     """
     Replies and messages of one node.
 
@@ -89,9 +89,9 @@ def settings() -> Check:
                                (WARN, f'{text}: {CLOSED}')))
 
 
-async def _ask_all(requests: Requests) -> dict[str, Answers]:
+async def _ask_all(requests: Requests) -> dict[str, NodeReplies]:
     """Return the replies of each node that serves ~/get_node_info, by its name."""
-    node, found = requests.node, dict[str, Answers]()
+    node, found = requests.node, dict[str, NodeReplies]()
     space = node.get_namespace().rstrip('/') + '/'
     ending = GET_NODE_INFO.removeprefix('~')
 
@@ -99,7 +99,7 @@ async def _ask_all(requests: Requests) -> dict[str, Answers]:
         for service, kinds in node.get_service_names_and_types():
             name = service.removeprefix(space).removesuffix(ending)
             if NODE_INFO_TYPE in kinds and service == f'{space}{name}{ending}' and '/' not in name:
-                found.setdefault(name, Answers())
+                found.setdefault(name, NodeReplies())
 
     await until(look, DISCOVERY)
     clients = {name: node.create_client(GetNodeInfo, f'{name}{ending}') for name in found}
@@ -113,11 +113,11 @@ async def _ask_all(requests: Requests) -> dict[str, Answers]:
     return found
 
 
-def _note(answers: Answers, message: Heartbeat) -> None:
+def _note(answers: NodeReplies, message: Heartbeat) -> None:
     answers.heard.append(NodeInfo.from_ros(message).time)
 
 
-def _call(node: Any, client: Any, answers: Answers) -> Any:
+def _call(node: Any, client: Any, answers: NodeReplies) -> Any:
     """Begin a call; a reply in time is noted on arrival."""
     def now() -> float:
         return float(node.get_clock().now().nanoseconds * 1e-9)
@@ -153,7 +153,7 @@ async def _shared_parameters(requests: Requests, nodes: Iterable[str]
     return found
 
 
-def judged(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]], space: str
+def judged(found: Mapping[str, NodeReplies], values: Mapping[str, Mapping[str, Any]], space: str
            ) -> Iterator[Check]:
     """Yield a check for each computer, and whether versions and descriptions agree."""
     answered = {name: answers for name, answers in found.items() if answers.said}
@@ -184,7 +184,7 @@ def judged(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]]
     yield from _same_arm(answered, values)
 
 
-def _round_trip(host: str, nodes: Sequence[Answers]) -> Check:
+def _round_trip(host: str, nodes: Sequence[NodeReplies]) -> Check:
     trips = [trip for one in nodes for trip in one.trips]
     calls = sum(one.calls for one in nodes)
     middle, lost = median(trips), calls - len(trips)
@@ -199,7 +199,7 @@ def _round_trip(host: str, nodes: Sequence[Answers]) -> Check:
     return Check(f'round trip to {host}', OK, text)
 
 
-def _messages(host: str, nodes: Sequence[Answers]) -> Check:
+def _messages(host: str, nodes: Sequence[NodeReplies]) -> Check:
     sent, came = sum(one.expected for one in nodes), sum(len(one.heard) for one in nodes)
     step = f'messages from {host}'
     if not came:
@@ -212,7 +212,7 @@ def _messages(host: str, nodes: Sequence[Answers]) -> Check:
     return Check(step, OK, text)
 
 
-def _clock(host: str, nodes: Sequence[Answers]) -> Check:
+def _clock(host: str, nodes: Sequence[NodeReplies]) -> Check:
     """Check the clock offset of a computer, from its fastest call."""
     trip, offset = min((trip, offset) for one in nodes
                        for trip, offset in zip(one.trips, one.offsets, strict=True))
@@ -231,7 +231,7 @@ def _clock(host: str, nodes: Sequence[Answers]) -> Check:
     return Check(step, OK, text)
 
 
-def _same_version(found: Mapping[str, Answers]) -> Check:
+def _same_version(found: Mapping[str, NodeReplies]) -> Check:
     versions = {name: printable(answers.said[-1].version) for name, answers in found.items()}
     if set(versions.values()) == {version()}:
         return Check('version', OK, f'{version()} everywhere')
@@ -241,7 +241,7 @@ def _same_version(found: Mapping[str, Answers]) -> Check:
                  'install one version on every computer')
 
 
-def _same_arm(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]]
+def _same_arm(found: Mapping[str, NodeReplies], values: Mapping[str, Mapping[str, Any]]
               ) -> Iterator[Check]:
     """Compare the digests, and the parameters of all nodes, naming each that differs."""
     digests = {name: printable(answers.said[-1].description) for name, answers in found.items()
@@ -260,7 +260,7 @@ def _same_arm(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, An
         yield Check('other parameters', WARN, f'{others}; start every node with the same files')
 
 
-def _differences(found: Mapping[str, Answers], values: Mapping[str, Mapping[str, Any]]
+def _differences(found: Mapping[str, NodeReplies], values: Mapping[str, Mapping[str, Any]]
                  ) -> Iterator[tuple[str, str]]:
     """Yield each parameter and its difference between nodes; empty if there is none."""
     for name in sorted({name for given in values.values() for name in given}):

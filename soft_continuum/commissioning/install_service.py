@@ -30,7 +30,7 @@ from soft_continuum.arguments import (
     whole_number_in,
     WRONG_USAGE,
 )
-from soft_continuum.cli.up import check_start, description_files, nodes_of, start_arguments
+from soft_continuum.cli.up import check_launch, description_files, nodes_of, start_arguments
 from soft_continuum.hardware.real_time import NICENESS, PRIORITY
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError, Value
@@ -120,13 +120,13 @@ def _folder() -> Path:
 def _install(options: argparse.Namespace) -> None:
     options.params_file = [Path(path).resolve() for path in description_files(options)]
     namespace = (options.namespace or '').strip('/')
-    check_start(namespace, options.params_file)
+    check_launch(namespace, options.params_file)
     nodes = [node for node in nodes_of(options.params_file, namespace)
              if options.nodes == 'all' or node in HARDWARE]
     command = [sys.executable, '-m', 'soft_continuum', '%i',
                *start_arguments(namespace, options.params_file),
                '--disable-external-lib-logs']  # systemd keeps the log, within bounds
-    files = {_folder() / name: text for name, text in units(
+    files = {_folder() / name: text for name, text in systemd_units(
         namespace, nodes, command, _environment(options.domain)).items()}
     ports = ports_of(load_rig(options.params_file, namespace))
     boards = boards_of(ports, comports())
@@ -228,8 +228,8 @@ def unit_name(namespace: str) -> str:
     return '_'.join(['soft_continuum', *filter(None, namespace.split('/'))])
 
 
-def units(namespace: str, nodes: Sequence[str], command: Sequence[str],
-          environment: Mapping[str, str]) -> dict[str, str]:
+def systemd_units(namespace: str, nodes: Sequence[str], command: Sequence[str],
+                  environment: Mapping[str, str]) -> dict[str, str]:
     """
     Return the units of an arm by file name: one for each node, as a template, and their target.
 

@@ -28,7 +28,7 @@ from soft_continuum.emulators.dynamixel_models import (
     MODELS,
     RETURN_DELAY_UNIT,
 )
-from soft_continuum.emulators.dynamixel_motor import Tendon
+from soft_continuum.emulators.dynamixel_motor import SpringTendon
 from soft_continuum.emulators.dynamixel_packets import (
     ALERT,
     BROADCAST,
@@ -314,7 +314,7 @@ def make_servos(tendons: int, model: str, baud_rate: int = BAUD_RATE,
     1 if there are none.
     """
     servos = [DynamixelServo(
-        MODELS[model], n + 1, Tendon(SPOOL_RADIUS, signs[n] if signs else 1),
+        MODELS[model], n + 1, SpringTendon(SPOOL_RADIUS, signs[n] if signs else 1),
         baud_code=BAUD_RATES.index(baud_rate), start=700 * (n + 1) % 4096)
         for n in range(tendons)]
     for servo in servos:

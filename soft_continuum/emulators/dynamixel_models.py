@@ -30,7 +30,7 @@ CURRENT, VELOCITY, POSITION, EXTENDED, CURRENT_POSITION, PWM = 0, 1, 3, 4, 5, 16
 
 
 @dataclass(frozen=True)
-class Model:
+class EmulatedModel:
     """
     A model; torque and currents at ``voltage``, as its page gives them.
 
@@ -82,16 +82,21 @@ _SMALL_INDIRECT = ((168, 208, 20),)
 _LARGE_INDIRECT = ((168, 224, 28), (578, 634, 28))
 
 MODELS = {model.name: model for model in (
-    Model('XL330-M288', 1200, 52, 5.0, 0.52, 1.47, 103.0, 1e-3, 1750, 445, 2047, 70, (31, 70),
-          (35, 70), 53, (1600, 180, 0, 0, 400), False, _SMALL_INDIRECT),
-    Model('XC330-T288', 1220, 52, 11.1, 0.92, 0.80, 65.0, 1e-3, 910, 320, 2047, 70, (55, 140),
-          (55, 140), 52, (1200, 40, 0, 0, 900), False, _SMALL_INDIRECT),
-    Model('XM430-W350', 1020, 48, 12.0, 4.1, 2.3, 46.0, 2.69e-3, 1193, 200, 1023, 80, (95, 160),
-          (95, 160), 52, (1920, 100, 0, 0, 800), True, _LARGE_INDIRECT),
-    Model('XM540-W270', 1120, 48, 12.0, 10.6, 4.4, 30.0, 2.69e-3, 2047, 128, 1023, 80, (95, 160),
-          (95, 160), 52, (1920, 100, 0, 0, 800), True, _LARGE_INDIRECT),
-    Model('XL430-W250', 1060, 48, 11.1, 1.4, 1.3, 57.0, 0.0, 0, 265, 1023, 72, (60, 140),
-          (60, 140), 52, (1000, 100, 4000, 0, 640), True, _LARGE_INDIRECT),
+    EmulatedModel(
+        'XL330-M288', 1200, 52, 5.0, 0.52, 1.47, 103.0, 1e-3, 1750, 445, 2047, 70, (31, 70),
+        (35, 70), 53, (1600, 180, 0, 0, 400), False, _SMALL_INDIRECT),
+    EmulatedModel(
+        'XC330-T288', 1220, 52, 11.1, 0.92, 0.80, 65.0, 1e-3, 910, 320, 2047, 70, (55, 140),
+        (55, 140), 52, (1200, 40, 0, 0, 900), False, _SMALL_INDIRECT),
+    EmulatedModel(
+        'XM430-W350', 1020, 48, 12.0, 4.1, 2.3, 46.0, 2.69e-3, 1193, 200, 1023, 80, (95, 160),
+        (95, 160), 52, (1920, 100, 0, 0, 800), True, _LARGE_INDIRECT),
+    EmulatedModel(
+        'XM540-W270', 1120, 48, 12.0, 10.6, 4.4, 30.0, 2.69e-3, 2047, 128, 1023, 80, (95, 160),
+        (95, 160), 52, (1920, 100, 0, 0, 800), True, _LARGE_INDIRECT),
+    EmulatedModel(
+        'XL430-W250', 1060, 48, 11.1, 1.4, 1.3, 57.0, 0.0, 0, 265, 1023, 72, (60, 140),
+        (60, 140), 52, (1000, 100, 4000, 0, 640), True, _LARGE_INDIRECT),
 )}
 
 
@@ -118,7 +123,7 @@ _SIGNED = frozenset((
 
 
 @cache
-def control_table(model: Model) -> dict[str, Field]:
+def control_table(model: EmulatedModel) -> dict[str, Field]:
     """Return the items of a model by their names, in the order of their addresses."""
     low_voltage, high_voltage = model.voltage_range
     vi, vp, pd, pi_, pp = model.gains

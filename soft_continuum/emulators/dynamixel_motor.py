@@ -21,8 +21,8 @@ from soft_continuum.emulators.dynamixel_models import (
     ACCELERATION_UNIT,
     CURRENT,
     CURRENT_POSITION,
+    EmulatedModel,
     FULL_PWM,
-    Model,
     PULSE,
     PWM,
     VELOCITY,
@@ -43,7 +43,7 @@ NEAR = 0.01  # pulses
 
 
 @dataclass
-class Tendon:
+class SpringTendon:
     """
     A tendon on a spool, as a spring that cannot push.
 
@@ -78,7 +78,7 @@ class Motor:
     caught: it is blocked.
     """
 
-    def __init__(self, model: Model, tendon: Tendon) -> None:
+    def __init__(self, model: EmulatedModel, tendon: SpringTendon) -> None:
         """Stand at angle 0."""
         self.tendon = tendon
         self.angle = self.speed = self.torque = 0.0
@@ -124,7 +124,7 @@ class Motor:
 class Control:
     """Voltage and torque limit for a motor; values: the control table by names."""
 
-    def __init__(self, motor: Motor, values: Mapping[str, int], model: Model) -> None:
+    def __init__(self, motor: Motor, values: Mapping[str, int], model: EmulatedModel) -> None:
         """Stand."""
         self.profile = Profile(0.0)
         self.voltage = 0.0

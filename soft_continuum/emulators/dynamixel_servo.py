@@ -14,17 +14,17 @@ from soft_continuum.emulators.dynamixel_models import (
     control_table,
     CURRENT_POSITION,
     EEPROM_END,
+    EmulatedModel,
     EXTENDED,
     Field,
     FULL_PWM,
-    Model,
     POSITION,
     PULSE,
     PULSES,
     VELOCITY_UNIT,
     WATCHDOG_UNIT,
 )
-from soft_continuum.emulators.dynamixel_motor import Control, Motor, Tendon
+from soft_continuum.emulators.dynamixel_motor import Control, Motor, SpringTendon
 from soft_continuum.emulators.dynamixel_packets import ALERT, Error, Instruction
 
 GOALS = frozenset(('Goal PWM', 'Goal Current', 'Goal Velocity', 'Goal Position'))
@@ -51,12 +51,13 @@ class DynamixelServo:
     temperature: degrees C.  hang: it does not reply, but goes on.  powered: it has power.
     """
 
-    def __init__(self, model: Model, device: int = 1, tendon: Tendon | None = None, *,
-                 baud_code: int = 1, start: int = 1000) -> None:
+    def __init__(self, model: EmulatedModel, device: int = 1,
+                 tendon: SpringTendon | None = None, *, baud_code: int = 1, start: int = 1000
+                 ) -> None:
         """Switch on; start: what the encoder reads, pulses."""
         self.model = model
         self.table = control_table(model)
-        self.motor = Motor(model, tendon or Tendon())
+        self.motor = Motor(model, tendon or SpringTendon())
         self._device = device
         self.values = {name: field.initial for name, field in self.table.items()}
         self.values.update({'ID': device, 'Baud Rate': baud_code})

@@ -9,7 +9,7 @@ Only what moves three axes: jogs, G0 and G1, holds, resets, alarms, homing.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 import re
 
-from soft_continuum.emulators.grbl_planner import MachineSettings, Planner, Steps
+from soft_continuum.emulators.grbl_planner import MachineSettings, MotionPlanner, Steps
 
 RECEIVE_BUFFER = 127  # characters; more is dropped without a message
 MAX_LINE_LENGTH = 79
@@ -63,7 +63,7 @@ class GrblFirmware:
         self._acknowledge = acknowledge
         self._switches = [round(at * self.settings[100 + i]) for i, at in enumerate(switches)]
         self._critical = self._cancelling = False
-        self.planner = Planner(self._machine())
+        self.planner = MotionPlanner(self._machine())
         self._switch_on()
 
     @property
@@ -176,7 +176,7 @@ class GrblFirmware:
     def _place(self, position: Sequence[int]) -> None:
         """Take the motors to be at a position (steps of X and Y; Z is at 0)."""
         x, y, z = self.made
-        self.planner = Planner(self._machine(), (position[0], position[1], 0))
+        self.planner = MotionPlanner(self._machine(), (position[0], position[1], 0))
         self.forgotten = x - position[0], y - position[1], z
 
     def _homed(self, axis: int) -> int:

@@ -38,7 +38,7 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Segment:
+class MotionSegment:
     """Where the motors go within a time."""
 
     duration: float
@@ -56,7 +56,7 @@ class MachineSettings:
     junction_deviation: float
 
 
-class Planner:
+class MotionPlanner:
     """Blocks, segments and motors; ``motors``: the steps that were made."""
 
     def __init__(self, settings: MachineSettings, motors: Steps = (0, 0, 0)) -> None:
@@ -70,7 +70,7 @@ class Planner:
         self.blocks: deque[Block] = deque()
         self.end = self.motors
         self.holding = False
-        self._segments: deque[Segment] = deque()
+        self._segments: deque[MotionSegment] = deque()
         self._into_segment = 0.0  # s
         self._cut = self.motors  # where the segments lead
         self.speed = 0.0  # mm/s along the path, at their end
@@ -168,7 +168,7 @@ class Planner:
                 self._run_on(FINE)
             if elapsed == 0.0:
                 return
-            self._segments.append(Segment(elapsed, start, self._cut))
+            self._segments.append(MotionSegment(elapsed, start, self._cut))
 
     def _run_on(self, time: float) -> None:
         block = self.blocks[0]

@@ -74,7 +74,7 @@ class Transmitter:
         return round(LOW + (HIGH - LOW) * self.vacuum / FULL_SCALE)
 
 
-class Segment(SimulatedJamming, Transmitter):
+class EmulatedSegment(SimulatedJamming, Transmitter):
     """One segment with a pump of its own; it may leak."""
 
     def __init__(self, clock: Clock, initially_stiff: bool) -> None:
@@ -147,8 +147,8 @@ class ModbusEmulator(EmulatedDevice):
         self.requests: list[bytes] = []
         """Every request to one of the boards, as received."""
         self.regulators = regulators
-        kind = RegulatedSegment if regulators else Segment
-        self.segments: list[Segment | RegulatedSegment] = [
+        kind = RegulatedSegment if regulators else EmulatedSegment
+        self.segments: list[EmulatedSegment | RegulatedSegment] = [
             kind(clock, initially_stiff) for _ in range(segments)]
         self._coils = [] if regulators else [initially_stiff] * (segments + 1)
         self._boards = {ANALOG_UNIT: self._analog_board, **(
@@ -341,7 +341,7 @@ class ModbusEmulator(EmulatedDevice):
             if coil in self.stuck:
                 return
             self._coils[coil] = on
-            valves = [s for s in self.segments if isinstance(s, Segment)]
+            valves = [s for s in self.segments if isinstance(s, EmulatedSegment)]
             if coil > 0:
                 valves[coil - 1].set_evacuated(0, on)
             else:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.discs import camera_moved
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import (
@@ -28,7 +28,11 @@ from soft_continuum.estimation.hypotheses import (
     SENSOR_SCALES,
     Verdict,
 )
-from soft_continuum.estimation.measuring import DiscMeasurement, Point, relative_distance
+from soft_continuum.estimation.measuring import (
+    DiscMeasurement,
+    LinearisationPoint,
+    relative_distance,
+)
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.sensing.rigid import mean_pose
@@ -74,7 +78,7 @@ class AnomalyDetector:
     def __init__(self) -> None:
         """Begin without a reference."""
         self.active: tuple[Anomaly, ...] = ()
-        self._last: Commands | None = None
+        self._last: ActuatorState | None = None
         self._stood: Array = np.zeros(0)  # m, pulls since which no motor moved
         self._rests = -np.inf  # s, from which on the arm does
         self.clear()
@@ -86,7 +90,7 @@ class AnomalyDetector:
         self._mean: list[DiscMeasurement] = []  # of the window before
         # As if a segment (0-based) were not as stiff, or as soft, as it is reported to be.
         self._others: list[_Other] = []
-        self._stiffened: tuple[Commands, Estimator] | None = None  # as it was just before
+        self._stiffened: tuple[ActuatorState, Estimator] | None = None  # as it was just before
         self._suspected: Verdict | None = None
         self._attempts = 0
         self._moved = self._changed = False  # since the reference was taken
@@ -94,7 +98,7 @@ class AnomalyDetector:
 
     # What the arm does.
 
-    def follow(self, commands: Commands) -> None:
+    def follow(self, commands: ActuatorState) -> None:
         """Follow motors and valves."""
         last, self._last = self._last, commands
         time = commands.time
@@ -143,7 +147,7 @@ class AnomalyDetector:
                 self._others.append(behind)
             work += behind.estimator.state.iterations
 
-    def _step(self, commands: Commands) -> None:
+    def _step(self, commands: ActuatorState) -> None:
         """Update the reference, and the alternatives when it is their turn."""
         self._followed = commands.time
         if self._reference is None:
@@ -251,7 +255,7 @@ class AnomalyDetector:
                 self.active += (_unknown(time, verdicts, self._moved),)
             self.clear()
 
-    def _name(self, time: float, found: Verdict, point: Point, reference: Estimator,
+    def _name(self, time: float, found: Verdict, point: LinearisationPoint, reference: Estimator,
               estimator: Estimator) -> None:
         one, layout = found.hypothesis, estimator.layout
         cause, rows = _cause(found, self._moved), np.zeros((layout.size, 6))
@@ -282,9 +286,9 @@ class _Other:
     segment: int
     vacuum: float
     estimator: Estimator
-    steps: deque[Commands] = field(default_factory=deque)
+    steps: deque[ActuatorState] = field(default_factory=deque)
 
-    def note(self, commands: Commands) -> None:
+    def note(self, commands: ActuatorState) -> None:
         """Queue a step to follow; for each stiffness the last step is enough."""
         if self.steps and self.steps[-1].stiff == commands.stiff:
             self.steps.pop()

@@ -8,7 +8,7 @@ from soft_continuum.mechanics.arm import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Commands:
+class ActuatorState:
     """
     State of tendons and valves at one time.
 

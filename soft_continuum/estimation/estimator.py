@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 import scipy
 
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.discs import MODEL_ERROR, pose_error
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
     Innovation,
+    LinearisationPoint,
     Measurement,
-    Point,
     predicted,
     rates,
     relative_distance,
@@ -33,7 +33,7 @@ from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.unknowns import (
     first_covariance,
     first_values,
-    layout_of,
+    indices_of,
     limited,
     statics_with,
 )
@@ -62,7 +62,7 @@ class Estimator:
 
     def __init__(self, arm: Arm, state: Any, prior: Prior, drift: Drift) -> None:
         """Begin with a shape, with the uncertainty of the prior."""
-        self.layout, self.prior = layout_of(arm), prior
+        self.layout, self.prior = indices_of(arm), prior
         self._described, self._drift = arm, drift
         self.values = first_values(arm, self.layout, prior)
         self._first = first_covariance(arm, self.layout, prior)
@@ -72,7 +72,7 @@ class Estimator:
         for s, stiff in enumerate(state.stiff):
             if not stiff:
                 self._clear_held(s)
-        self._past: deque[Commands] = deque(maxlen=MAX_PAST)
+        self._past: deque[ActuatorState] = deque(maxlen=MAX_PAST)
         self._speeds = np.zeros(self.layout.tendons)  # m/s, that the shape has not settled from
         self._switched = -np.inf  # when the stiffness changed
         self._change = np.zeros((len(arm.discs), 6))  # of it, then
@@ -120,7 +120,7 @@ class Estimator:
 
     # Motion of the arm.
 
-    def follow(self, commands: Commands) -> None:
+    def follow(self, commands: ActuatorState) -> None:
         """Follow the tendons and valves; on StaticsError the estimate is unchanged."""
         before = self._past[-1] if self._past else commands
         switched, start = commands.stiff != self.state.stiff, self.state
@@ -135,7 +135,7 @@ class Estimator:
         self._drift_by(max(0.0, commands.time - before.time),
                        np.abs(commands.pulls - before.pulls))
 
-    def _note(self, now: Commands, before: Commands) -> None:
+    def _note(self, now: ActuatorState, before: ActuatorState) -> None:
         elapsed = now.time - before.time
         if elapsed > 0.0:
             fading = np.exp(-elapsed / LAG)
@@ -249,7 +249,7 @@ class Estimator:
                     self.seen[one.disc] = max(time, self.seen[one.disc])
         return innovation
 
-    def expected(self, discs: Sequence[DiscMeasurement]) -> Point:
+    def expected(self, discs: Sequence[DiscMeasurement]) -> LinearisationPoint:
         """Return measured less predicted values for the arm at rest."""
         return self._linearised(np.zeros(self.layout.size), self._past[-1], discs)
 
@@ -262,8 +262,9 @@ class Estimator:
         return (float(self._speeds.max()) * LAG < RESTING and not all(self.state.stiff)
                 and time >= self._switched + VENTING)
 
-    def _best(self, point: Point, past: Commands, measurements: Sequence[Measurement],
-              distance: float, told: Array) -> Point:
+    def _best(self, point: LinearisationPoint, past: ActuatorState,
+              measurements: Sequence[Measurement], distance: float, told: Array
+              ) -> LinearisationPoint:
         """
         Return the most likely change: by one Newton step, or several if one is not enough.
 
@@ -293,7 +294,7 @@ class Estimator:
                 break
         return point
 
-    def _take(self, point: Point, past: Commands, told: Array) -> None:
+    def _take(self, point: LinearisationPoint, past: ActuatorState, told: Array) -> None:
         """Apply a change of the unknowns at the present pulls; raises StaticsError."""
         now, start = self._past[-1], point.start
         self.state = point.state if past is now else point.statics.solve(
@@ -340,8 +341,8 @@ class Estimator:
         variances[layout.offset] = first[layout.offset]
         self.covariance[np.diag_indices(layout.size)] += REOPENED**2 * variances
 
-    def _linearised(self, change: Array, past: Commands, measurements: Sequence[Measurement],
-                    before: Point | None = None) -> Point:
+    def _linearised(self, change: Array, past: ActuatorState, measurements: Sequence[Measurement],
+                    before: LinearisationPoint | None = None) -> LinearisationPoint:
         """
         Return predicted measurements for changed unknowns; raises StaticsError.
 
@@ -376,9 +377,9 @@ class Estimator:
         # A moving arm lags its statics as if its tendons lagged.
         late = jacobian[:, layout.offset] * (self._speeds * LAG)
         discs = np.repeat([one.disc for one in found], [len(one.rows) for one in found])
-        return Point(change, unknowns, statics, start, there, discs,
-                     np.concatenate([one.parts for one in found]), values, jacobian,
-                     noise + late @ late.T)
+        return LinearisationPoint(change, unknowns, statics, start, there, discs,
+                                  np.concatenate([one.parts for one in found]), values, jacobian,
+                                  noise + late @ late.T)
 
     def _expect_biases(self, biases: NDArray[np.intp], variances: Array) -> None:
         """Use the stated accuracy of a sensor as the bias of all its measurements."""

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 import scipy
 
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.discs import bent_evenly, camera_moved, pose_error
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import (
     DiscMeasurement,
-    Point,
+    LinearisationPoint,
     predicted,
     relative_distance,
 )
-from soft_continuum.estimation.unknowns import Layout
+from soft_continuum.estimation.unknowns import UnknownIndices
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.sensitivity import Linearisation
@@ -70,7 +70,7 @@ class Hypothesis:
 
     cause: Cause
     number: int
-    point: Point
+    point: LinearisationPoint
     expected: Array
     directions: Array
     covariance: Array
@@ -149,8 +149,8 @@ def _extent(moved: Array, one: Hypothesis) -> Array:
     return found
 
 
-def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion: bool
-               ) -> list[Hypothesis]:
+def hypotheses(point: LinearisationPoint, commands: ActuatorState, reference: Estimator,
+               in_motion: bool) -> list[Hypothesis]:
     """
     Return all hypotheses except wrongly reported segments.
 
@@ -192,7 +192,7 @@ def hypotheses(point: Point, commands: Commands, reference: Estimator, in_motion
     return found
 
 
-def loads(point: Point, commands: Commands, reference: Estimator, disc: int
+def loads(point: LinearisationPoint, commands: ActuatorState, reference: Estimator, disc: int
           ) -> list[Hypothesis]:
     """
     Return hypotheses of forces on a disc, linearised at their best fit: tendons may become slack.
@@ -235,7 +235,7 @@ def loads(point: Point, commands: Commands, reference: Estimator, disc: int
     return found
 
 
-def otherwise(cause: Cause, segment: int, point: Point, other: Estimator,
+def otherwise(cause: Cause, segment: int, point: LinearisationPoint, other: Estimator,
               discs: Sequence[DiscMeasurement]) -> Hypothesis:
     """
     Return the hypothesis that a segment is not as stiff, or as soft, as reported.
@@ -251,7 +251,7 @@ def otherwise(cause: Cause, segment: int, point: Point, other: Estimator,
                       there.covariance(other.covariance))
 
 
-def _yielding(state: Any, rows: Array, layout: Layout) -> Array:
+def _yielding(state: Any, rows: Array, layout: UnknownIndices) -> Array:
     """
     Return the uncertainty of the bending of stiff segments under load, m and rad.
 
@@ -261,8 +261,8 @@ def _yielding(state: Any, rows: Array, layout: Layout) -> Array:
     return np.asarray(YIELDING * bent.ravel() * rows[:, layout.held])
 
 
-def _rows_at(point: Point, statics: Any, other: Any, layout: Layout, commands: Commands
-             ) -> Array:
+def _rows_at(point: LinearisationPoint, statics: Any, other: Any, layout: UnknownIndices,
+             commands: ActuatorState) -> Array:
     """Return the rows (k, size) of a point for another shape."""
     rows = point.rows.copy()
     rows[:, :layout.model] = point.measured(predicted(

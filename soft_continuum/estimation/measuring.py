@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.estimation.discs import MODEL_ERROR
-from soft_continuum.estimation.unknowns import Layout
+from soft_continuum.estimation.unknowns import UnknownIndices
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.sensing.rigid import displacement
@@ -49,7 +49,7 @@ class Predicted:
     """
 
     statics: Any
-    layout: Layout
+    layout: UnknownIndices
     state: Any
     sliding: Sequence[int]
     poses: Array
@@ -62,7 +62,7 @@ class Predicted:
 
 
 @dataclass(frozen=True, eq=False)
-class Observation:
+class LinearMeasurement:
     """
     Dependence of k measured values on the unknowns.
 
@@ -130,7 +130,7 @@ class DiscMeasurement:
         away = self.parts @ displacement(self.pose, other.pose, self.about)
         return np.asarray(np.abs(away) / np.sqrt(np.diag(self._covariance_of(self.covariance))))
 
-    def observation(self, predicted: Predicted) -> Observation:
+    def observation(self, predicted: Predicted) -> LinearMeasurement:
         """Return how it depends on the unknowns."""
         layout, parts = predicted.layout, self.parts
         bias, rows = layout.bias(self.disc), predicted.rates.poses[self.disc].copy()
@@ -139,8 +139,8 @@ class DiscMeasurement:
         covariance = self._covariance_of(self.covariance + MODEL_ERROR)
         touched = np.flatnonzero(parts.any(axis=0))
         variances = np.where(parts[:, touched] != 0.0, np.diag(covariance)[:, None], 0.0)
-        return Observation(self.disc, parts, bias.start + touched,
-                           variances.max(axis=0, initial=0.0), parts @ rows, covariance)
+        return LinearMeasurement(self.disc, parts, bias.start + touched,
+                                 variances.max(axis=0, initial=0.0), parts @ rows, covariance)
 
     def _covariance_of(self, poses: Array) -> Array:
         """Return the covariance of the measured components, from that of a pose."""
@@ -168,7 +168,7 @@ class TensionMeasurement:
         bias = unknowns[predicted.layout.tension_bias(self.tendon)]
         return np.array([self.tension - expected - bias])
 
-    def observation(self, predicted: Predicted) -> Observation:
+    def observation(self, predicted: Predicted) -> LinearMeasurement:
         """Return how it depends on the unknowns."""
         bias = predicted.layout.tension_bias(self.tendon)
         row = predicted.rates.tensions[self.tendon].copy()
@@ -176,7 +176,7 @@ class TensionMeasurement:
             row[:] = 0.0
         row[bias] = 1.0
         variance, layout = self._stddev(predicted)**2, predicted.layout
-        return Observation(
+        return LinearMeasurement(
             layout.segments + 1, np.zeros((1, 6)), np.array([bias]),
             np.array([variance]), row[None], np.array([[variance]]))
 
@@ -194,7 +194,7 @@ Measurement = DiscMeasurement | TensionMeasurement
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class LinearisationPoint:
     """
     Predicted measurements after a change of the unknowns.
 
@@ -256,7 +256,7 @@ def relative_distance(values: Array, covariance: Array) -> float:
     return float(values @ np.linalg.solve(covariance, values)) / len(values)
 
 
-def rates(statics: Any, layout: Layout, state: Any,
+def rates(statics: Any, layout: UnknownIndices, state: Any,
           sliding: Sequence[int] = ()) -> Rates:
     """
     Return the derivatives of a state by the unknowns, (..., size); its tendons must be elastic.
@@ -282,7 +282,7 @@ def rates(statics: Any, layout: Layout, state: Any,
     return Rates(poses, bending, tensions)
 
 
-def predicted(statics: Any, layout: Layout, state: Any,
+def predicted(statics: Any, layout: UnknownIndices, state: Any,
               sliding: Sequence[int] = ()) -> Predicted:
     """Return the predicted measurements of a state; its tendons must be elastic."""
     tensions = np.where(state.taut, state.tensions, -state.slack / statics.compliance)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.estimation.anomalies import Anomaly, AnomalyDetector
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator, HISTORY
 from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
 from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings
@@ -66,7 +66,7 @@ class ArmShape:
         self._tolerance = straight_tolerance
         self._arm = arm
         self._stretches = bool(self.statics.compliance.any())
-        self._commands: Commands | None = None
+        self._commands: ActuatorState | None = None
         self._solved: tuple[object, ...] = ()
         self._stood: Array | None = None
         """(tendons,) m: largest pulls since all segments are stiff."""
@@ -103,7 +103,7 @@ class ArmShape:
 
     # Motors and valves.
 
-    def follow(self, commands: Commands) -> None:
+    def follow(self, commands: ActuatorState) -> None:
         """
         Update the shape; raises ShapeError when it is unknown.
 
@@ -125,7 +125,7 @@ class ArmShape:
                 self.estimate is None or self.estimate.measured is None):
             raise self.unpredicted.with_traceback(None)
 
-    def _follow_estimate(self, estimator: Estimator, commands: Commands) -> None:
+    def _follow_estimate(self, estimator: Estimator, commands: ActuatorState) -> None:
         try:
             estimator.follow(commands)
         except StaticsError:
@@ -154,7 +154,7 @@ class ArmShape:
             self._watch.follow(self._commands)
         self._failures = self._far_off = 0
 
-    def _predict(self, commands: Commands, before: Commands) -> None:
+    def _predict(self, commands: ActuatorState, before: ActuatorState) -> None:
         """Update the prediction from its last state, or record why it fails."""
         if self.unpredicted is not None and any(
                 now and not was for was, now in zip(before.stiff, commands.stiff, strict=True)):
@@ -178,7 +178,7 @@ class ArmShape:
         except (ShapeError, StaticsError) as error:
             self.unpredicted = error
 
-    def _followed(self, start: Any, commands: Commands) -> Any:
+    def _followed(self, start: Any, commands: ActuatorState) -> Any:
         """Return the state followed from ``start``; raises ShapeError and StaticsError."""
         pulls = commands.pulls
         if commands.yielding or not all(commands.stiff):
@@ -196,7 +196,7 @@ class ArmShape:
             pulls = np.minimum(pulls, stood)
         return self._equilibrium(start, pulls, commands)
 
-    def _equilibrium(self, start: Any, pulls: Array, commands: Commands) -> Any:
+    def _equilibrium(self, start: Any, pulls: Array, commands: ActuatorState) -> Any:
         """
         Return the state for pulls (tendons,) m; raises StaticsError.
 
@@ -282,8 +282,8 @@ class ArmShape:
             return 'the shape is unknown until every disc is measured at once'
         return '' if self.estimator is None else self.estimator.ready(time)
 
-    def _first_estimator(self, time: float, discs: Sequence[DiscMeasurement], commands: Commands
-                         ) -> Estimator | None:
+    def _first_estimator(self, time: float, discs: Sequence[DiscMeasurement],
+                         commands: ActuatorState) -> Estimator | None:
         if self._path is not None:
             return self._estimator(self._path, commands)
         seen = self._seen(discs, commands)
@@ -292,7 +292,7 @@ class ArmShape:
         self._measured, self.lost_bent = np.full(len(self._arm.discs), time), ''
         return self._estimator(seen, commands)
 
-    def _estimator(self, start: Any, commands: Commands) -> Estimator:
+    def _estimator(self, start: Any, commands: ActuatorState) -> Estimator:
         estimator = Estimator(self._arm, start, self.settings.prior, self.settings.drift)
         if self._measured is not None:
             estimator.seen = self._measured.copy()
@@ -303,7 +303,7 @@ class ArmShape:
         estimator.follow(commands)
         return estimator
 
-    def _seen(self, discs: Sequence[DiscMeasurement], commands: Commands) -> Any:
+    def _seen(self, discs: Sequence[DiscMeasurement], commands: ActuatorState) -> Any:
         """Return the evenly bent shape that fits all measured discs; None unless all are."""
         chain, axes = self.statics.chain, self._arm.pose_axes[3:]
         poses = {one.disc: one.pose for one in discs if one.known[3:][axes].all()}

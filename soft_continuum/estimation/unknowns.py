@@ -28,7 +28,7 @@ STRETCH = 3e-5
 
 
 @dataclass(frozen=True)
-class Layout:
+class UnknownIndices:
     """
     Positions of the unknowns in the vector, in their order.
 
@@ -81,16 +81,16 @@ class Layout:
                 *range(self.tension_bias(0), self.size)]
 
 
-def layout_of(arm: Arm) -> Layout:
+def indices_of(arm: Arm) -> UnknownIndices:
     """Return the positions of the unknowns of an arm."""
     segments, tendons = len(arm.segments), len(arm.tendon_names)
     ends = np.cumsum([2 * segments, segments, segments, tendons, 1,
                       6 * (segments + 1) + tendons]).tolist()
     held, stiffness, ratio, offset, payload, biases = map(slice, [0, *ends[:-1]], ends)
-    return Layout(segments, tendons, held, stiffness, ratio, offset, payload.start, biases)
+    return UnknownIndices(segments, tendons, held, stiffness, ratio, offset, payload.start, biases)
 
 
-def first_values(arm: Arm, layout: Layout, prior: Prior) -> Array:
+def first_values(arm: Arm, layout: UnknownIndices, prior: Prior) -> Array:
     """Return the vector (size,) of the described arm."""
     values = np.zeros(layout.size)
     values[layout.ratio] = [log(prior.rigid_ratio if s.jam.rigid else
@@ -99,7 +99,7 @@ def first_values(arm: Arm, layout: Layout, prior: Prior) -> Array:
     return values
 
 
-def first_covariance(arm: Arm, layout: Layout, prior: Prior) -> Array:
+def first_covariance(arm: Arm, layout: UnknownIndices, prior: Prior) -> Array:
     """Return the covariance (size, size) before any measurement; biases are added later."""
     variances = np.zeros(layout.size)
     variances[layout.held] = arm.bending_axes.ravel() * prior.straight**2
@@ -112,7 +112,7 @@ def first_covariance(arm: Arm, layout: Layout, prior: Prior) -> Array:
     return np.diag(variances)
 
 
-def limited(values: Array, layout: Layout) -> Array:
+def limited(values: Array, layout: UnknownIndices) -> Array:
     """Return a vector clipped to values that a model accepts."""
     after = values.copy()
     after[layout.stiffness] = np.clip(after[layout.stiffness], -log(MAX_FACTOR), log(MAX_FACTOR))
@@ -122,7 +122,7 @@ def limited(values: Array, layout: Layout) -> Array:
     return after
 
 
-def arm_with(arm: Arm, layout: Layout, values: Array) -> Any:
+def arm_with(arm: Arm, layout: UnknownIndices, values: Array) -> Any:
     """
     Return a described arm with estimated stiffness, K and payload, and elastic jams and tendons.
 
@@ -139,7 +139,7 @@ def arm_with(arm: Arm, layout: Layout, values: Array) -> Any:
     return replace(compliant, segments=segments, payload=float(values[layout.payload]))
 
 
-def statics_with(arm: Arm, layout: Layout, values: Array, state: Any) -> Any:
+def statics_with(arm: Arm, layout: UnknownIndices, values: Array, state: Any) -> Any:
     """
     Return the statics of arm_with.
 

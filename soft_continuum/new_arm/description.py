@@ -52,7 +52,7 @@ FILE_NAME = re.compile(r'\w[\w.-]{0,99}', re.ASCII)
 
 
 @dataclass(frozen=True)
-class Description:
+class AnnotatedParameters:
     """
     Parameters by their dotted names, each with a note.
 
@@ -104,7 +104,7 @@ def complete(given: Mapping[str, Given],
     return found
 
 
-def describe(found: Mapping[str, Answer]) -> Description:
+def describe_arm(found: Mapping[str, Answer]) -> AnnotatedParameters:
     """Return the description that follows from complete answers."""
     answers = Answers(QUESTIONS, found)
     values: dict[str, Value] = {}
@@ -151,7 +151,7 @@ def describe(found: Mapping[str, Answer]) -> Description:
         directions = library[f'shape_directions.{SHAPE}'] = (towards,) * len(shape)
         notes[f'shape_directions.{SHAPE}'] = (
             'Where each segment bends to, about z from x: to a tendon that passes all [rad]')
-    return Description(in_arm | rig | library, notes, shape, directions)
+    return AnnotatedParameters(in_arm | rig | library, notes, shape, directions)
 
 
 def _last_tendon(values: Mapping[str, Value]) -> float:
@@ -236,7 +236,7 @@ def _run(options: argparse.Namespace) -> None:
     path, picture = reserve_outputs(options.output, names, force)
     if options.yes:
         found = complete(given)
-        description = describe(found)
+        description = describe_arm(found)
         Chain(description.arm)  # or what is wrong with it
     else:
         print('Values accepted with Enter are marked as assumed in the file. Ctrl-C exits without '
@@ -267,7 +267,7 @@ def _may_overwrite(folder: Path, names: Sequence[str]) -> bool:
     return True
 
 
-def _agreed(given: dict[str, Given], path: Path) -> tuple[dict[str, Answer], Description]:
+def _agreed(given: dict[str, Given], path: Path) -> tuple[dict[str, Answer], AnnotatedParameters]:
     """Ask until the answers make a valid, confirmed arm; return them and their description."""
     known, asked = dict(given), set(given)  # also answers left to the suggestion
 
@@ -283,7 +283,7 @@ def _agreed(given: dict[str, Given], path: Path) -> tuple[dict[str, Answer], Des
     while True:
         try:
             found = complete(known, ask_once)
-            description = describe(found)
+            description = describe_arm(found)
             Chain(description.arm)  # or what is wrong with it
             print(f'\n{_table(found)}\n')
             choice = ask(f'Write {path}? (yes, no, or the name of an answer to change)',
@@ -345,7 +345,7 @@ def _table(found: dict[str, Answer]) -> str:
     return text_table(['answer', 'value', 'assumed because'], rows, left=3)
 
 
-def _preview(picture: Path, description: Description) -> None:
+def _preview(picture: Path, description: AnnotatedParameters) -> None:
     """Draw the arm; print the pulls and tension of the shape, and any limit they exceed."""
     arm = description.arm
     states: list[tuple[str, Equilibrium]] = [('straight', Chain(arm).straight())]

@@ -36,7 +36,7 @@ becomes soft, some solves take 0.3 s each, more on a busy computer.
 
 
 @dataclass(frozen=True)
-class Estimate:
+class TimedShape:
     """A shape of the arm, its time, and the time of the last measurement, s (steady) or None."""
 
     shape: Equilibrium
@@ -55,7 +55,7 @@ class ArmObserver(ReportedArm):
                  on_tendon_state: Callable[[TendonActuationState], None]) -> None:
         """Subscribe; call ``on_tendon_state`` with every state of tendon_actuation."""
         self._faults: dict[str, tuple[str, Age]] = {}  # by node: its fault, and for how long
-        self.estimate: Estimate | None = None
+        self.estimate: TimedShape | None = None
         super().__init__(node, Chain(arm), parameters)
         self.tendons = TendonActuationState()
         self.pulls = (0.0,) * len(arm.tendon_names)
@@ -106,8 +106,8 @@ class ArmObserver(ReportedArm):
             return
         now = STEADY()
         time, measured = self._ros_time.steady(message.stamp), self.measured
-        self.estimate = Estimate(self._reported[0], now if time is None else min(time, now),
-                                 None if measured is None else min(measured, now))
+        self.estimate = TimedShape(self._reported[0], now if time is None else min(time, now),
+                                   None if measured is None else min(measured, now))
 
     def _on_jamming_valves(self, state: JammingValvesState) -> None:
         super()._on_jamming_valves(state)

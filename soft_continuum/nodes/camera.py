@@ -19,7 +19,6 @@ from std_srvs.srv import Trigger
 
 from soft_continuum.extras import require
 from soft_continuum.nodes.entries import repeat, serve, subscribe
-from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.status import ERROR, OK, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
@@ -74,7 +73,6 @@ class Camera(SuiteNode):
         require('cv2')
         super().__init__(CAMERA, 'camera and printed tags', **options)
         from soft_continuum.sensing.overlay import overlay
-        self._node_info = NodeInfoPublisher(self, self.parameters)
         self._layout = layout_of(self.parameters)
         self._draw = overlay
         self._stuck = self._layout.stuck_as(self.parameters)

@@ -3,7 +3,7 @@
 """Detection of conflicting nodes: same name, other version, other description."""
 
 from collections import defaultdict, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from soft_continuum.nodes.entries import guarded, repeat, subscribe
-from soft_continuum.nodes.node_info import NodeInfo, NodeInfoPublisher, PERIOD
+from soft_continuum.nodes.node_info import HeartbeatReader, NodeInfo, PERIOD
 from soft_continuum.nodes.parameter_table import DESCRIBED
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.names import HEARTBEAT, NODES, TELEOP, UNKNOWN_NODE
@@ -65,10 +65,10 @@ class Conflicts:
     those of the first process have ended.
     """
 
-    def __init__(self, node: Any, segments: int, parameters: Mapping[str, Any]) -> None:
+    def __init__(self, node: Any, segments: int) -> None:
         """Watch on behalf of ``node``, for an arm of so many segments."""
         self.problem = ''
-        self._node, self.node_info = node, NodeInfoPublisher(node, parameters)
+        self._node, self.node_info = node, node.node_info
         of_segments = [f'segment_{n}/{topic}' for n in range(1, segments + 1)
                        for topic in ('stiff', 'pressure')]
         self._topics = [node.resolve_topic_name(topic) for topic in (*TOPICS, *of_segments)]
@@ -80,12 +80,13 @@ class Conflicts:
         self._heartbeats = set[str]()
         for name in self._heard:
             topic = HEARTBEAT if name == self._own_name else HEARTBEAT.replace('~', name)
-            subscribe(node, Heartbeat, topic, partial(self._on_heartbeat, name), SENSOR)
+            subscribe(node, Heartbeat, topic, partial(self._on_heartbeat, name), SENSOR,
+                      convert=HeartbeatReader())
             self._heartbeats.add(node.resolve_topic_name(topic))
         repeat(node, PERIOD, self._check_now)
 
-    def _on_heartbeat(self, name: str, message: Heartbeat) -> None:
-        info, processes = NodeInfo.from_ros(message), self._heard[name]
+    def _on_heartbeat(self, name: str, said: tuple[NodeInfo, float]) -> None:
+        (info, time), processes = said, self._heard[name]
         last, heard = next(reversed(processes), ''), processes.pop(info.process, None)
         if heard is None:
             for process in [one for one, of in processes.items() if of.age.seconds > ENDED_AFTER]:
@@ -98,7 +99,7 @@ class Conflicts:
         processes[info.process] = heard
         heard.info = info
         heard.age.refresh()
-        heard.ahead = heard.ahead[1], info.time - self.node_info.time
+        heard.ahead = heard.ahead[1], time - self.node_info.time
         if last != info.process or any(
                 self._differs(info, attribute) for attribute, *_ in DIFFERENCES):
             self._check_at_first()

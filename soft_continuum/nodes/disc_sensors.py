@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node that converts data of trackers and IMUs into measured poses of the discs."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial
 from math import inf
@@ -14,7 +15,6 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
 from soft_continuum.nodes.entries import repeat, serve, subscribe
-from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.status import ERROR, OK, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -51,7 +51,6 @@ class DiscSensors(SuiteNode):
         """Declare parameters, topics and the service; raises ParameterError."""
         super().__init__(DISC_SENSORS, 'trackers and IMUs', **options)
         values = self.parameters
-        self._node_info = NodeInfoPublisher(self, values)
         arm = arm_from_parameters(values)
         self._heights = straight_heights(arm)
         count = len(self._heights)
@@ -65,6 +64,8 @@ class DiscSensors(SuiteNode):
         self._tared: list[str] = []
         self._measured_poses = [self.create_publisher(
             PoseWithCovarianceStamped, MEASURED_POSE.format(n), STREAM) for n in range(count)]
+        self._inputs: dict[str, tuple[Any, Callable[[int, _Feed, Any], None]]] = {
+            'pose': (PoseStamped, self._take_body), 'imu': (Imu, self._take_imu)}
         self._feeds: dict[str, _Feed] = {}
         self._all_poses = self._feed(ALL_POSES)
 
@@ -72,8 +73,9 @@ class DiscSensors(SuiteNode):
         """Create the subscriptions."""
         subscribe(self, PoseArray, ALL_POSES, self._on_all_poses, SENSOR)
         for n in range(len(self._heights)):
-            subscribe(self, PoseStamped, f'disc_{n}/pose', partial(self._on_pose, n), SENSOR)
-            subscribe(self, Imu, f'disc_{n}/imu', partial(self._on_imu, n), SENSOR)
+            for name, (kind, take) in self._inputs.items():
+                topic = f'disc_{n}/{name}'
+                subscribe(self, kind, topic, partial(self._on_message, topic, take, n), SENSOR)
         serve(self, Trigger, '~/tare', self._on_tare)
         repeat(self, REPORT_PERIOD, self._report)
         self._report()
@@ -83,11 +85,11 @@ class DiscSensors(SuiteNode):
             self._feeds[name] = _Feed(name, 1.0 / self.parameters['disc_sensors.rate'])
         return self._feeds[name]
 
-    # Poses of a tracker.
+    def _on_message(self, topic: str, take: Any, n: int, message: Any) -> None:
+        feed = self._feed(topic)
+        feed.take(take, n, feed, message)
 
-    def _on_pose(self, n: int, message: PoseStamped) -> None:
-        feed = self._feed(f'disc_{n}/pose')
-        feed.take(self._take_pose, n, feed, message.header, message.pose)
+    # Poses of a tracker.
 
     def _on_all_poses(self, message: PoseArray) -> None:
         feed, count = self._all_poses, len(self._heights)
@@ -99,6 +101,9 @@ class DiscSensors(SuiteNode):
         for n, pose in enumerate(message.poses):
             own = self._feed(f'disc {n} of {ALL_POSES}')
             own.take(self._take_pose, n, own, message.header, pose)
+
+    def _take_body(self, n: int, feed: '_Feed', message: PoseStamped) -> None:
+        self._take_pose(n, feed, message.header, message.pose)
 
     def _take_pose(self, n: int, feed: '_Feed', header: Any, pose: Any) -> None:
         other = self._sources[n]
@@ -112,10 +117,6 @@ class DiscSensors(SuiteNode):
         self._publish(n, feed, header.stamp, tracked_pose_to_ros(found, self._covariance))
 
     # IMUs.
-
-    def _on_imu(self, n: int, message: Imu) -> None:
-        feed = self._feed(f'disc_{n}/imu')
-        feed.take(self._take_imu, n, feed, message)
 
     def _take_imu(self, n: int, feed: '_Feed', message: Imu) -> None:
         self._check_clock(message.header.stamp)
@@ -134,7 +135,7 @@ class DiscSensors(SuiteNode):
         if found is not None:
             self._publish(n, feed, message.header.stamp, tracked_pose_to_ros(*found))
 
-    # What both have.
+    # What all have.
 
     def _check_clock(self, stamp: Any) -> None:
         if stamp.sec == stamp.nanosec == 0:
@@ -193,7 +194,8 @@ class DiscSensors(SuiteNode):
     # The status.
 
     def _nothing(self) -> str:
-        topics = ', '.join(map(self.resolve_topic_name, (ALL_POSES, 'disc_0/pose', 'disc_0/imu')))
+        topics = ', '.join(map(self.resolve_topic_name, (
+            ALL_POSES, *(f'disc_0/{name}' for name in self._inputs))))
         return (f'publish on {topics} and so on, or remap these to the topics of the sensors: -r '
                 'disc_0/imu:=/my_imu/data')
 

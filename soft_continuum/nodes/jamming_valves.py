@@ -23,7 +23,7 @@ from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest
-from soft_continuum.parameters.arm import arm_from_parameters, check_jamming
+from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
@@ -51,7 +51,7 @@ class JammingValves(ManagedNode):
     def __init__(self, **options: Any) -> None:
         """Declare parameters, topics and services."""
         super().__init__(JAMMING_VALVES, '{jamming_driver} jamming valves', **options)
-        check_jamming(self.parameters)
+        require_jamming(self.parameters)
         self._settings = jamming_settings(self.parameters)
         self._jams = [s.jam for s in arm_from_parameters(self.parameters).segments]
         self._segments = len(self._jams)
@@ -71,7 +71,7 @@ class JammingValves(ManagedNode):
         serve(self, SetBool, '~/set_all_stiff',
               partial(self._set_stiff, list(range(self._segments))))
         self._emergency = EmergencyStop(self)
-        self._conflicts = Conflicts(self, self._segments, self.parameters)
+        self._conflicts = Conflicts(self, self._segments)
         self._state_publisher = StatePublisher(self, JammingValvesState)
         for publisher in self._stiff:
             publisher.publish(Bool(data=False))

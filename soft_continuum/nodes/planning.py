@@ -27,7 +27,7 @@ from soft_continuum.nodes.entries import serve_later
 from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.obstacles import CollisionScene
 from soft_continuum.ros.conversions import poses_to_ros
-from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting, Step
+from soft_continuum.sequencing.aiming import Aim, AimStep, next_step, segments_worth_correcting
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans
 from soft_continuum.sequencing.plan_watch import PlanWatch
@@ -37,7 +37,7 @@ from soft_continuum.sequencing.plans import (
     Move,
     PlanError,
     PlannedStep,
-    Reach,
+    PlanResult,
     Shape,
     ShapePlan,
 )
@@ -96,14 +96,14 @@ class Planning:
             planner, state, pulls, shapes, around, settings, first)))
 
     def explain(self, shapes: Sequence[Shape], time_limit: float, states: int
-                ) -> 'Future[list[Reach]]':
+                ) -> 'Future[list[PlanResult]]':
         """Begin to plan shapes, up to the first that fails; time_limit, states: 0: as ``plan``."""
         situation, around = self._situation, self._scene()
         settings = reach_from_parameters(self._parameters)
         settings = replace(settings, time_limit=time_limit or settings.time_limit,
                            states=states or settings.states)
 
-        def explained(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[Reach]:
+        def explained(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[PlanResult]:
             found = list(self._searched(planner, state, pulls, shapes, around, settings))
             self._kept.keep(situation, state, pulls, shapes, found)
             return found
@@ -126,7 +126,7 @@ class Planning:
 
     def _searched(self, planner: Any, state: Any, pulls: Sequence[float], shapes: Sequence[Shape],
                   around: CollisionScene, settings: ReachSettings, first: bool = False
-                  ) -> Iterator[Reach]:
+                  ) -> Iterator[PlanResult]:
         """As plan_shapes; warns of searches that the time limit ended."""
         for shape, found in zip(shapes, plan_shapes(
                 planner, state, pulls, shapes, around, settings, first), strict=False):
@@ -144,7 +144,7 @@ class Planning:
         settings, arm = PlanSettings.of(self._parameters), self._arm
         return self._start(lambda *_: aim_of(shape, kind, arm, settings))
 
-    def _step(self, segments: Sequence[int], aim: Aim) -> 'Future[Step]':
+    def _step(self, segments: Sequence[int], aim: Aim) -> 'Future[AimStep]':
         dead_band = self._parameters['loop.dead_band']
         return self._start(lambda planner, state, pulls: next_step(
             planner, state, pulls, segments, aim, dead_band))
@@ -205,7 +205,7 @@ class PlanService:
         plan.add_done_callback(lambda _: on_ros_thread(
             self._node, self._reply, plan, shapes, begin, answer))
 
-    def _reply(self, plan: 'Future[list[Reach]]', shapes: Sequence[Shape], begin: float,
+    def _reply(self, plan: 'Future[list[PlanResult]]', shapes: Sequence[Shape], begin: float,
                answer: Answer) -> None:
         error = plan.exception()
         if error is None:
@@ -216,7 +216,7 @@ class PlanService:
         answer(response)
 
 
-def plans_to_ros(found: Sequence[Reach], shapes: Sequence[Shape]) -> PlanShapes.Response:
+def plans_to_ros(found: Sequence[PlanResult], shapes: Sequence[Shape]) -> PlanShapes.Response:
     """Return the response of plan_shapes, without its time; found: up to the first failure."""
     problem, steps = found[-1].why, []
     for index, one in enumerate(found):

@@ -68,7 +68,7 @@ class ReportedArm:
         self._jamming: bool = parameters['arm.jamming']
         self._elastic = [not segment.jam.rigid for segment in chain.arm.segments]
         self.stiffness = Stiffness((None if self._jamming else False,) * chain.segments)
-        self.conflicts = Conflicts(node, chain.segments, parameters)
+        self.conflicts = Conflicts(node, chain.segments)
         self.pressures = [float('nan')] * chain.segments
         self._reported: tuple[Equilibrium, KinematicsState] | None = None
         self.jamming_age, self.shape_age = Age(), Age()

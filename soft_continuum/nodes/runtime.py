@@ -153,7 +153,7 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
         return 0
     finally:
         signals.starting = False
-        end(executor, nodes)
+        shut_down(executor, nodes)
         signals.ignore()
     return 0
 
@@ -177,7 +177,7 @@ def argument_error(arguments: Sequence[str], error: Exception) -> str:
         f'ROS rejects these arguments: {" ".join(arguments[1:])}: {str(error).splitlines()[0]}')
 
 
-def end(executor: Executor | None, nodes: Sequence[Any]) -> None:
+def shut_down(executor: Executor | None, nodes: Sequence[Any]) -> None:
     """Let every node hold, then shut down."""
     for node in nodes:
         try:

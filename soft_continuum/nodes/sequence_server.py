@@ -33,7 +33,7 @@ class GoalRequest:
 
 
 @dataclass(frozen=True)
-class Reached:
+class FinalState:
     """Final state of the arm, as in the result of RunShapeSequence."""
 
     bending_angles: Sequence[float] = ()
@@ -48,7 +48,7 @@ def error_code(code: Code) -> int:
     return int(getattr(RunShapeSequence.Result, code.name))
 
 
-NOWHERE = Reached()
+NOWHERE = FinalState()
 """Result of a goal that ends before the state of the arm is known."""
 
 
@@ -90,7 +90,7 @@ class SequenceServer(ActionServer):
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
         """Leave the goal executing until ``finish`` is called."""
 
-    def finish(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:
+    def finish(self, handle: Any, outcome: Outcome, reached: FinalState = NOWHERE) -> None:
         """End a goal in the state of its outcome, and send the result."""
 
         def result(handle: Any) -> RunShapeSequence.Result:

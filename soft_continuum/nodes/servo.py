@@ -17,7 +17,7 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
-from soft_continuum.nodes.arm_observer import ArmObserver, Estimate
+from soft_continuum.nodes.arm_observer import ArmObserver, TimedShape
 from soft_continuum.nodes.entries import guarded, repeat, serve, subscribe
 from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.status import OK, WARN
@@ -78,7 +78,7 @@ class Servo(SuiteNode):
         self._stops = 0
         self._refused, self._refused_age = '', Age()
         self._targets: dict[type, tuple[float, bytes]] = {}  # newest of each type, not read yet
-        self._estimate: Estimate | None = None  # that was taken in last
+        self._estimate: TimedShape | None = None  # that was taken in last
         self._sequence, self._sequence_age = False, Age()
         self._commander = MotionCommander(self, arm)
         self._observed = ArmObserver(self, arm, self.parameters, self._on_tendon_state)

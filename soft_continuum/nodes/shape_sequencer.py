@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseArray, PoseWithCovariance
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.entries import guarded, repeat
+from soft_continuum.nodes.entries import guarded, repeat, wake
 from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.model import load_model
@@ -27,9 +27,9 @@ from soft_continuum.nodes.planning import (
 )
 from soft_continuum.nodes.sequence_server import (
     error_code,
+    FinalState,
     GoalRequest,
     NOWHERE,
-    Reached,
     SequenceServer,
 )
 from soft_continuum.nodes.status import OK, StatePublisher, WARN
@@ -66,7 +66,7 @@ STARTING_TIMEOUT = 20.0  # s that it waits for nodes that run: on a slow compute
 
 
 @dataclass
-class Check:
+class PendingGoal:
     """
     A goal that is being planned before it is accepted.
 
@@ -105,7 +105,7 @@ class ShapeSequencer(SuiteNode):
         self._arm = arm_from_parameters(self.parameters)
         check_actuation(self._arm, self.parameters)
         self._library = shape_library(self.parameters, self._arm)
-        self._check: Check | None = None
+        self._check: PendingGoal | None = None
         self._next: Any = None  # the goal that waits for the running one to be wound down
         self._next_stops = 0  # how many stops there had been before it
         self._handle: Any = None  # the goal that runs
@@ -130,7 +130,7 @@ class ShapeSequencer(SuiteNode):
         self._server = SequenceServer(
             self, guarded(self, self._on_request), guarded(self, self._on_accepted))
         self._service = PlanService(self, self._planning, self._busy, self._shapes_now)
-        repeat(self, TICK_PERIOD, self._tick)
+        self._ticks = repeat(self, TICK_PERIOD, self._tick)  # only while there is a goal
         self._report()
 
     def start(self) -> None:
@@ -183,10 +183,11 @@ class ShapeSequencer(SuiteNode):
         except PlanError as error:
             self._reject(request, str(error))
             return
-        self._check = Check(request, shapes, Age.now())
+        self._check = PendingGoal(request, shapes, Age.now())
+        wake(self._ticks)
         self._go_on_checking(self._check)
 
-    def _go_on_checking(self, check: Check) -> None:
+    def _go_on_checking(self, check: PendingGoal) -> None:
         observed = self._observed
         if check.stops is None and observed.tendons_heard:
             check.stops = observed.tendons.stops
@@ -212,7 +213,7 @@ class ShapeSequencer(SuiteNode):
             self._rejected = ''
             check.request.answer(True)
 
-    def _waits(self, check: Check) -> bool:
+    def _waits(self, check: PendingGoal) -> bool:
         """Whether nothing is wrong but that the other nodes have only been started."""
         observed, age = self._observed, check.age.seconds
         if not observed.missing_sources or observed.reported_fault or observed.stopped:
@@ -264,6 +265,7 @@ class ShapeSequencer(SuiteNode):
         if self._runner is not None:
             self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
         self._next, self._next_stops = handle, self._observed.tendons.stops
+        wake(self._ticks)
 
     # The goal that runs.
 
@@ -280,6 +282,8 @@ class ShapeSequencer(SuiteNode):
             self._go_on(self._runner)
         if self._next is not None:
             self._go_on_waiting(self._next)
+        if self._check is None and self._runner is None and self._next is None:
+            self._ticks.cancel()
 
     def _go_on_waiting(self, handle: Any) -> None:
         outcome = None
@@ -350,7 +354,7 @@ class ShapeSequencer(SuiteNode):
         self._planning.abandon()
         self._end(self._handle, outcome, self._reached(runner, outcome))
 
-    def _reached(self, runner: Runner, outcome: Outcome) -> Reached:
+    def _reached(self, runner: Runner, outcome: Outcome) -> FinalState:
         shape, known = self._observed.shape, self._observed.kinematics
         if shape is None:
             return NOWHERE
@@ -360,14 +364,14 @@ class ShapeSequencer(SuiteNode):
         aim = runner.aim if isinstance(runner, ClosedLoopRunner) else None
         if aim is None and runner.plan is not None and runner.plan.shape.tips:
             aim = tip_aim(runner.plan.shape, self._arm)
-        return Reached(
+        return FinalState(
             shape.bending_angles.tolist(), stddevs,
             shape.bending_directions.tolist(), PoseWithCovariance(
                 pose=poses_to_ros(shape.poses[-1:], PoseArray()).poses[0],
                 covariance=stddevs and known.tip_covariance or [0.0] * 36),
             aim.tip_error(shape) if aim is not None else nan)
 
-    def _end(self, handle: Any, outcome: Outcome, reached: Reached = NOWHERE) -> None:
+    def _end(self, handle: Any, outcome: Outcome, reached: FinalState = NOWHERE) -> None:
         if outcome.code is Code.SUCCESSFUL:
             self.get_logger().info(f'sequence done, {outcome.shapes_completed} shapes')
         else:

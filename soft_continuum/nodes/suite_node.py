@@ -6,6 +6,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.node_parameters import NodeParameters
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.status import FAILURE_PERIOD, Status
@@ -14,7 +15,7 @@ from soft_continuum.nodes.threads import on_ros_thread
 
 class SuiteNode(Node):
     """
-    A node with checked parameters and a status, which reports what its callbacks raise.
+    A node with checked parameters, a heartbeat and a status, which reports what callbacks raise.
 
     Its ``start`` is called when it can be spun, ``quit`` before the process ends.
     """
@@ -29,6 +30,7 @@ class SuiteNode(Node):
         self.parameters = NodeParameters(self, NODE_PARAMETERS[name])
         self.hardware_id = hardware_id.format_map(self.parameters)
         self.status = Status(self, self.hardware_id)
+        self.node_info = NodeInfoPublisher(self, self.parameters)
 
     def callback_failed(self, error: Exception) -> None:
         """Report what a callback raised, on the thread of ROS."""

@@ -14,7 +14,7 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.entries import Question
+from soft_continuum.nodes.entries import Confirmation
 from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.threads import RestingStream
@@ -106,7 +106,7 @@ class TendonControl(DeviceControl):
         self._emergency = False  # whether emergency_stop is on
         self._ended = self._refusal = ''  # why the last motion was ended, refused, for people
         self._known_pulls = (0.0,) * len(tendons)  # the last ones that were referenced, m
-        self._question = Question()
+        self._question = Confirmation()
         self._revoked: tuple[int, Reason, str] = (0, Reason.NO_REASON, '')
         self._over: dict[str, tuple[Reason, str]] = {}  # motions that were revoked, by their id
 
@@ -176,6 +176,8 @@ class TendonControl(DeviceControl):
         if problem := self._guard.refusal(controller.reading, request.pulls, limit):
             raise MotionRefusedError(Reason.TENSION, problem)
         begins = not controller.busy
+        if begins:
+            self._jump()  # what it was at rest does not count
         trajectory, delay = self._trajectory(controller, request)
         controller.accept(*trajectory, self._goes_on(request))
         controller.delay, self._path = delay, (request.stamp, trajectory[3] - delay)
@@ -366,9 +368,10 @@ class TendonControl(DeviceControl):
 
     def cycle(self, late: float) -> None:
         """Send the next set-points to the driver unless an interlock is active; late: s."""
-        controller, jump = self._controller, self._jump()
+        controller = self._controller
         if controller is None:
             return
+        jump = self._jump() if controller.busy else 0.0
         try:
             if not self._ended and (
                     interlock := self._cycle_interlock(controller, late, jump)):

@@ -12,7 +12,7 @@ import numpy as np
 
 from soft_continuum.extras import needed
 from soft_continuum.mechanics._checks import finite
-from soft_continuum.obstacles.mesh import joined, Mesh
+from soft_continuum.obstacles.mesh import Mesh, mesh_of_triangles
 from soft_continuum.obstacles.obstacle import Obstacle, Shape, turned_by
 from soft_continuum.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
 from soft_continuum.parameters.files import read_yaml
@@ -104,7 +104,7 @@ def load_mesh(path: str | Path, scale: Sequence[float] = (1.0, 1.0, 1.0)) -> Mes
     if not np.all(np.isfinite(corners)):
         raise ObstacleError(f'the mesh {path} has numbers that are not finite; export it again')
     try:
-        return joined(corners)
+        return mesh_of_triangles(corners)
     except ObstacleError as error:
         raise ObstacleError(f'{path}: {error}') from None
 

@@ -99,7 +99,7 @@ class Mesh:
         return corners[:, 0], corners[:, 1], corners[:, 2]
 
 
-def joined(corners: ArrayLike) -> Mesh:
+def mesh_of_triangles(corners: ArrayLike) -> Mesh:
     """
     Return separate triangles (m, 3, 3), m, of an STL file or TRIANGLE_LIST marker, as a mesh.
 

@@ -145,7 +145,7 @@ def description_digest(values: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16] if described else ''
 
 
-def check_jamming(values: Mapping[str, Any]) -> None:
+def require_jamming(values: Mapping[str, Any]) -> None:
     """Raise ParameterError for an arm without jamming, in nodes that need it."""
     if not values['arm.jamming']:
         raise ParameterError(

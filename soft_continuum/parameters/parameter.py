@@ -153,12 +153,14 @@ def setting(default: Value, meaning: str, low: float = -inf, high: float = inf, 
 def setting_parameters(kind: type[Any], prefix: str, **more: Any) -> tuple[Parameter, ...]:
     """Return the parameters PREFIX.NAME of the settings of a dataclass; more: of all."""
     return tuple(Parameter(f'{prefix}.{one.name}', **one.metadata, **more)
-                 for one in fields(kind))
+                 for one in fields(kind) if one.metadata)
 
 
-def settings_from(kind: type[KindT], prefix: str, values: Mapping[str, Any]) -> KindT:
-    """Return the settings from values of these parameters."""
-    return kind(**{one.name: values[f'{prefix}.{one.name}'] for one in fields(kind)})  # type: ignore[arg-type]
+def settings_from(kind: type[KindT], prefix: str, values: Mapping[str, Any], **more: Any
+                  ) -> KindT:
+    """Return the settings from values of these parameters; more: fields that are none."""
+    return kind(**more, **{one.name: values[f'{prefix}.{one.name}']
+                           for one in fields(kind) if one.metadata})  # type: ignore[arg-type]
 
 
 def degrees_hint(angle: float, low: float, high: float) -> str:

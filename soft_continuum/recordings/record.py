@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 DISCOVERY_TIMEOUT = 5.0  # s
 
 
-class Recording:
+class TimedRecording:
     """
     A recording that ends when it is interrupted, after a time, or with a goal.
 
@@ -93,7 +93,7 @@ def _run(options: argparse.Namespace) -> int:
     begin = monotonic()
     connection = Connection('record', options.namespace)
     try:
-        recording = Recording(connection.requests, path, options.pictures, options.goal)
+        recording = TimedRecording(connection.requests, path, options.pictures, options.goal)
 
         def interrupt(number: int, _: Any) -> None:
             # An exception would be lost in a callback, such as those of an import.

@@ -12,7 +12,6 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.entries import repeat, serve_later
-from soft_continuum.nodes.node_info import NodeInfoPublisher
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.recordings.bag import BagError
@@ -40,7 +39,6 @@ class Recorder(SuiteNode):
     def __init__(self, **options: Any) -> None:
         """Declare parameters and the service; nothing is recorded yet.  Raises ParameterError."""
         super().__init__(RECORDER, 'recordings', **options)
-        self._node_info = NodeInfoPublisher(self, self.parameters)
         self._states = StatePublisher(self, RecorderState)
         self._recording: TopicRecorder | None = None  # that runs, or ran last
         self._attaching: Future[None] = Future()

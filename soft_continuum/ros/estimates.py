@@ -11,7 +11,7 @@ import numpy as np
 
 from soft_continuum.estimation.discs import angle_stddevs
 from soft_continuum.estimation.settings import Prior
-from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of, limited
+from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of, limited
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import LawError
@@ -123,7 +123,7 @@ def model_from_ros(parameters: Sequence[EstimatedParameter], arm: Arm) -> Model:
             set(found) - set(names)) or not all(
             np.isfinite(one.value) and np.isfinite(one.stddev) for one in parameters):
         return described
-    layout = layout_of(arm)
+    layout = indices_of(arm)
     values = first_values(arm, layout, Prior())
     for place, name in enumerate(names, layout.parameters.start):
         if name in found:

@@ -20,17 +20,19 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.colours import OBSTACLE, OBSTACLE_OPACITY
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.obstacles.files import load_mesh, MAX_OBSTACLES
-from soft_continuum.obstacles.mesh import joined, Mesh
-from soft_continuum.obstacles.obstacle import Obstacle, Shape, UPRIGHT
-from soft_continuum.obstacles.shapes import (
+from soft_continuum.obstacles import (
     Box,
     Capsule,
-    check_size,
     Cylinder,
+    Mesh,
+    Obstacle,
     ObstacleError,
     Sphere,
 )
+from soft_continuum.obstacles.files import load_mesh, MAX_OBSTACLES
+from soft_continuum.obstacles.mesh import mesh_of_triangles
+from soft_continuum.obstacles.obstacle import Shape, UPRIGHT
+from soft_continuum.obstacles.shapes import check_size
 from soft_continuum.ros.conversions import pose_from_ros
 from soft_continuum.text import MAX_NAME, printable
 
@@ -105,7 +107,7 @@ def _shape_from_ros(marker: Marker) -> Shape:
     if len(marker.points) % 3:
         raise ObstacleError(f'{len(marker.points)} points; three make a triangle')
     points = np.array([(p.x, p.y, p.z) for p in marker.points]).reshape(-1, 3, 3)
-    return joined(points * scale)
+    return mesh_of_triangles(points * scale)
 
 
 def known_from_ros(message: MarkerArray) -> dict[Key, Obstacle]:

@@ -60,14 +60,14 @@ class Numbers:
         return tuple(value for value in self._values if value is not None)
 
 
-class Commands:
+class SegmentCommands:
     """One number per segment, to a topic for each or to one topic with all of them."""
 
     def __init__(self, link: 'RosLink', name: str, kind: str, topics: Sequence[str]) -> None:
         """Create publishers; name: of the parameter.  Nothing is sent."""
-        from soft_continuum.ros_topics.link import message_class
+        from soft_continuum.ros_topics.link import short_message_class
 
-        self._message, self._array = message_class(kind), kind == ARRAY
+        self._message, self._array = short_message_class(kind), kind == ARRAY
         self._of: Callable[[float], Any] = bool if kind == BOOL else float
         self._publishers: list[CommandPublisher] = [
             link.publish_to(kind, PREFIX + name, topic) for topic in topics]
@@ -100,7 +100,7 @@ class RosVacuum(RosDevice):
             self._topics(name)
         self._pressures: Numbers
         self._states: Numbers
-        self._commands: Commands
+        self._commands: SegmentCommands
 
     def _topics(self, name: str) -> tuple[str, ...]:
         """Return the topics of pressures, commands or states."""
@@ -121,8 +121,8 @@ class RosVacuum(RosDevice):
                                   self._topics('pressure'), self._segments, self._timeout)
         self._states = Numbers(link, 'state_topics', kinds['state'], self._topics('state'),
                                self._segments, self._timeout)
-        self._commands = Commands(link, 'command_topics', kinds['command'],
-                                  self._topics('command'))
+        self._commands = SegmentCommands(link, 'command_topics', kinds['command'],
+                                         self._topics('command'))
 
     def _take_first(self) -> str:
         return '' if self._update() else 'not all pressures and states were received'
@@ -268,7 +268,7 @@ class RosJamming(RosVacuum):
             raise ParameterError(f'parameters {PREFIX}pump_topic and {PREFIX}pump_state_topic are '
                                  f'{pump}; give both, or neither for a self-controlled pump')
         self._pump: Numbers
-        self._pump_commands: Commands
+        self._pump_commands: SegmentCommands
 
     def _connect(self, link: 'RosLink') -> None:
         super()._connect(link)
@@ -276,7 +276,7 @@ class RosJamming(RosVacuum):
         if self._has_pump:
             self._pump = Numbers(link, 'pump_state_topic', BOOL,
                                  [get[f'{PREFIX}pump_state_topic']], 1, self._timeout)
-            self._pump_commands = Commands(
+            self._pump_commands = SegmentCommands(
                 link, 'pump_topic', BOOL, [get[f'{PREFIX}pump_topic']])
 
     def _inputs(self) -> tuple[Numbers, ...]:

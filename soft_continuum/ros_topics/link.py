@@ -243,14 +243,15 @@ class RosLink:
 
     def listen(self, kind: str, parameter: str, topic: str, timeout: float) -> Listener:
         """Return a listener to a topic; kind: such as sensor_msgs/JointState.  timeout: s."""
-        listener: Listener = _made(Listener, self, message_class(kind), parameter, topic, timeout)
+        listener: Listener = _made(
+            Listener, self, short_message_class(kind), parameter, topic, timeout)
         self.topics.append(listener)
         return listener
 
     def publish_to(self, kind: str, parameter: str, topic: str) -> CommandPublisher:
         """Return a publisher on a topic; kind: such as std_msgs/Float64MultiArray."""
         commands: CommandPublisher = _made(
-            CommandPublisher, self, message_class(kind), parameter, topic)
+            CommandPublisher, self, short_message_class(kind), parameter, topic)
         self.topics.append(commands)
         return commands
 
@@ -305,7 +306,7 @@ def _made(kind: Any, link: RosLink, message: Any, parameter: str, topic: str, *m
                             f'{str(error).split(", at ")[0]}') from error
 
 
-def message_class(kind: str) -> Any:
+def short_message_class(kind: str) -> Any:
     """Return the class of messages called ``kind``, such as std_msgs/Bool."""
     package, name = kind.split('/')
     return getattr(import_module(f'{package}.msg'), name)

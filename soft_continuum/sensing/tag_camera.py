@@ -58,7 +58,7 @@ class DiscPose:
     by_tags: Array
 
 
-class View:
+class CameraView:
     """The view of a camera of base_link."""
 
     def __init__(self, base: PoseFit, lens: Lens, deviation: float) -> None:
@@ -114,7 +114,7 @@ class TagDetections:
     stddev: float
     problems: tuple[str, ...]
     corners: Mapping[int, Array]
-    view: View | None = None
+    view: CameraView | None = None
 
 
 class TagCamera:
@@ -170,7 +170,7 @@ class TagCamera:
                    and (width(c) >= MIN_WIDTH or not self._tilts)}
         return tuple(sorted(count)), corners, problems
 
-    def _view(self, picture: Picture, corners: Mapping[int, Array]) -> View | str:
+    def _view(self, picture: Picture, corners: Mapping[int, Array]) -> CameraView | str:
         """Return the view of base_link, or why it is unknown."""
         fixed, layout = self._tags.fixed, self.layout
         seen = [n for n in fixed if n in corners]
@@ -198,7 +198,7 @@ class TagCamera:
         if _does_not_fit(fits[0], off) or abs(factor - 1.0) >= FAR_OFF:
             return (f'the fixed tags do not fit by {fits[0].residual:.1f} px; are they where '
                     f'{layout.fixed_parameter} says, and is this calibration of this camera?')
-        return View(fits[0], self.lens, of_discs)
+        return CameraView(fits[0], self.lens, of_discs)
 
     def _too_few(self, picture: Picture, corners: Mapping[int, Array], seen: int) -> str:
         """Return the problem of an image without enough fixed tags, and a remedy."""
@@ -210,7 +210,7 @@ class TagCamera:
         return (f'{seen} of {len(self.layout.fixed)} fixed tags are seen; needed: {MIN_FIXED}; '
                 f'{why}')
 
-    def _fit(self, n: int, corners: Mapping[int, Array], view: View) -> PoseFit | str | None:
+    def _fit(self, n: int, corners: Mapping[int, Array], view: CameraView) -> PoseFit | str | None:
         """Return the pose of a disc, why it is unknown, or None when it is not seen."""
         ring = self._tags.rings[n]
         seen = [number for number in ring if number in corners]
@@ -232,7 +232,7 @@ class TagCamera:
                     'measure its orientation; turn the ring, or move the camera')
         return best
 
-    def _wrong_scale(self, view: View, fits: Mapping[int, PoseFit]) -> str:
+    def _wrong_scale(self, view: CameraView, fits: Mapping[int, PoseFit]) -> str:
         """Return a problem of the size of the rings, judged by the base; empty for none."""
         size = np.linalg.norm(fits[0].shift if 0 in fits else view.base.shift)
         factor = float(np.linalg.norm(view.base.shift) / size)

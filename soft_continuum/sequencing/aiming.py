@@ -21,7 +21,7 @@ from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import within_limits
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import PRETENSIONS
-from soft_continuum.sequencing.planner import Planner, soft_flags
+from soft_continuum.sequencing.planner import Planner, soft_segments
 from soft_continuum.sequencing.plans import Move, PlanError, WHOLE_ARM
 
 ANGLE_SCALE = 0.05  # rad away from the wanted angle costs as much as
@@ -75,8 +75,8 @@ class Aim:
         return np.concatenate([(state.backbone[-1] - self.tip) / TIP_SCALE, away / ANGLE_SCALE])
 
 
-def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array,
-              known: dict[bytes, Any] | None = None) -> Any:
+def predicted_state(statics: Any, state: Any, segments: Sequence[int], bending: Array,
+                    known: dict[bytes, Any] | None = None) -> Any:
     """
     Return the state after segments (0-based), or WHOLE_ARM, were set one after the other.
 
@@ -90,7 +90,7 @@ def predicted(statics: Any, state: Any, segments: Sequence[int], bending: Array,
     for count, segment in enumerate(segments, start=1):
         so_far = (bending if segment == WHOLE_ARM else bending[:count]).tobytes()
         if so_far not in known:
-            soft = soft_flags(segment, len(goal))
+            soft = soft_segments(segment, len(goal))
             found = statics.hold(state, goal, soft, pretensions=PRETENSIONS[::-1]).state
             # It is locked by the full vacuum, not by what is left in it while it is soft.
             known[so_far] = replace(found, vacuum=tuple(
@@ -127,7 +127,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
 
     def residuals(values: Array) -> Array:
         check_wanted()
-        return aim.residuals(predicted(statics, state, segments, locked(values), known))
+        return aim.residuals(predicted_state(statics, state, segments, locked(values), known))
 
     def jacobian(values: Array) -> Array:
         """Return finite-difference derivatives that do not vanish for straight segments."""
@@ -147,7 +147,7 @@ def angles_to_set(statics: Any, state: Any, segments: Sequence[int], aim: Aim,
     except StaticsError:  # on the way: the wanted angles themselves can be set
         pass
     bending = locked(best)
-    return bending, predicted(statics, state, segments, bending, known)
+    return bending, predicted_state(statics, state, segments, bending, known)
 
 
 def _rows(segments: Sequence[int], count: int) -> list[int]:
@@ -156,7 +156,7 @@ def _rows(segments: Sequence[int], count: int) -> list[int]:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class AimStep:
     """
     The next step with a soft segment.
 
@@ -172,7 +172,7 @@ class Step:
 
 
 def next_step(planner: Planner, state: Any, pulls: Sequence[float],
-              segments: Sequence[int], aim: Aim, dead_band: float) -> Step:
+              segments: Sequence[int], aim: Aim, dead_band: float) -> AimStep:
     """
     Return the next step towards an aim.
 
@@ -197,7 +197,7 @@ def next_step(planner: Planner, state: Any, pulls: Sequence[float],
     except (StaticsError, PlanError) as error:
         what = 'the arm' if first == WHOLE_ARM else f'segment {first + 1}'
         raise PlanError(f'{what}: {error}') from None
-    return Step(move, change, aim.error(state), aim.error(after))
+    return AimStep(move, change, aim.error(state), aim.error(after))
 
 
 def _change(goal: Array, now: Array, segment: int) -> float:

@@ -183,7 +183,7 @@ def bending_map(statics: Any, state: Any, segment: int, limits: BendingLimits,
         return held.state, np.concatenate(
             [pulls, held.pulls != SLACK, held.state.backbone[-1]])
 
-    present = _along(free, bending_of(state.bending, segment))
+    present = _along(free, complex_bending(state.bending, segment))
     present *= min(1.0, limit / max(abs(present), limit))
     places, rows, begin, why = list[complex](), list[Array](), state, ''
     for part in np.linspace(1.0, 0.0, ceil(abs(present) / longest) + 1):
@@ -225,7 +225,7 @@ def bending_map(statics: Any, state: Any, segment: int, limits: BendingLimits,
         segment, free, places[0], edge, tuple(limit_reasons), _table(free, at, rows), slope)
 
 
-def bending_of(bending: Array, segment: int) -> complex:
+def complex_bending(bending: Array, segment: int) -> complex:
     """Return the bending of a segment (0-based) as a complex number, of bending (segments, 2)."""
     about_x, about_y = bending[segment]
     return complex(about_y, -about_x)

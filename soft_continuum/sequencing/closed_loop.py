@@ -21,7 +21,7 @@ from math import inf, isnan, nan
 import numpy as np
 
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.sequencing.aiming import Aim, Step
+from soft_continuum.sequencing.aiming import Aim, AimStep
 from soft_continuum.sequencing.arm_port import ArmPort
 from soft_continuum.sequencing.plans import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.sequencing.progress import Code, Outcome, Phase
@@ -44,7 +44,7 @@ class Loop:
     """
 
     aim: 'Callable[[Shape], Future[Aim]]'
-    step: 'Callable[[Sequence[int], Aim], Future[Step]]'
+    step: 'Callable[[Sequence[int], Aim], Future[AimStep]]'
     again: 'Callable[[Sequence[int], Aim, float], Future[tuple[int, ...]]]'
     state: Callable[[], Equilibrium | None]
 

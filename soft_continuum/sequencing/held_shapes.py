@@ -21,10 +21,10 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import PlanError, Reach, Shape, TipGoal
+from soft_continuum.sequencing.plans import PlanError, PlanResult, Shape, TipGoal
 from soft_continuum.sequencing.reach.arcs import TipResidual
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 from soft_continuum.sequencing.reach.search import AIM, check_goal, Search
 
@@ -67,7 +67,7 @@ def compensate_relaxation(planner: Planner, set_to: Callable[[Array | None], Nod
 
 
 def reach_held(validator: MotionValidator, start: Node, shape: Shape, first: bool = False
-               ) -> Reach:
+               ) -> PlanResult:
     """
     Return the plan to a goal of the tip of a shape with vacuums.
 
@@ -99,12 +99,12 @@ def reach_held(validator: MotionValidator, start: Node, shape: Shape, first: boo
             raise
     if best is None:
         why = search.why or f'reach.states was too small{search.budget.ended_by_time}'
-        return Reach(None, why, blocked_by=search.blocked_by, cut_short=search.cut_short)
+        return PlanResult(None, why, blocked_by=search.blocked_by, cut_short=search.cut_short)
     away, turn = miss.errors(best.state)
     why = (f'with its vacuums the tip is {goal.text(away, turn)} from the goal at best'
            if least > 1.0 else '')
-    return Reach(best.plan(shape.at(best.state)), why, away, turn,
-                 search.blocked_by if why else (), search.cut_short)
+    return PlanResult(best.plan(shape.at(best.state)), why, away, turn,
+                      search.blocked_by if why else (), search.cut_short)
 
 
 class _Search:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sequencing.plans import Reach, Shape, ShapePlan
+from soft_continuum.sequencing.plans import PlanResult, Shape, ShapePlan
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class KeptPlans:
         self._kept: tuple[object, list[_Kept]] = None, []
 
     def keep(self, situation: object, state: Any, pulls: Sequence[float],
-             shapes: Sequence[Shape], found: Sequence[Reach]) -> None:
+             shapes: Sequence[Shape], found: Sequence[PlanResult]) -> None:
         """Store the plans of shapes, in place of earlier ones; state, pulls: their start."""
         kept, start = list[_Kept](), np.asarray(pulls)
         for shape, one in zip(shapes, found, strict=False):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.obstacles.collision_scene import Clearance, CollisionScene
+from soft_continuum.obstacles import Clearance, CollisionScene
 from soft_continuum.sequencing.plans import ShapePlan
 from soft_continuum.sequencing.reach.passage import between, body_radius
 

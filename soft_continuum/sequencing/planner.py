@@ -189,7 +189,7 @@ class Planner:
 
     def _soft(self, segment: int) -> list[bool]:
         """Return which segments are soft while one is set."""
-        return soft_flags(segment, self.statics.chain.segments)
+        return soft_segments(segment, self.statics.chain.segments)
 
     def check_wanted(self) -> None:
         """Raise PlanError once the plan is abandoned."""
@@ -209,6 +209,6 @@ class Planner:
                             f'tension_limit: {settings.tension_limit:g} N', 'tension_limit')
 
 
-def soft_flags(segment: int, count: int) -> list[bool]:
+def soft_segments(segment: int, count: int) -> list[bool]:
     """Return which of ``count`` segments are soft while one (0-based), or WHOLE_ARM, is set."""
     return [segment in (i, WHOLE_ARM) for i in range(count)]

@@ -220,7 +220,7 @@ class ShapePlan:
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class PlanResult:
     """
     A plan by tip.
 

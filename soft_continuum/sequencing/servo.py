@@ -23,7 +23,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.sequencing.bending_map import bending_map, bending_of, BendingLimits
+from soft_continuum.sequencing.bending_map import bending_map, BendingLimits, complex_bending
 from soft_continuum.sequencing.settings import MotionLimits
 from soft_continuum.sequencing.timing import minimum_jerk, minimum_jerk_duration
 
@@ -262,7 +262,7 @@ class AngleServo:
 
     def _bending(self, state: Equilibrium) -> complex:
         """Return how the segment bends."""
-        return self.map.along(bending_of(state.bending, self.segment))
+        return self.map.along(complex_bending(state.bending, self.segment))
 
     @property
     def correction(self) -> complex:

@@ -4,8 +4,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import pi, radians
-from typing import Any, TYPE_CHECKING
+from math import isfinite, pi, radians
+from typing import Any
 
 from soft_continuum.parameters.parameter import (
     Parameter,
@@ -14,9 +14,6 @@ from soft_continuum.parameters.parameter import (
     setting_parameters,
     settings_from,
 )
-
-if TYPE_CHECKING:  # with it all of mechanics would be loaded
-    from soft_continuum.sequencing.reach.limits import ReachSettings
 
 ON_ANOMALY = GO_ON, PAUSE, ABORT = ('go_on', 'pause', 'abort')
 REPLAN = 'replan'
@@ -107,6 +104,51 @@ class RunnerSettings:
     max_replans: int = 3
 
 
+@dataclass(frozen=True)
+class ReachSettings:
+    """
+    Limits, costs and budget of plans, by parameters ``reach.*``.
+
+    margin: m that the arm stays away from every obstacle.  lock_in: rad by which a segment may
+    bend when it is stiffened, which needs extra clearance.
+    """
+
+    states: int = setting(
+        10_000, 'number of states of the arm evaluated in the search for a better plan to a tip '
+        'goal; the first plan found is enough to accept the goal', 10, 100_000_000,
+        read_only=False)
+    time_limit: float = setting(
+        120.0, 'maximum duration of a search, however slow the machine is; a search that reaches '
+        'it reports so', 0.1, 600.0, read_only=False, unit='s')
+    max_softenings: int = setting(
+        6, 'maximum number of softenings in a plan to a tip goal', 1, 50, read_only=False)
+    weights: tuple[float, ...] = setting(
+        (0.0,), 'costs of a softening, a second and a newton of tension; 0.0 alone: fewest '
+        'softenings, then least time, then least tension', 0.0, 1e6)
+    seed: int = setting(
+        0, 'seed of the random search; the same seed gives the same plan on every machine, unless '
+        'reach.time_limit ends the search', 0, 1_000_000, read_only=False)
+    softening_time: float = setting(
+        4.0, 'time to soften a segment and stiffen it again, as assumed when plans are compared',
+        0.0, 600.0, read_only=False, unit='s')
+    margin: float = 0.005
+    lock_in: float = LOCK_IN_STDDEV
+
+    def __post_init__(self) -> None:
+        """Refuse invalid numbers; raises ParameterError."""
+        for name, low in (('margin', 0.0), ('lock_in', 0.0), ('softening_time', 0.0),
+                          ('states', 0), ('time_limit', 0.0), ('max_softenings', 1)):
+            value = getattr(self, name)
+            if not value >= low or (name != 'time_limit' and not isfinite(value)):
+                raise ParameterError(f'{name} is {value}; allowed: {low:g} and more')
+        weights = self.weights
+        if not (len(weights) == 3 and any(weights) or tuple(weights) == (0.0,)) or not all(
+                isfinite(weight) and weight >= 0.0 for weight in weights):
+            raise ParameterError(
+                f'parameter reach.weights is {list(weights)}; needed: three numbers, the costs of '
+                'a softening, a second and a newton, none below 0 and one above; or 0.0 alone')
+
+
 LOOP_PARAMETERS = (
     Parameter('closed_loop', True, 'correct every segment with measurements while they are '
               'available', read_only=False),
@@ -122,27 +164,14 @@ REACH_PARAMETERS = (
               1e-5, 0.5, read_only=False, unit='m'),
     Parameter('reach.angle_tolerance', radians(2.0), 'orientation tolerance of tip goals that '
               'give none', 1e-4, pi, read_only=False, unit='rad'),
-    Parameter('reach.states', 10_000, 'number of states of the arm evaluated in the search for a '
-              'better plan to a tip goal; the first plan found is enough to accept the goal',
-              10, 100_000_000, read_only=False),
-    Parameter('reach.time_limit', 120.0, 'maximum duration of a search, however slow the machine '
-              'is; a search that reaches it reports so', 0.1, 600.0, read_only=False, unit='s'),
-    Parameter('reach.max_softenings', 6, 'maximum number of softenings in a plan to a tip goal',
-              1, 50, read_only=False),
-    Parameter('reach.weights', (0.0,), 'costs of a softening, a second and a newton of tension; '
-              '0.0 alone: fewest softenings, then least time, then least tension', 0.0, 1e6),
-    Parameter('reach.seed', 0, 'seed of the random search; the same seed gives the same plan on '
-              'every machine, unless reach.time_limit ends the search', 0,
-              1_000_000, read_only=False),
-    Parameter('reach.softening_time', 4.0, 'time to soften a segment and stiffen it again, as '
-              'assumed when plans are compared', 0.0, 600.0, read_only=False, unit='s'),
+    *setting_parameters(ReachSettings, 'reach'),
     Parameter('reach.max_deviation', 0.02, 'deviation of the arm from its plan above which it is '
               'planned again; smaller near obstacles, but never below obstacles.margin', 1e-3,
               1.0, read_only=False, unit='m'),
     Parameter('reach.max_replans', 3, 'maximum number of times that a shape is planned again '
               'during its motion before the goal is aborted', 0, 100, read_only=False),
-    Parameter('obstacles.margin', 0.005, 'minimum distance of the arm from obstacles',
-              0.0, 1.0, read_only=False, unit='m'),
+    Parameter('obstacles.margin', ReachSettings.margin, 'minimum distance of the arm from '
+              'obstacles', 0.0, 1.0, read_only=False, unit='m'),
     Parameter('obstacles.on_change', REPLAN, 'reaction of a sequence to an obstacle that blocks '
               'its motion: stop and plan again, or abort; changes apply from the next goal',
               choices=ON_OBSTACLE,
@@ -155,19 +184,8 @@ def loop_from_parameters(parameters: Mapping[str, Any]) -> LoopSettings:
     return settings_from(LoopSettings, 'loop', parameters)
 
 
-def reach_from_parameters(values: Mapping[str, Any]) -> 'ReachSettings':
+def reach_from_parameters(values: Mapping[str, Any]) -> ReachSettings:
     """Return the settings for planning to tip goals; raises ParameterError for invalid weights."""
-    from soft_continuum.sequencing.reach.limits import ReachSettings
-    weights = tuple(values['reach.weights'])
-    if len(weights) not in (1, 3) or (len(weights) == 1) != (not any(weights)):
-        raise ParameterError(
-            f'parameter reach.weights is {list(weights)}; needed: three numbers, the costs of a '
-            'softening, a second and a newton, at least one above 0; or 0.0 alone')
-    return ReachSettings(
-        margin=values['obstacles.margin'],
-        lock_in=values['loop.lock_in_stddev'] if values['arm.jamming'] else 0.0,
-        softening_time=values['reach.softening_time'], states=values['reach.states'],
-        time_limit=values['reach.time_limit'],
-        max_softenings=values['reach.max_softenings'],
-        weights=None if len(weights) == 1 else weights,
-        seed=values['reach.seed'])
+    return settings_from(
+        ReachSettings, 'reach', values, margin=values['obstacles.margin'],
+        lock_in=values['loop.lock_in_stddev'] if values['arm.jamming'] else 0.0)

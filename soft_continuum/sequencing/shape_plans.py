@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans of shapes one after the other, given by angles or by the tip, among obstacles."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -23,7 +23,7 @@ from soft_continuum.sequencing.plans import (
     ObstructedError,
     PlanError,
     PlannedStep,
-    Reach,
+    PlanResult,
     Shape,
     ShapePlan,
 )
@@ -38,7 +38,8 @@ ORDERS = 24
 
 def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float] | Array,
                 shapes: Sequence[Shape], scene: CollisionScene | None = None,
-                settings: ReachSettings | None = None, first: bool = False) -> Iterator[Reach]:
+                settings: ReachSettings | None = None, first: bool = False
+                ) -> Iterator[PlanResult]:
     """
     Yield the plan of each shape, from where the one before it ends, up to the first that fails.
 
@@ -51,15 +52,11 @@ def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float] | Array,
     for shape in shapes:
         try:
             start = validator.start(state, pulls)
-            if not shape.tips:
-                found = _by_angles(validator, start, shape)
-            elif shape.vacuums:
-                found = reach_held(validator, start, shape, first)
-            else:
-                found = _by_tip(validator, start, shape, first)
+            plan = next(plan for plan, suits in PLANNERS if suits(shape, validator.settings))
+            found = plan(validator, start, shape, first)
         except PlanError as error:
             planner.check_wanted()
-            found = Reach(None, str(error))
+            found = PlanResult(None, str(error))
         yield found
         if found.why or found.plan is None:
             return
@@ -68,7 +65,7 @@ def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float] | Array,
             state = planner.jammed(state, pulls)
 
 
-def plans_of(shapes: Sequence[Shape], found: Iterator[Reach]) -> list[ShapePlan]:
+def plans_of(shapes: Sequence[Shape], found: Iterator[PlanResult]) -> list[ShapePlan]:
     """Return the plans of shapes; raises PlanError or ObstructedError if one has none."""
     plans = []
     for shape, one in zip(shapes, found, strict=False):
@@ -91,7 +88,7 @@ def plans_to(planner: Planner, shapes: Sequence[Shape], state: Any = None,
         np.zeros(len(chain.arm.tendon_names)) if pulls is None else pulls, shapes))
 
 
-def _by_tip(validator: MotionValidator, start: Node, shape: Shape, first: bool) -> Reach:
+def _by_tip(validator: MotionValidator, start: Node, shape: Shape, first: bool) -> PlanResult:
     """Return the best plan to a goal of the tip, or along a path."""
     for found in (reach(validator, start, shape.tips[0]) if len(shape.tips) == 1 else
                   follow(validator, start, shape.tips)):
@@ -102,7 +99,7 @@ def _by_tip(validator: MotionValidator, start: Node, shape: Shape, first: bool) 
         found, plan=replace(plan, shape=shape.at(plan.state)))
 
 
-def _by_angles(validator: MotionValidator, start: Node, shape: Shape) -> Reach:
+def _by_angles(validator: MotionValidator, start: Node, shape: Shape, _: bool) -> PlanResult:
     """Return the plan to angles from the base, or in the first order clear of obstacles."""
     planner = validator.planner
     arm, tolerance = planner.statics.chain.arm, planner.settings.angle_tolerance
@@ -114,13 +111,13 @@ def _by_angles(validator: MotionValidator, start: Node, shape: Shape) -> Reach:
               if validator.scene.obstacles else partial(_from_base, validator, start, shape))
     try:
         if not shape.vacuums:
-            return Reach(set_to(None).plan(shape))
+            return PlanResult(set_to(None).plan(shape))
         wanted = bending_vectors(arm, shape.bending_angles, shape.bending_directions)
         found, off = compensate_relaxation(
             planner, set_to, lambda state: wanted - state.bending, tolerance)
     except BlockedError as error:
-        return Reach(None, str(error), blocked_by=tuple(blocked_by))
-    return Reach(found.plan(shape, '' if off <= tolerance else (
+        return PlanResult(None, str(error), blocked_by=tuple(blocked_by))
+    return PlanResult(found.plan(shape, '' if off <= tolerance else (
         f'{shape.name} is predicted to be {np.degrees(off):.1f} degrees off with its vacuums')))
 
 
@@ -173,3 +170,12 @@ def _in_some_order(validator: MotionValidator, start: Node, shape: Shape,
             blocked_by |= dict.fromkeys([error.obstacle] if error.obstacle else [])
     more = ', and no other order of the segments is free' if len(goals) > 1 else ''
     raise BlockedError(f'{why}{more}', next(iter(blocked_by), ''))
+
+
+PLANNERS: tuple[tuple[Callable[[MotionValidator, Node, Shape, bool], PlanResult],
+                      Callable[[Shape, ReachSettings], bool]], ...] = (
+    (_by_angles, lambda shape, _: not shape.tips),
+    (reach_held, lambda shape, _: bool(shape.vacuums)),
+    (_by_tip, lambda *_: True),
+)
+"""Planners, each with the shapes that it suits; the first one that does plans a shape."""

@@ -244,11 +244,11 @@ def _design(number: int, chosen: Mapping[str, Any], rows: Mapping[str, Any],
     try:  # raises here, before any work is done
         CollisionScene(design.arm, design.obstacles)
     except (ParameterError, ObstacleError) as error:
-        raise ParameterError(f'design {number + 1} ({described(varied)}): {error}') from None
+        raise ParameterError(f'design {number + 1} ({varied_text(varied)}): {error}') from None
     return design
 
 
-def described(varied: Mapping[str, Value]) -> str:
+def varied_text(varied: Mapping[str, Value]) -> str:
     """Return the varied values as one line."""
     return ', '.join(f'{name.removeprefix("arm.")} {_short(value)}'
                      for name, value in varied.items())

@@ -20,7 +20,7 @@ from typing import Any
 from soft_continuum import version
 from soft_continuum.analysis.results import ResultError
 from soft_continuum.study.design import Study
-from soft_continuum.study.work import compute, QUERIES, SHAPES, Unit, units
+from soft_continuum.study.work import compute, QUERIES, SHAPES, Unit, work_units
 from soft_continuum.text import write_whole, written_whole
 
 PARTS, ABOUT = 'parts', 'study.json'
@@ -67,7 +67,7 @@ class Results:
     def missing(self) -> list[Unit]:
         """Return the remaining units, in order."""
         there = set(self._parts.iterdir())
-        return [unit for unit in units(self.study) if self._part(unit) not in there]
+        return [unit for unit in work_units(self.study) if self._part(unit) not in there]
 
     def keep(self, unit: Unit, rows: dict[str, list[Any]]) -> None:
         """Write the result of a unit."""
@@ -96,7 +96,7 @@ class Results:
         """Return the parts of each design that were computed, in order."""
         there = set(self._parts.iterdir())
         found: dict[int, list[Path]] = {}
-        for unit in units(self.study):
+        for unit in work_units(self.study):
             if unit.kind == kind and self._part(unit) in there:
                 found.setdefault(unit.design, []).append(self._part(unit))
         return found
@@ -180,7 +180,7 @@ def workers_of(client: Any) -> int:
     return max(1, sum(int(threads) for threads in client.nthreads().values()))
 
 
-def run(client: Any, results: Results, todo: Sequence[Unit]) -> Iterator[tuple[Unit, float]]:
+def run_units(client: Any, results: Results, todo: Sequence[Unit]) -> Iterator[tuple[Unit, float]]:
     """
     Compute and store units; yield each with its computing time (s).
 

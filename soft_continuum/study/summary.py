@@ -31,8 +31,8 @@ from soft_continuum.arguments import (
     whole_number_in,
 )
 from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.study.design import described, Design, read_study
-from soft_continuum.study.running import cluster, Results, run, StudyError, workers_of
+from soft_continuum.study.design import Design, read_study, varied_text
+from soft_continuum.study.running import cluster, Results, run_units, StudyError, workers_of
 from soft_continuum.study.work import FALLS, FOUND, HELD, NONE, QUERIES, Unit
 
 CELLS = 25
@@ -117,7 +117,7 @@ HEAD = ('design', 'held %', 'falls %', 'reach', 'dexterity %', 'tension N', 'wor
 def text_row(one: Summary) -> list[str]:
     """Return the row of a design for the table on the screen."""
     count = len(one.design.arm.axes)
-    return [f'{one.design.number + 1}: {described(one.design.varied)}',
+    return [f'{one.design.number + 1}: {varied_text(one.design.varied)}',
             f'{100 * one.held:.1f}', f'{100 * one.falls:.1f}',
             f'{1e2**count * one.reach:.0f} cm{count}', f'{100 * one.dexterity:.1f}',
             f'{one.tension:.1f}', f'{one.worst_tension:.1f}', f'{one.softenings:.2f}',
@@ -206,7 +206,7 @@ def _compute(client: Any, results: Results, todo: Sequence[Unit], yes: bool) -> 
         0, len(todo) - 1, min(len(todo), 4 * workers))})]
     rest = [unit for unit in todo if unit not in set(first)]
     timed: dict[str, list[float]] = {}
-    for unit, seconds in run(client, results, first):
+    for unit, seconds in run_units(client, results, first):
         timed.setdefault(unit.kind, []).append(seconds)
     if rest:
         # The median, because the first unit of a process includes what it imports.
@@ -217,7 +217,8 @@ def _compute(client: Any, results: Results, todo: Sequence[Unit], yes: bool) -> 
         if estimate > ASK_AFTER and not yes:
             _consent()
         began = monotonic()
-        busy = sum(took for _, took in progress(run(client, results, rest), 'units', len(rest)))
+        busy = sum(took for _, took in progress(
+            run_units(client, results, rest), 'units', len(rest)))
         wall = monotonic() - began
         print(f'{_duration(wall)} on {workers} processes, busy for '
               f'{100 * busy / (workers * wall):.0f} % of that', file=sys.stderr)

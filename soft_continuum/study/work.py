@@ -53,7 +53,7 @@ class Unit:
         return f'{self.kind}-{self.design:06d}-{self.first:08d}'
 
 
-def units(study: Study) -> list[Unit]:
+def work_units(study: Study) -> list[Unit]:
     """Return the work of a study, in order."""
     found = []
     for design in study.designs:
@@ -87,7 +87,7 @@ def shapes(design: Design, first: int, count: int, seed: int) -> list[dict[str, 
     rows = []
     for shape in range(first, first + count):
         bending = drawn(arm, draw, jamming)
-        state = set_to(statics, bending, jamming)
+        state = state_with_bending(statics, bending, jamming)
         soft = int(bending.any(axis=1).sum())
         row: dict[str, Any] = {
             'design': design.number, 'shape': shape, 'softenings': soft if jamming else 0,
@@ -122,7 +122,7 @@ def query(design: Design, number: int, seed: int) -> dict[str, Any]:
     row: dict[str, Any] = {'design': design.number, 'query': number, 'x': nan, 'y': nan, 'z': nan,
                            'outcome': NONE, 'softenings': 0, 'duration': nan, 'tension': nan,
                            'clearance': nan, 'tip_error': nan}
-    tried = (set_to(statics, drawn(arm, draw, jamming), jamming) for _ in range(DRAWS))
+    tried = (state_with_bending(statics, drawn(arm, draw, jamming), jamming) for _ in range(DRAWS))
     state = next((one for one in tried if outcome_of(one, values, around) == HELD), None)
     if state is None:
         return row
@@ -155,7 +155,7 @@ def drawn(arm: Arm, draw: np.random.Generator, jamming: bool) -> Array:
     return np.where(arm.bending_axes & chosen[:, None], bending, 0.0)
 
 
-def set_to(statics: Any, bending: Array, jamming: bool) -> Any:
+def state_with_bending(statics: Any, bending: Array, jamming: bool) -> Any:
     """Return the state with a bending; None where no tendons hold it."""
     try:
         return set_shape(statics, bending, jamming=jamming)

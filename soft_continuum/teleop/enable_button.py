@@ -4,7 +4,7 @@
 
 from math import inf
 
-from soft_continuum.teleop.pad import Controls, ENABLE
+from soft_continuum.teleop.pad import ENABLE, PadState
 
 MOVE = 'hold the enable button and move the stick'
 RELEASE = 'release the enable button, let go of the stick, then press it again'
@@ -32,7 +32,7 @@ class EnableButton:
         self.timeout, self.unchanged_timeout = timeout, unchanged_timeout
         self.problem = ''
         """Why a held button moves nothing, or why motion ended; empty while motion is allowed."""
-        self._controls: Controls | None = None  # None: no device
+        self._controls: PadState | None = None  # None: no device
         self._received = self._changed = -inf
         self._was_released = self._may_move = False
         self._delay = inf  # s, the smallest between a stamp and its reception
@@ -42,7 +42,7 @@ class EnableButton:
         """Whether the button is held, by the last message."""
         return self._controls is not None and ENABLE in self._controls.pressed
 
-    def receive(self, controls: Controls, now: float, stamp: float | None = None) -> None:
+    def receive(self, controls: PadState, now: float, stamp: float | None = None) -> None:
         """Process a message; stamp: s by the clock of its sender, None without one."""
         self.check(now)
         if stamp is not None:
@@ -95,6 +95,6 @@ class EnableButton:
         self.problem = reason
 
 
-def _shown(controls: Controls) -> str:
+def _shown(controls: PadState) -> str:
     return ', '.join(f'{axis} {value:+.2f}' for axis, value in zip(
         'xyz', controls.stick, strict=True) if value)

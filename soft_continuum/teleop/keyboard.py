@@ -11,11 +11,11 @@ first nudges the arm for HELD, and continues once it repeats.
 from math import inf
 
 from soft_continuum.teleop.pad import (
-    Controls,
     EMERGENCY_STOP,
     ENABLE,
     MODE,
     NEXT_SEGMENT,
+    PadState,
     RESET,
     SOFTEN,
     STIFFEN,
@@ -65,15 +65,15 @@ class Keyboard:
         """Let go of all keys."""
         self._last = self._button = '', -inf
 
-    def controls(self, now: float) -> Controls:
+    def controls(self, now: float) -> PadState:
         """Return the state as of a joystick: first its button is held, then it is deflected."""
         button, pressed = self._button
         if now - pressed <= HELD:
-            return Controls(pressed=frozenset({button}))
+            return PadState(pressed=frozenset({button}))
         key, told = self._last
         if now - told > HELD:
             self._gripped = False
-            return Controls()
+            return PadState()
         before, self._gripped = self._gripped, True
         x, y, z = (self.speed * value for value in STICK[key]) if before else (0.0, 0.0, 0.0)
-        return Controls((x, y, z), frozenset({ENABLE}))
+        return PadState((x, y, z), frozenset({ENABLE}))

@@ -51,7 +51,7 @@ class Teleop(SuiteNode):
         super().__init__(TELEOP, 'joystick', **options)
         self._pad = Pad.from_parameters(self.parameters)
         self._states = StatePublisher(self, TeleopState)
-        self._conflicts = Conflicts(self, 0, self.parameters)
+        self._conflicts = Conflicts(self, 0)
         self._enable_button = EnableButton(
             self.parameters['teleop.timeout'], self.parameters['teleop.unchanged_timeout'])
         self._arm = SteeredArm(self, self.parameters)

@@ -27,7 +27,7 @@ class PadError(ValueError):
 
 
 @dataclass(frozen=True)
-class Controls:
+class PadState:
     """
     The state of stick and buttons.
 
@@ -74,7 +74,7 @@ class Pad:
                         f'{number}; give one of them another number, or -1 for none')
         return pad
 
-    def read(self, axes: Sequence[float], buttons: Sequence[int]) -> Controls:
+    def read(self, axes: Sequence[float], buttons: Sequence[int]) -> PadState:
         """Return the controls in a message of the device; raises PadError."""
         if not axes and not buttons:
             raise PadError('the message has no axes and no buttons; is the joystick plugged in?')
@@ -91,9 +91,9 @@ class Pad:
             _check_number(f'teleop.{name}_button', 'button', number, len(buttons))
             if number != NONE and buttons[number]:
                 pressed.add(name)
-        return Controls((stick[0], stick[1], stick[2]), frozenset(pressed))
+        return PadState((stick[0], stick[1], stick[2]), frozenset(pressed))
 
-    def write(self, controls: Controls) -> tuple[list[float], list[int]]:
+    def write(self, controls: PadState) -> tuple[list[float], list[int]]:
         """Return the axes and buttons of a message with these controls, if the pad has them."""
         axes = [0.0] * (max(self.axes) + 1)
         buttons = [0] * (max(self.buttons.values()) + 1)

@@ -4,7 +4,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from soft_continuum.twin.model_errors import Obstacle
+from soft_continuum.twin.model_errors import CylinderObstacle
 
 # MuJoCo lets a taut tendon be some tenths of a mm too long: it is tightened until it is not.
 LIMIT = 'solreflimit="0.01 1" solimplimit="0.9 0.95 0.001 0.5 1"'
@@ -38,7 +38,7 @@ def tendon(sites: Iterable[str], longest: float = 0.0) -> str:
     return f'<spatial{limit}>' + ''.join(f'<site site="{name}"/>' for name in sites) + '</spatial>'
 
 
-def cylinders(obstacles: Sequence[Obstacle], half: float) -> str:
+def cylinders(obstacles: Sequence[CylinderObstacle], half: float) -> str:
     """Return obstacles that reach from -half to half along y."""
     return ''.join(
         f'<geom name="obstacle {number}" type="capsule" size="{one.radius!r}" fromto="'

@@ -25,7 +25,7 @@ def _in(low: float, high: float, default: Any = MISSING) -> Any:
 
 
 @dataclass(frozen=True)
-class Obstacle:
+class CylinderObstacle:
     """A smooth rigid cylinder along y: its axis at x, z in base_link, and its radius, m."""
 
     x: float = _in(-10.0, 10.0)
@@ -63,7 +63,7 @@ class ModelErrors:
     besides; angle_error, rad, standard deviation of the angles of the tendons.
     """
 
-    obstacles: tuple[Obstacle, ...]
+    obstacles: tuple[CylinderObstacle, ...]
     stiffness_factors: tuple[float, ...] = _in(0.2, 5.0)
     mass_factor: float = _in(0.0, 5.0)
     stiff_ratio: float = _in(1.1, 1e5)
@@ -142,18 +142,18 @@ def _checked(path: str | Path, name: str, values: Mapping[str, Any]) -> Any:
     return tuple(value if several else [value]) if name == 'stiffness_factors' else value
 
 
-def _obstacles(path: str | Path, value: Any) -> tuple[Obstacle, ...]:
+def _obstacles(path: str | Path, value: Any) -> tuple[CylinderObstacle, ...]:
     """Return the obstacles of a list of mappings."""
     if not isinstance(value, list) or len(value) > MAX_OBSTACLES or not all(
-            isinstance(one, dict) and set(one) == {part.name for part in fields(Obstacle)}
+            isinstance(one, dict) and set(one) == {part.name for part in fields(CylinderObstacle)}
             for one in value):
         raise TwinError(f'{path}: obstacles must be a list, in m, of {MAX_OBSTACLES} at most, '
                         'such as [{x: 0.08, z: 0.2, radius: 0.02}]; [] for none')
     for number, one in enumerate(value, start=1):
-        for part in fields(Obstacle):
+        for part in fields(CylinderObstacle):
             _check(path, f'{part.name} of obstacle {number}', one[part.name],
                    part.metadata['range'])
-    return tuple(Obstacle(**one) for one in value)
+    return tuple(CylinderObstacle(**one) for one in value)
 
 
 def _check(path: str | Path, name: str, value: Any, allowed: tuple[float, float]) -> None:

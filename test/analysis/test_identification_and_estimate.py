@@ -10,7 +10,7 @@ import pytest
 
 from soft_continuum.analysis.identification import find_unknowns, identify, spread_out
 from soft_continuum.analysis.measured_shapes import MeasuredShape, Step
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
@@ -79,7 +79,7 @@ def learned(recording):
         stiff, goal = tuple(s != step.segment for s in range(3)), np.array(step.pulls)
         for part in np.linspace(0.0, 1.0, 11):
             time += 1.0
-            estimator.follow(Commands(time, pulls + part * (goal - pulls), stiff))
+            estimator.follow(ActuatorState(time, pulls + part * (goal - pulls), stiff))
         pulls, discs = goal, []
         for n in (1, 2, 3):
             (x, z), (top_x, top_z) = points[2 * n:2 * n + 2]
@@ -87,7 +87,7 @@ def learned(recording):
             discs.append(DiscMeasurement(n, *in_plane(
                 np.array([x, z, atan2(top_x - x, top_z - z)]), np.diag(stddevs**2))))
         time += 1.0
-        estimator.follow(Commands(time, pulls, stiff))
+        estimator.follow(ActuatorState(time, pulls, stiff))
         estimator.measure(time, discs)
     where = estimator.layout.stiffness
     factors = np.exp(estimator.values[where])

@@ -22,7 +22,7 @@ from soft_continuum.analysis.identification import main as identify_main
 from soft_continuum.analysis.measured_shapes import MeasuredShape, read_shapes, Step
 from soft_continuum.mechanics import SLACK
 from soft_continuum.mechanics.space.statics import SpaceStatics
-from soft_continuum.new_arm.description import complete, describe
+from soft_continuum.new_arm.description import complete, describe_arm
 from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import load_arm, load_description, write_parameters
@@ -35,7 +35,7 @@ JAMMING = {'kind': 'spatial', 'segments': (2.0,), 'mounting_angle': (90.0,),
 
 def described(answers):
     """Return the parameters of an arm, with few bodies."""
-    return {**DEFAULTS, **describe(complete(answers)).values, 'arm.bodies_per_segment': 6}
+    return {**DEFAULTS, **describe_arm(complete(answers)).values, 'arm.bodies_per_segment': 6}
 
 
 # Files.
@@ -126,7 +126,7 @@ def test_unknowns_that_this_arm_does_not_have_are_refused(truth, names, words):
 
 def test_identify_writes_a_layer_with_which_validate_is_right(tmp_path, capsys, truth):
     files = [str(tmp_path / name) for name in ('points.csv', 'pulls.csv', 'arm.yaml')]
-    begun = describe(complete(JAMMING)).values
+    begun = describe_arm(complete(JAMMING)).values
     write_parameters(tmp_path / 'arm.yaml', {**begun, 'arm.bodies_per_segment': 6}, [])
     shapes = measured(truth, 1e-4)
     with open(files[0], 'w', encoding='utf-8') as points, open(

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from soft_continuum.analysis import workspace
-from soft_continuum.analysis.workspace import furthest_apart, Reach, reach
+from soft_continuum.analysis.workspace import furthest_apart, sample_workspace, SampledWorkspace
 from soft_continuum.mechanics import set_shape
 from soft_continuum.mechanics.arm import Tendon
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.mechanics.statics import Statics
-from soft_continuum.new_arm.description import complete, describe
+from soft_continuum.new_arm.description import complete, describe_arm
 from soft_continuum.parameters.files import parameters_text
 from support import specimen_data as data
 from support.two_rods import ARM
@@ -28,14 +28,14 @@ TENDON_ARM = str(Path(__file__).parents[2] / 'config' / 'tendon_arm.yaml')
 @pytest.fixture(scope='module')
 def sets():
     """Return the reach of the arm when its segments are jammed, and when all bend at once."""
-    return reach(ARM, (1, 0), 2, 3), reach(ARM, (0, 1), 2, 3, jamming=False)
+    return sample_workspace(ARM, (1, 0), 2, 3), sample_workspace(ARM, (0, 1), 2, 3, jamming=False)
 
 
 @pytest.mark.parametrize(('arm', 'order', 'angles', 'jamming', 'count'), [
     (data.DESCRIBED, (2, 0, 1), 3, True, 27), (ARM, (1, 0), 2, True, 16),
     (ARM, (0, 1), 2, False, 16)], ids=['planar', 'spatial', 'spatial, at once'])
 def test_every_tip_is_that_of_its_bending_in_its_order(arm, order, angles, jamming, count):
-    found = reach(arm, order, angles, 3, jamming)
+    found = sample_workspace(arm, order, angles, 3, jamming)
     assert found.tips.shape == (count, len(arm.axes)) and found.asked == count
     for k in (1, 7, count - 1):
         state = set_shape(Statics(arm), found.bending[k], order=order, jamming=jamming)
@@ -44,13 +44,14 @@ def test_every_tip_is_that_of_its_bending_in_its_order(arm, order, angles, jammi
 
 def test_the_order_matters_under_gravity_only():
     base_first, tip_first = (0, 1, 2), (2, 1, 0)
-    assert furthest_apart(reach(WEIGHTLESS, base_first, 3), reach(WEIGHTLESS, tip_first, 3)) < 1e-9
-    assert furthest_apart(reach(data.DESCRIBED, base_first, 3),
-                          reach(data.DESCRIBED, tip_first, 3)) > 1e-3
+    assert furthest_apart(sample_workspace(WEIGHTLESS, base_first, 3),
+                          sample_workspace(WEIGHTLESS, tip_first, 3)) < 1e-9
+    assert furthest_apart(sample_workspace(data.DESCRIBED, base_first, 3),
+                          sample_workspace(data.DESCRIBED, tip_first, 3)) > 1e-3
 
 
 def test_tips_lie_on_both_sides_alike_and_on_a_line_they_span_no_area():
-    found = reach(data.DESCRIBED, (0, 1, 2), 3)
+    found = sample_workspace(data.DESCRIBED, (0, 1, 2), 3)
     for tip in found.tips * [-1.0, 1.0]:
         assert np.linalg.norm(found.tips - tip, axis=1).min() < 1e-9
     assert found.hull > 0.01
@@ -59,7 +60,7 @@ def test_tips_lie_on_both_sides_alike_and_on_a_line_they_span_no_area():
 
 def test_shapes_that_no_tendon_holds_are_left_out():
     heavy = replace(data.DESCRIBED, payload=5.0)
-    found = reach(heavy, (0, 1, 2), 3)
+    found = sample_workspace(heavy, (0, 1, 2), 3)
     assert len(found.tips) == len(found.bending) < found.asked
 
 
@@ -67,7 +68,7 @@ def test_in_space_tips_fill_a_volume_and_a_jammed_segment_keeps_the_sag_it_had(s
     assert furthest_apart(*sets) > 1e-3
     assert sets[0].hull > 1e-4
     flat = sets[0].tips * [1.0, 0.0, 1.0]
-    assert Reach((0, 1), flat, sets[0].bending, 16).hull == 0.0
+    assert SampledWorkspace((0, 1), flat, sets[0].bending, 16).hull == 0.0
 
 
 def test_a_segment_is_set_towards_a_tendon_whose_angle_is_rounded():
@@ -82,7 +83,7 @@ def test_a_segment_is_set_towards_a_tendon_whose_angle_is_rounded():
 
 def test_the_workspace_of_an_arm_in_space_is_a_table_and_a_figure(capsys, tmp_path):
     path = tmp_path / 'arm.yaml'
-    path.write_text(parameters_text(describe(complete(
+    path.write_text(parameters_text(describe_arm(complete(
         {'kind': 'tendons', 'segments': (1.0,)})).values, []), encoding='utf-8')
     assert workspace.main(['--params-file', str(path), '--output', str(tmp_path)]) == 0
     output, progress = capsys.readouterr()

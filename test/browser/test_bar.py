@@ -18,7 +18,7 @@ from soft_continuum.browser import html
 from soft_continuum.browser.access import open_server
 from soft_continuum.browser.bar import Bar, bar_state, BarState, LOST, PAGE, PATH
 from soft_continuum.browser.charts import chart, History, LENGTH
-from soft_continuum.browser.session import Description, plain, Session
+from soft_continuum.browser.session import Description, notice_text, PageSession
 from soft_continuum.browser.session import MAX_TEXT as TEXT_LENGTH
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.observed import KINEMATICS_STATE
@@ -104,11 +104,11 @@ def test_a_stopped_arm_is_called_so_in_the_words_of_the_page() -> None:
 ])
 def test_texts_of_nodes_are_cut_cleaned_and_in_the_words_of_the_page(text: str, shown: str
                                                                      ) -> None:
-    assert plain(text) == shown
+    assert notice_text(text) == shown
 
 
 def test_messages_merge_expire_and_are_kept_short(monkeypatch: pytest.MonkeyPatch) -> None:
-    session = Session(Mock())
+    session = PageSession(Mock())
     for title in ('Jog: refused', 'Jog: refused', 'Jog: refused', 'Stop', 'Jog: refused'):
         session.notify(title, 'why', is_problem=True)
     assert [(n.title, n.count) for n in session.notices] == [
@@ -237,7 +237,7 @@ def test_alarms_are_not_said_twice_in_the_bar_and_not_again_while_their_size_cha
         AnomalyMessage(cause=AnomalyMessage.LOAD, segment=2, message=text)
         for text in ('0.1 kg', '0.2 kg')])
     observed = Mock()
-    session = Session(Mock(observed=observed))
+    session = PageSession(Mock(observed=observed))
     for anomaly in message.anomalies:
         observed.message.return_value = KinematicsState(anomalies=[anomaly])
         session._on_change(KINEMATICS_STATE)

@@ -9,24 +9,24 @@ from builtin_interfaces.msg import Time
 import pytest
 
 from soft_continuum import version
-from soft_continuum.commissioning.doctor_network import Answers, judged
+from soft_continuum.commissioning.doctor_network import judged, NodeReplies
 from soft_continuum_interfaces.srv import GetNodeInfo
 
 DIGEST = '0123456789abcdef'
 
 
 def answers(host: str = 'rig', trip: float = 0.01, offset: float = 0.0, calls: int = 50,
-            answered: int = 50, of: str = '', arm: str = DIGEST, lost: int = 0) -> Answers:
+            answered: int = 50, of: str = '', arm: str = DIGEST, lost: int = 0) -> NodeReplies:
     """Return what a node answered; the slower half of the answers tells its time badly."""
     said = [GetNodeInfo.Response(host=host, version=of or version(), description=arm,
                            stamp=Time(sec=1))] * answered
-    return Answers(
+    return NodeReplies(
         said, [trip * (1 + 9 * (i % 2)) for i in range(answered)],
         [offset + 4 * trip * (i % 2) for i in range(answered)], calls,
         [0.2 * i for i in range(51) if not 0 < i <= lost])
 
 
-def steps(values: dict[str, dict[str, Any]] | None = None, **found: Answers
+def steps(values: dict[str, dict[str, Any]] | None = None, **found: NodeReplies
           ) -> dict[str, tuple[str, str]]:
     """Return status and message by step."""
     complete = {name: answers('ws' if name in ('kinematics', 'shape_sequencer') else 'rig')
@@ -56,7 +56,7 @@ def test_a_sound_network_is_described() -> None:
     (answers(trip=0.09, offset=0.06), 'clock of rig', 'OK', '+60.0 ms'),
     (answers(of='0.0.1'), 'version', 'FAIL', '0.0.1 of jamming_valves, tendon_actuation'),
     (answers(arm='f' * 16), 'description', 'FAIL', 'digests differ: ')])
-def test_what_is_wrong_is_said(answer: Answers, step: str, status: str, words: str) -> None:
+def test_what_is_wrong_is_said(answer: NodeReplies, step: str, status: str, words: str) -> None:
     found = steps(tendon_actuation=answer, jamming_valves=answer)[step]
     assert found[0] == status, found
     assert words in found[1]

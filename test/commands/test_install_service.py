@@ -22,8 +22,8 @@ from soft_continuum.commissioning.install_service import (
     Board,
     boards_of,
     ports_of,
+    systemd_units,
     udev_rules,
-    units,
 )
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.logs import choose_log_folder, discard_old_logs, require_log_folder
@@ -168,9 +168,9 @@ def test_a_folder_that_cannot_be_written_is_named(
 
 def test_a_line_break_reaches_no_unit() -> None:
     with pytest.raises(ParameterError, match='control character'):
-        units('', ['kinematics'], ['python', '%i', 'my\nExecStartPre=evil.yaml'], {})
+        systemd_units('', ['kinematics'], ['python', '%i', 'my\nExecStartPre=evil.yaml'], {})
     with pytest.raises(ParameterError, match='control character'):
-        units('', ['kinematics'], ['python', '%i'], {'PATH': '/bin\n[Install]'})
+        systemd_units('', ['kinematics'], ['python', '%i'], {'PATH': '/bin\n[Install]'})
 
 
 def test_boards_get_names_by_what_they_are_and_by_their_socket_without_a_number() -> None:

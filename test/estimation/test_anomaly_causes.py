@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.estimation.anomalies import REPORTED
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.hypotheses import Cause
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import Statics, Wrench
@@ -48,7 +48,7 @@ class Rig:
         for pulls in np.linspace(self.pulls, self.pulls if to is None else to, steps + 1)[1:]:
             self.time, self.pulls = self.time + 0.2, pulls
             self.truth.follow(pulls - self.longer, self.really_soft or self.soft, self.vacuum)
-            self.shape.follow(Commands(self.time, pulls, tuple(not one for one in self.soft)))
+            self.shape.follow(ActuatorState(self.time, pulls, tuple(not one for one in self.soft)))
             self.shape.measure(self.time, self.seen(
                 self.truth.seen(self.random, discs=self.discs, **self.how)))
             self.named += [one for one in self.shape.anomalies if one not in self.named]
@@ -329,7 +329,7 @@ def test_without_measurements_no_more_arms_are_followed_with_every_segment(rig):
             for now in (False, True):
                 rig.time += 1.0
                 stiff[segment] = now
-                rig.shape.follow(Commands(rig.time, rig.pulls, tuple(stiff.tolist())))
+                rig.shape.follow(ActuatorState(rig.time, rig.pulls, tuple(stiff.tolist())))
         return rig.followed
 
     assert set_all() == set_all() > 0

@@ -10,8 +10,8 @@ import pytest
 from soft_continuum.estimation.estimator import PERSISTENT
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.shape import (
+    ActuatorState,
     ArmShape,
-    Commands,
     EstimationSettings,
     MAX_FAR_OFF,
     ShapeError,
@@ -33,7 +33,8 @@ DEFAULT = EstimationSettings()
 
 
 def commands(time, pulls, soft, vacuum=None):
-    return Commands(time, np.array(pulls, dtype=float), tuple(not s for s in soft), vacuum, (0, 0))
+    return ActuatorState(
+        time, np.array(pulls, dtype=float), tuple(not s for s in soft), vacuum, (0, 0))
 
 
 def discs(points, which=(1, 2, 3), covariance=COVARIANCE):

@@ -11,12 +11,12 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from soft_continuum.estimation import anomalies
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.measuring import DiscMeasurement, predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
-from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
+from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sensing.rigid import displacement
@@ -50,7 +50,7 @@ def set_shape(session, turned=0.0):
 
 
 def test_derivatives_are_those_of_solves():
-    layout = layout_of(ARM)
+    layout = indices_of(ARM)
     values = first_values(ARM, layout, PRIOR)
     values[layout.ratio], values[layout.payload] = np.log(10.0), 0.05
     pulls, now_soft = toward(0.5, 0.7), (True, False, False)
@@ -127,9 +127,9 @@ def test_a_planar_arm_has_the_planar_estimate():
         plane.time += 1.0
         plane.follow(pulls, now_soft)
         for _ in range(4):
-            space.follow(Commands(plane.time, plane.pulls, tuple(not s for s in plane.soft)))
+            space.follow(ActuatorState(plane.time, plane.pulls, tuple(not s for s in plane.soft)))
             plane.wait(0.5)
-            space.follow(Commands(plane.time, plane.pulls, tuple(not s for s in plane.soft)))
+            space.follow(ActuatorState(plane.time, plane.pulls, tuple(not s for s in plane.soft)))
             seen = plane.truth.seen()
             ours, theirs = plane.measure(), space.measure(plane.time, seen)
             assert (ours is None) == (theirs is None)
@@ -244,7 +244,7 @@ def test_a_bent_arm_is_found_by_its_discs():
     shape, bending = ArmShape(ARM, 1e-3), np.array([[0.3, 0.2], [-0.2, 0.25], [0.1, -0.4]])
     state = SpaceStatics(ARM).chain.uniform(bending)
     with pytest.raises(UnknownShapeError):
-        shape.follow(Commands(100.0, np.full(3, -0.03), (True,) * 3))
+        shape.follow(ActuatorState(100.0, np.full(3, -0.03), (True,) * 3))
     assert shape.measure(100.0, discs_of(state, (1, 2))) is None
     assert 'every disc' in shape.refusal(100.0)
     for _ in range(5):
@@ -293,7 +293,7 @@ def test_what_could_be_wrong_is_followed_a_little_with_each_message(monkeypatch)
             time += 0.1
             work.append([])
             truth.follow(pulls, [not one for one in stiff])
-            shape.follow(Commands(time, pulls, stiff))
+            shape.follow(ActuatorState(time, pulls, stiff))
             shape.measure(time, truth.seen(rng, discs=range(4)))
 
     stiff, pulls = (True,) * 3, np.zeros(3)

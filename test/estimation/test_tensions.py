@@ -8,11 +8,11 @@ from math import inf, pi
 import numpy as np
 import pytest
 
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.measuring import predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
-from soft_continuum.estimation.unknowns import arm_with, first_values, layout_of
+from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.nodes.measurements import (
@@ -53,7 +53,7 @@ def remembered(estimator):
 
 @pytest.mark.parametrize('pulls', [BENDING, (-0.020, 0.010), (0.004, -0.0035)])
 def test_derivatives_are_those_of_the_tensions_and_of_the_slack(pulls):
-    layout = layout_of(ARM)
+    layout = indices_of(ARM)
     statics = Statics(arm_with(ARM, layout, first_values(ARM, layout, Prior())))
     state = statics.solve(statics.chain.straight(), pulls, only(0))
     found, step = predicted(statics, layout, state), 1e-6
@@ -149,7 +149,8 @@ def test_tensions_alone_begin_an_estimate_beside_the_prediction():
         truth.follow(pulls, soft)
         for _ in range(25):
             time += 0.1
-            shape.follow(Commands(time, np.array(pulls), tuple(not s for s in soft), None, (0, 0)))
+            shape.follow(ActuatorState(
+                time, np.array(pulls), tuple(not s for s in soft), None, (0, 0)))
             shape.measure(time, truth.pulled())
     assert shape.estimate is not None and shape.estimate.measured is None
     off = [abs(one.tensions[0] - truth.state.tensions[0])
@@ -162,10 +163,10 @@ def test_tensions_do_not_hide_that_the_shape_is_not_known_any_more():
     truth = TrueArm(factors=FACTORS, arm=HANGING)
     truth.follow((0.0, 0.0), STIFF)
     for step in range(1, 6):
-        shape.follow(Commands(0.1 * step, np.zeros(2), (True,) * 3, None, (0, 0)))
+        shape.follow(ActuatorState(0.1 * step, np.zeros(2), (True,) * 3, None, (0, 0)))
         shape.measure(0.1 * step, truth.pulled())
     with pytest.raises(ShapeError):
-        shape.follow(Commands(0.7, np.array([0.01, 0.01]), (True,) * 3, None, (0, 0)))
+        shape.follow(ActuatorState(0.7, np.array([0.01, 0.01]), (True,) * 3, None, (0, 0)))
 
 
 def told(**accuracy):

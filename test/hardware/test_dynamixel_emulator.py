@@ -18,7 +18,7 @@ from soft_continuum.emulators.dynamixel import (
     make_servos,
 )
 from soft_continuum.emulators.dynamixel_models import MODELS
-from soft_continuum.emulators.dynamixel_motor import Tendon
+from soft_continuum.emulators.dynamixel_motor import SpringTendon
 from soft_continuum.emulators.dynamixel_packets import (
     BROADCAST,
     Instruction,
@@ -111,7 +111,7 @@ def get(servo, address, size=4):
 
 def pulling(current=None, model='XM430-W350', **tendon):
     """A servo in current-based position mode, torque on."""
-    servo = DynamixelServo(MODELS[model], tendon=Tendon(**tendon))
+    servo = DynamixelServo(MODELS[model], tendon=SpringTendon(**tendon))
     assert put(servo, MODE, 5, 1) == 0 and put(servo, TORQUE, 1, 1) == 0
     if current is not None:
         assert put(servo, GOAL_CURRENT, current, 2) == 0
@@ -350,7 +350,7 @@ def test_a_trapezoidal_profile_takes_the_time_that_the_manual_says():
 
 
 def test_a_timed_profile_takes_the_time_that_it_is_given():
-    servo = DynamixelServo(MODELS['XM430-W350'], tendon=Tendon(stiffness=0.0))
+    servo = DynamixelServo(MODELS['XM430-W350'], tendon=SpringTendon(stiffness=0.0))
     for address, value, size in ((10, 4, 1), (MODE, 4, 1), (TORQUE, 1, 1),
                                  (PROFILE_VELOCITY, 1500, 4), (PROFILE_ACCELERATION, 300, 4)):
         assert put(servo, address, value, size) == 0

@@ -297,6 +297,19 @@ def test_a_session_that_ends_while_its_zero_is_written_leaves_the_new_zero(
                 emulator.clock.sleep(1.0)
 
 
+def test_a_zero_that_cannot_be_kept_after_the_last_cycle_is_logged(monkeypatch, tmp_path, caplog):
+    with slow_disk(monkeypatch, tmp_path) as (emulator, tendons):
+        (tmp_path / 'zeros.json').unlink()
+        (tmp_path / 'zeros.json').mkdir()
+        tendons.reference()
+        emulator.clock.sleep(0.1)
+        tendons.close()
+        assert 'the zero cannot be saved' in caplog.text
+        caplog.clear()
+        tendons.close()
+        assert not caplog.text
+
+
 # Slack
 
 

@@ -6,7 +6,7 @@ import contextlib
 
 import pytest
 
-from soft_continuum.hardware.grbl.session import State
+from soft_continuum.hardware.grbl.session import GrblState
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 from support import grbl_rig
@@ -175,7 +175,7 @@ def test_a_status_that_was_on_its_way_does_not_end_homing_before_it_began():
     with rig() as (emulator, tendons):
         home(tendons)
         tendons.reference()
-        until(emulator, lambda: tendons._session.state is State.SEEKING, 'it seeks')
+        until(emulator, lambda: tendons._session.state is GrblState.SEEKING, 'it seeks')
         with emulator.lock:
             for _ in range(3):
                 emulator.say('<Idle|MPos:0.000,0.000,0.000|FS:0,0>')

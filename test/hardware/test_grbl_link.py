@@ -26,10 +26,10 @@ from soft_continuum.hardware.grbl.link import (
     MessageReader,
     parse,
     Setting,
-    Status,
+    StatusReport,
 )
 from soft_continuum.hardware.grbl.motion import JogStream, Motors, subtract
-from soft_continuum.hardware.grbl.session import BUSY, Event, next_state, State
+from soft_continuum.hardware.grbl.session import BUSY, Event, GrblState, next_state
 from soft_continuum.hardware.grbl.setup import MODES
 from support.grbl_rig import ACCELERATION, SPEED, STEPS_PER_MM, TENDONS
 
@@ -46,12 +46,12 @@ from support.grbl_rig import ACCELERATION, SPEED, STEPS_PER_MM, TENDONS
     ("GrblHAL 1.1f ['$' or '$HELP' for help]",
      Banner("GrblHAL 1.1f ['$' or '$HELP' for help]")),
     ('[TLO:0.000]', Feedback('TLO:0.000')),
-    ('<Idle|MPos:1.000,-2.500,0.000|FS:0,0>', Status('Idle', '', (1.0, -2.5, 0.0), None)),
+    ('<Idle|MPos:1.000,-2.500,0.000|FS:0,0>', StatusReport('Idle', '', (1.0, -2.5, 0.0), None)),
     ('<Hold:0|MPos:0.000,0.000,0.000|Bf:15,128|FS:0,0|WCO:1.000,2.000,3.000>',
-     Status('Hold', '0', (0.0, 0.0, 0.0), (1.0, 2.0, 3.0))),
+     StatusReport('Hold', '0', (0.0, 0.0, 0.0), (1.0, 2.0, 3.0))),
     ('<Jog|MPos:0.0,0.0,0.0,7.5|FS:0,0|Pn:XH|Ov:100,100,100>',
-     Status('Jog', '', (0.0, 0.0, 0.0, 7.5), None, 'XH')),
-    ('<Run|WPos:1.000,2.000,3.000>', Status('Run', '', None, None)),
+     StatusReport('Jog', '', (0.0, 0.0, 0.0, 7.5), None, 'XH')),
+    ('<Run|WPos:1.000,2.000,3.000>', StatusReport('Run', '', None, None)),
 ])
 def test_every_kind_of_line_is_understood(line, message):
     assert parse(line) == message
@@ -93,7 +93,7 @@ def fuzz(chunks):
     reader = MessageReader()
     for chunk in chunks:
         for message in reader.feed(chunk):
-            if isinstance(message, Status) and message.position is not None:
+            if isinstance(message, StatusReport) and message.position is not None:
                 assert all(abs(x) < 1e9 for x in message.position)
     assert reader.feed(b'\r\nok\r\n')[-1] == Acknowledgement(0)
 
@@ -184,27 +184,30 @@ def test_a_way_that_no_jog_may_make_is_made_by_two():
 # States
 
 
-@pytest.mark.parametrize('state', State)
+@pytest.mark.parametrize('state', GrblState)
 def test_a_stop_never_starts_motion(state):
     after = next_state(state, Event.STOP)
-    assert after not in (State.JOGGING, State.SEEKING, State.HOMING_REQUESTED, State.HOMED)
-    assert after in BUSY or state not in (State.JOGGING, State.SEEKING)  # not over before it is
+    assert after not in (
+        GrblState.JOGGING, GrblState.SEEKING, GrblState.HOMING_REQUESTED, GrblState.HOMED)
+    # No stop is over before it is confirmed.
+    assert after in BUSY or state not in (GrblState.JOGGING, GrblState.SEEKING)
 
 
-@pytest.mark.parametrize('state', State)
+@pytest.mark.parametrize('state', GrblState)
 def test_a_failure_can_happen_in_every_state_and_lasts(state):
-    assert next_state(state, Event.FAILURE) is State.FAILED
+    assert next_state(state, Event.FAILURE) is GrblState.FAILED
     for event in Event:
-        assert next_state(State.FAILED, event) is State.FAILED
+        assert next_state(GrblState.FAILED, event) is GrblState.FAILED
 
 
 def test_only_a_target_at_rest_begins_to_jog_and_only_a_request_at_rest_begins_to_home():
-    ways = {(state, event): next_state(state, event) for state, event in product(State, Event)}
-    for target, event in ((State.JOGGING, Event.TARGET), (State.HOMING_REQUESTED, Event.HOME)):
+    ways = {(state, event): next_state(state, event) for state, event in product(GrblState, Event)}
+    for target, event in ((GrblState.JOGGING, Event.TARGET),
+                          (GrblState.HOMING_REQUESTED, Event.HOME)):
         assert {way for way, to in ways.items() if to is target and way[0] is not target} == {
-            (State.RESTING, event)}
+            (GrblState.RESTING, event)}
 
 
-@pytest.mark.parametrize('state', [state for state in State if state in BUSY])
+@pytest.mark.parametrize('state', [state for state in GrblState if state in BUSY])
 def test_a_reference_that_is_lost_ends_whatever_moves(state):
-    assert next_state(state, Event.REFERENCE_LOST) is State.STOPPING
+    assert next_state(state, Event.REFERENCE_LOST) is GrblState.STOPPING

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import pytest
 
-from soft_continuum.cli.up import check_start, check_twin, chosen_nodes, start_parser
+from soft_continuum.cli.up import check_launch, check_twin, chosen_nodes, start_parser
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.user_files import description_file
 
 
 def test_what_can_be_started_is_not_refused() -> None:
-    check_start('left', [description_file()], ['soft_continuum_interfaces'])
+    check_launch('left', [description_file()], ['soft_continuum_interfaces'])
 
 
 @pytest.mark.parametrize(('namespace', 'files', 'packages', 'reason'), [
@@ -25,7 +25,7 @@ def test_what_can_be_started_is_not_refused() -> None:
 def test_what_cannot_be_started_is_refused_before_anything_starts(
         namespace: str, files: Sequence[str], packages: Sequence[str], reason: str) -> None:
     with pytest.raises(ParameterError, match=reason):
-        check_start(namespace, files, packages)
+        check_launch(namespace, files, packages)
 
 
 @pytest.mark.parametrize(('options', 'nodes'), [

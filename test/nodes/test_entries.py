@@ -22,6 +22,7 @@ from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.entries import serve, subscribe
+from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_ros
 from soft_continuum.ros.entry import MAX_BYTES
@@ -95,8 +96,8 @@ def test_a_flood_of_other_programs_costs_one_look_at_the_graph() -> None:
     node.count_publishers.return_value = 0
     node.get_topic_names_and_types.return_value = []
     node.resolve_topic_name = '/arm/{}'.format
-    node.get_clock().now().nanoseconds = 0
-    conflicts = Conflicts(node, 0, {})
+    node.node_info.own, node.node_info.time = NodeInfo.own({}), 0.0
+    conflicts = Conflicts(node, 0)
     heard = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
     for n in range(100):
         heard['kinematics/heartbeat'](

@@ -14,7 +14,7 @@ import rclpy
 from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
-from soft_continuum.browser.session import Session
+from soft_continuum.browser.session import PageSession
 from soft_continuum.client import requests as client_requests
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError
@@ -175,8 +175,8 @@ def test_the_sequencer_ends_a_goal_that_waits_for_a_switch_in_vain(shared_arm: R
 def test_the_page_is_told_which_answer_did_not_come(
         shared_arm: Rig, connection: Connection) -> None:
 
-    async def begin() -> Session:
-        return Session(connection.requests)
+    async def begin() -> PageSession:
+        return PageSession(connection.requests)
 
     session = connection.requests.start(begin()).result(DEADLINE)
     with lost_answers(shared_arm.node('tendon_actuation'), '/resume'):

@@ -12,7 +12,7 @@ import pytest
 
 from soft_continuum.hardware.real_time import NICENESS, priority_allowed
 from soft_continuum.nodes import threads
-from soft_continuum.nodes.runtime import end, Signals
+from soft_continuum.nodes.runtime import shut_down, Signals
 from soft_continuum.nodes.threads import ControlLoop, Worker
 from support.processes import Processes
 from support.ros_rig import QUICK, Rig
@@ -143,7 +143,7 @@ def test_a_callback_that_fails_ends_neither_the_spinning_nor_the_holding_of_othe
 
     executor: Any = Executor()
     Signals().spin(executor, ended=lambda: len(spun) == 2)
-    end(executor, [Node(), Node()])
+    shut_down(executor, [Node(), Node()])
     assert (len(spun), len(held)) == (2, 2)
 
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import tempfile
 
 from soft_continuum.cli.main import main as run_verb
-from soft_continuum.cli.reference import cells, markdown_table, tables
-from soft_continuum.commissioning.install_service import units
+from soft_continuum.cli.reference import cells, markdown_table, parameter_tables
+from soft_continuum.commissioning.install_service import systemd_units
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.urdf import arm_urdf
 
@@ -31,7 +31,7 @@ NEW_ARMS = {'planar': 3, 'spatial': 2, 'tendons': 2}  # segments
 
 def pages() -> Iterator[tuple[str, str]]:
     """Yield the name of each page, and its text."""
-    for name, parameters in tables():
+    for name, parameters in parameter_tables():
         yield f'parameters_{name}', markdown_table(COLUMNS, (
             cells(one) for one in parameters if one.name not in CHANGED))
     for arm in ARMS:
@@ -43,7 +43,7 @@ def pages() -> Iterator[tuple[str, str]]:
         for kind, segments in NEW_ARMS.items():
             yield f'new_{kind}_arm.yaml', _written(Path(folder) / kind, '.yaml', [
                 'new-arm', 'arm', '--yes', '--kind', kind, '--segments', str(segments)])
-    for name, text in units('arm_1', ['tendon_actuation', 'kinematics'], [
+    for name, text in systemd_units('arm_1', ['tendon_actuation', 'kinematics'], [
             '/usr/bin/python3', '-m', 'soft_continuum', '%i', '--ros-args'],
             {'ROS_DOMAIN_ID': '7'}).items():
         yield name, text

@@ -9,7 +9,7 @@ from math import exp, log, pi
 import numpy as np
 import pytest
 
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
@@ -181,7 +181,7 @@ def test_of_an_arm_without_jamming_no_ratio_is_published():
 
 
 def test_when_it_was_measured_is_published(estimator):
-    estimator.follow(Commands(1234.5, np.zeros(2), (True,) * 3))
+    estimator.follow(ActuatorState(1234.5, np.zeros(2), (True,) * 3))
     truth = plane_points(estimator.state)
     estimator.measure(1234.5, [
         DiscMeasurement(n, *in_plane(truth[2 * n], 1e-6 * np.eye(3))) for n in (1, 2, 3)])

@@ -20,7 +20,7 @@ from soft_continuum.sequencing.aiming import (
     angles_to_set,
     FARTHEST,
     next_step,
-    predicted,
+    predicted_state,
     segments_worth_correcting,
 )
 from soft_continuum.sequencing.planner import Planner, PlanSettings
@@ -103,7 +103,8 @@ def test_the_angles_or_the_tip_are_right_after_the_last_segment_was_set(
     chain = statics.chain
     aim = Aim(wanted, chain.uniform(wanted).backbone[-1], on_tip)
     found, after = angles_to_set(statics, chain.straight(), ALL, aim)
-    there, naive = (predicted(statics, chain.straight(), ALL, one) for one in (found, wanted))
+    there, naive = (
+        predicted_state(statics, chain.straight(), ALL, one) for one in (found, wanted))
     assert after.coordinates == pytest.approx(there.coordinates, abs=1e-9)
     off, far = (np.linalg.norm(one.bending - wanted, axis=1).max() for one in (there, naive))
     miss, wide = (np.linalg.norm(one.backbone[-1] - aim.tip) for one in (there, naive))
@@ -157,15 +158,15 @@ def test_prediction_is_one_segment_after_the_other(statics):
     straight = statics.chain.straight()
     bending = about_y([0.3, -0.2, 0.1])
     there = walk(statics, straight, (2, 0, 1), bending)
-    found = predicted(statics, straight, (2, 0, 1), bending)
+    found = predicted_state(statics, straight, (2, 0, 1), bending)
     assert np.array_equal(found.joint_angles, there.joint_angles)
 
 
 def test_what_is_soft_now_counts_as_locked_by_the_full_vacuum_later(statics):
     soft = statics.bend(statics.chain.straight(), 0, 0.2)
-    full = predicted(statics, soft, ALL, aim_at(C_FORM).bending)
-    vented = predicted(statics, replace(soft, vacuum=(0.01, 1.0, 1.0)), ALL,
-                       aim_at(C_FORM).bending)
+    full = predicted_state(statics, soft, ALL, aim_at(C_FORM).bending)
+    vented = predicted_state(statics, replace(soft, vacuum=(0.01, 1.0, 1.0)), ALL,
+                             aim_at(C_FORM).bending)
     assert vented.bending_angles == pytest.approx(full.bending_angles, abs=1e-6)
 
 

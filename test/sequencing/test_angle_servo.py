@@ -18,8 +18,8 @@ from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.sequencing.bending_map import (
     bending_map,
-    bending_of,
     BendingLimits,
+    complex_bending,
     LINE_STEP,
 )
 from soft_continuum.sequencing.servo import (
@@ -430,7 +430,7 @@ def test_an_arm_that_is_not_its_model_goes_where_it_is_to_go(servo):
 
     def arm(pulls):
         state[0] = plant.solve(state[0], pulls, SOFT)
-        return bending_of(state[0].bending, SEGMENT)
+        return complex_bending(state[0].bending, SEGMENT)
     goals = [towards(25.0, 40.0), towards(25.0, -140.0)]
     times, found = followed(servo, SPATIAL.chain, arm, lambda t: goals[int(t >= 4.0)], 8.0, 0.1)
     for goal, since in zip(goals, (3.0, 7.0), strict=True):
@@ -447,7 +447,7 @@ def test_what_is_interpolated_is_where_the_statics_have_the_arm(disc):
         state = SPATIAL.chain.straight()
         for part in (0.5, 1.0):
             state = SPATIAL.solve(state, disc.pulls_at(part * wanted), SOFT)
-        assert abs(bending_of(state.bending, SEGMENT) - wanted) < 1.0 * DEGREE
+        assert abs(complex_bending(state.bending, SEGMENT) - wanted) < 1.0 * DEGREE
         x, y, z = state.tip
         assert abs(disc.angle_for_tip(x, z, y) - wanted) < 1.5 * DEGREE
 
@@ -487,7 +487,7 @@ def test_without_jamming_tendons_hold_the_other_segments():
     state = start
     for part in (0.5, 1.0):
         state = statics.solve(state, disc.pulls_at(part * 0.6j), [True] * 3)
-    assert abs(bending_of(state.bending, 0) - 0.6j) < 1.0 * DEGREE
+    assert abs(complex_bending(state.bending, 0) - 0.6j) < 1.0 * DEGREE
     assert np.abs(state.bending[1:]).max() < 2.0 * DEGREE
 
 

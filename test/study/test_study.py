@@ -18,8 +18,8 @@ import pytest
 from soft_continuum.cli.main import main
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.study.design import read_study
-from soft_continuum.study.running import cluster, Results, run
-from soft_continuum.study.work import compute, units
+from soft_continuum.study.running import cluster, Results, run_units
+from soft_continuum.study.work import compute, work_units
 
 SMALL = """
 vary:
@@ -69,7 +69,7 @@ def test_a_killed_worker_loses_nothing_and_the_numbers_are_those_of_one_process(
     results = Results(Path('killed'), study)
     todo = results.missing()
     assert len(todo) == 8
-    for n, _ in enumerate(run(two_workers, results, todo)):
+    for n, _ in enumerate(run_units(two_workers, results, todo)):
         if n == 1:
             os.kill(min(two_workers.run(os.getpid).values()), signal.SIGKILL)
     assert not results.missing()
@@ -84,7 +84,7 @@ def test_a_study_goes_on_where_it_was_interrupted():
     before.keep(done, compute(study.designs[done.design], done, study.seed)[0])
     Path('part/parts/.half.parquet.1').write_bytes(b'cut')
     again = Results(Path('part'), study)
-    assert again.missing() == [unit for unit in units(study) if unit != done]
+    assert again.missing() == [unit for unit in work_units(study) if unit != done]
     assert rows_of(again) == rows_of(Results(Path('whole'), study))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
@@ -104,7 +104,7 @@ class MeasuredRig(VirtualRig):
     def look(self):
         """Let the estimate follow what motors and valves report, and what is measured."""
         jammed = tuple(not soft for soft in self.soft)
-        self.estimator.follow(Commands(
+        self.estimator.follow(ActuatorState(
             self.now, np.array(self.tendons.reading.pulls), jammed, self.parts, (0, 0),
             jammed != tuple(self.jamming.stiff)))
         lost = self.hidden if self.now - self.begin >= self.lost_after else ()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from soft_continuum.estimation.commands import Commands
+from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
@@ -28,7 +28,7 @@ PRIOR, DRIFT = Prior(), Drift()
 
 def commands(time, pulls, soft):
     """Return what the estimator is told of motors and valves."""
-    return Commands(time, pulls, tuple(not s for s in soft))
+    return ActuatorState(time, pulls, tuple(not s for s in soft))
 
 
 class TrueArm:

@@ -6,12 +6,12 @@
 import pytest
 
 from soft_continuum.teleop.enable_button import EnableButton
-from soft_continuum.teleop.pad import Controls
+from soft_continuum.teleop.pad import PadState
 
 HELD = frozenset({'enable'})
-REST = Controls()
-GRIP = Controls(pressed=HELD)
-PUSH = Controls((0.5, 0.0, 0.0), HELD)
+REST = PadState()
+GRIP = PadState(pressed=HELD)
+PUSH = PadState((0.5, 0.0, 0.0), HELD)
 PERIOD = 0.05
 
 
@@ -35,9 +35,9 @@ def joystick():
 
 
 def test_it_moves_while_the_button_is_held_and_not_a_message_longer(joystick):
-    assert joystick.show(REST, Controls((1.0, 0.0, 0.0))) is None
+    assert joystick.show(REST, PadState((1.0, 0.0, 0.0))) is None
     assert joystick.show(REST, GRIP, PUSH) == PUSH.stick
-    assert joystick.show(Controls(PUSH.stick)) is None
+    assert joystick.show(PadState(PUSH.stick)) is None
 
 
 def test_a_stick_that_was_not_at_rest_does_nothing_until_it_was(joystick):
@@ -69,7 +69,7 @@ def test_messages_that_only_repeat_end_it(joystick):
     assert joystick.show(PUSH, count=99) == PUSH.stick
     assert joystick.show(PUSH, count=3) is None
     assert 'nothing changed for 5 s' in joystick.enable_button.problem
-    assert joystick.show(Controls((0.6, 0.0, 0.0), HELD)) is None
+    assert joystick.show(PadState((0.6, 0.0, 0.0), HELD)) is None
 
 
 def test_a_message_that_was_on_its_way_for_long_ends_it(joystick):

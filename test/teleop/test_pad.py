@@ -9,7 +9,7 @@ import pytest
 
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.teleop.pad import Controls, Pad, PadError
+from soft_continuum.teleop.pad import Pad, PadError, PadState
 
 DEFAULTS = {p.name: p.default for p in NODE_PARAMETERS['teleop']}
 XBOX_AXES, XBOX_BUTTONS = 8, 11  # that joy_node publishes
@@ -30,7 +30,7 @@ def message(axes=(), buttons=()):
 def test_an_xbox_pad_of_joy_node_is_read():
     # LB and A; the left stick half to the right, which joy_node counts as negative, and up.
     controls = pad(dead_zone=0.0).read(*message({0: -0.5, 1: 1.0}, [4, 0]))
-    assert controls == Controls((0.5, 1.0, 0.0), frozenset({'enable', 'soften'}))
+    assert controls == PadState((0.5, 1.0, 0.0), frozenset({'enable', 'soften'}))
 
 
 def test_within_the_dead_zone_a_stick_is_at_rest_and_beyond_it_begins_at_zero():
@@ -70,7 +70,7 @@ def test_one_button_cannot_mean_two_things():
     'x_axis': 3, 'y_axis': 2, 'z_axis': 0, 'enable_button': 9, 'dead_zone': 0.4}])
 def test_what_a_keyboard_writes_is_read_as_it_was_meant(changes):
     described = pad(**changes)
-    meant = Controls((-0.3, 0.5, 1.0), frozenset({'enable', 'mode'}))
+    meant = PadState((-0.3, 0.5, 1.0), frozenset({'enable', 'mode'}))
     read = described.read(*described.write(meant))
     assert read.stick == pytest.approx(meant.stick)
     assert read.pressed == meant.pressed

@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from soft_continuum.cli import twin
-from soft_continuum.twin.model_errors import Obstacle, RANGES, read_model_errors, TwinError
+from soft_continuum.twin.model_errors import CylinderObstacle, RANGES, read_model_errors, TwinError
 from soft_continuum.user_files import description_file
 
 FILE = description_file().with_name('twin.yaml')
@@ -63,7 +63,7 @@ def test_a_file_of_something_else_is_refused(tmp_path, capsys, text, words):
 def test_obstacles_are_read(tmp_path):
     listed = [{'x': 0.1, 'z': 0.2, 'radius': 0.03}, {'x': -1, 'z': 0, 'radius': 1}]
     found = read_model_errors(changed(tmp_path, obstacles=listed), 'mine').obstacles
-    assert found == (Obstacle(0.1, 0.2, 0.03), Obstacle(-1, 0, 1))
+    assert found == (CylinderObstacle(0.1, 0.2, 0.03), CylinderObstacle(-1, 0, 1))
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path, capsys):

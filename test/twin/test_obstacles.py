@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.twin.model_errors import Obstacle, TwinError
+from soft_continuum.twin.model_errors import CylinderObstacle, TwinError
 from support.plants import ARM, FREE, only, plant, points_of, run, SOFT
 
 PULLS = np.array([0.016, -0.05])  # m: 30 degrees and more to the right
@@ -39,7 +39,7 @@ def clearance(found, obstacle):
 def test_an_arm_that_is_bent_into_an_obstacle_rests_against_it(x, z, radius):
     shapes = []
     for side, is_there in ((1, False), (1, True), (-1, True)):
-        obstacle = Obstacle(side * x, z, radius)
+        obstacle = CylinderObstacle(side * x, z, radius)
         found = plant(ARM.without_gravity(), obstacles=(obstacle,) * is_there)
         run(found, np.zeros(2), np.zeros(2), only(0), 0.5)
         run(found, np.zeros(2), PULLS[::side], only(0), 3.0)
@@ -54,7 +54,7 @@ def test_an_arm_that_is_bent_into_an_obstacle_rests_against_it(x, z, radius):
 
 
 def test_an_obstacle_gives_no_energy():
-    obstacle = Obstacle(0.09, 0.3, 0.03)
+    obstacle = CylinderObstacle(0.09, 0.3, 0.03)
     found = plant(replace(ARM, gravity=mounted(2.0)), obstacles=(obstacle,))
     pulls = run(found, np.zeros(2), np.zeros(2), only(2), 0.5)
     run(found, pulls, np.array([-0.05, 0.015]), only(2), 1.0)
@@ -71,7 +71,7 @@ def test_an_obstacle_gives_no_energy():
 
 def test_the_arm_does_not_touch_itself():
     angles = []
-    for obstacles in ((), (Obstacle(5.0, 5.0, 0.1),)):
+    for obstacles in ((), (CylinderObstacle(5.0, 5.0, 0.1),)):
         found = plant(obstacles=obstacles)
         run(found, np.zeros(2), np.array([0.05, -0.05]), SOFT, 0.5)
         angles.append(found.joint_angles)
@@ -81,4 +81,4 @@ def test_the_arm_does_not_touch_itself():
 
 def test_an_obstacle_in_the_straight_arm_is_refused():
     with pytest.raises(TwinError, match='obstacle 2 overlaps the straight arm'):
-        plant(obstacles=(Obstacle(0.1, 0.2, 0.02), Obstacle(-0.03, 0.2, 0.02)))
+        plant(obstacles=(CylinderObstacle(0.1, 0.2, 0.02), CylinderObstacle(-0.03, 0.2, 0.02)))

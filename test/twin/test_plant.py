@@ -13,7 +13,7 @@ from soft_continuum.mechanics import MomentCurvature, pulls_for_bending, set_sha
 from soft_continuum.mechanics.arm import Arm, Disc, mounted, Segment, Tendon, Wrench
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.model_errors import Obstacle, read_model_errors, TwinError
+from soft_continuum.twin.model_errors import CylinderObstacle, read_model_errors, TwinError
 from soft_continuum.twin.plant import Plant, Sensors
 from soft_continuum.user_files import description_file
 from support.paper_arm import plane_points
@@ -302,10 +302,10 @@ def test_an_arm_with_friction_inside_is_refused():
 
 def test_an_obstacle_stops_an_arm_in_space():
     pull = np.array([0.018, -0.03, -0.03])
-    for obstacles in ((), (Obstacle(0.055, 0.305, 0.01),)):
+    for obstacles in ((), (CylinderObstacle(0.055, 0.305, 0.01),)):
         found = plant(few(gravity=(0.0, 0.0, 0.0)), obstacles=obstacles)
         run(found, ZERO, pull, only(2), 2.0)
         away = np.linalg.norm(found.poses[:, :3][-1, [0, 2]] - [0.055, 0.305])
         assert (away > 0.01) == bool(obstacles)
     with pytest.raises(TwinError, match='obstacle 1 overlaps the straight arm'):
-        plant(JAMMING, obstacles=(Obstacle(0.0, 0.2, 0.02),))
+        plant(JAMMING, obstacles=(CylinderObstacle(0.0, 0.2, 0.02),))

@@ -48,7 +48,7 @@ class DamagedReplyError(HardwareError):
     """The received bytes are not a reply to the request."""
 
 
-class RefusedError(HardwareError):
+class ServoRejectedError(HardwareError):
     """A servo rejected the request."""
 
 
@@ -122,7 +122,7 @@ class DynamixelBus(Wakeable):
         return self._ask(servo, 0x02, request, length)
 
     def write(self, servo: int, register: Register, value: int) -> None:
-        """Write a register; raises RefusedError when the servo does not take the value."""
+        """Write a register; raises ServoRejectedError when the servo does not take the value."""
         self._ask(servo, 0x03, register.address.to_bytes(2, 'little') + register.encode(value), 0)
 
     def reboot(self, servo: int) -> None:
@@ -145,7 +145,8 @@ class DynamixelBus(Wakeable):
         self._port.setPacketTimeoutMillis(1e3 * reply_time)
         packet = self._packet(servo, length + STATUS_OVERHEAD)
         if code := packet[8] & ~ALERT:
-            raise RefusedError(f'servo {servo} refuses: {REASONS.get(code, f"error {code}")}')
+            raise ServoRejectedError(
+                f'servo {servo} refuses: {REASONS.get(code, f"error {code}")}')
         return Reply(packet[9:-2], bool(packet[8] & ALERT))
 
     # All servos at once.

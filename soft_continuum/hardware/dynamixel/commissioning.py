@@ -21,7 +21,7 @@ from soft_continuum.hardware.dynamixel.registers import (
     RETURN_DELAY,
     TORQUE_ENABLE,
 )
-from soft_continuum.hardware.dynamixel.setup import find_servos, problems, Servo, Spools
+from soft_continuum.hardware.dynamixel.setup import find_servos, FoundServo, problems, Spools
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.user_files import dynamixel_zeros
 
@@ -67,7 +67,7 @@ def _check_latency(port: str) -> Check:
     return Check(step, OK, message)
 
 
-def _check_servo(servo: Servo, spools: Spools) -> Check:
+def _check_servo(servo: FoundServo, spools: Spools) -> Check:
     if found := problems(servo, spools.speed_limit):
         return Check(str(servo), FAIL, '; '.join(
             line.removeprefix(f'{servo}: ') for line in found))

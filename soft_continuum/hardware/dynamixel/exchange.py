@@ -20,8 +20,8 @@ from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
     DynamixelBus,
     NoReplyError,
-    RefusedError,
     Reply,
+    ServoRejectedError,
 )
 from soft_continuum.hardware.dynamixel.path import MAX_LEAD
 from soft_continuum.hardware.dynamixel.registers import (
@@ -47,7 +47,7 @@ from soft_continuum.hardware.dynamixel.registers import (
     WATCHDOG_TRIGGERED,
     WATCHDOG_UNIT,
 )
-from soft_continuum.hardware.dynamixel.setup import CALIBRATE, Servo, Spools
+from soft_continuum.hardware.dynamixel.setup import CALIBRATE, FoundServo, Spools
 from soft_continuum.hardware.protocols import HardwareError
 
 BLOCK = TORQUE_ENABLE.address, PRESENT_POSITION.end
@@ -117,7 +117,7 @@ class ServoState:
                 and abs(self.position - earlier.position) <= fastest * (elapsed + 0.02) + 20)
 
 
-def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
+def read_states(bus: DynamixelBus, servos: Sequence[FoundServo]) -> list[ServoState]:
     """Return the state of all servos, by the fastest read instruction that they support."""
     ids = [servo.id for servo in servos]
     fast = bus.fast is not False
@@ -133,7 +133,7 @@ def read_states(bus: DynamixelBus, servos: Sequence[Servo]) -> list[ServoState]:
     raise HardwareError(f'the servos reply individually, but not together: {reason}')
 
 
-def take_over(bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
+def take_over(bus: DynamixelBus, servos: Sequence[FoundServo], spools: Spools,
               states: Sequence[ServoState]) -> list[ServoState]:
     """
     Let all servos hold, within their tension limits and with their watchdogs armed.
@@ -193,12 +193,12 @@ def _unkept(held_by: Sequence[Written], wanted: Sequence[Written]) -> HardwareEr
                          f'of {wanted}; check the line')
 
 
-def _switch_on(bus: DynamixelBus, servo: Servo) -> None:
+def _switch_on(bus: DynamixelBus, servo: FoundServo) -> None:
     for attempt in range(ATTEMPTS):
         try:
             bus.write(servo.id, TORQUE_ENABLE, 1)
             return
-        except RefusedError as error:
+        except ServoRejectedError as error:
             raise HardwareError(f'{servo} cannot switch its torque on: {error}; switch it off and '
                                 'on') from None
         except (NoReplyError, DamagedReplyError):
@@ -206,7 +206,7 @@ def _switch_on(bus: DynamixelBus, servo: Servo) -> None:
                 raise
 
 
-def _profile_velocity(servo: Servo, spools: Spools) -> int:
+def _profile_velocity(servo: FoundServo, spools: Spools) -> int:
     return max(1, round(SPEED_MARGIN * spools.speed_limit / servo.radius / VELOCITY_UNIT))
 
 
@@ -217,8 +217,8 @@ class Exchange:
     missed: number of successive reads without a valid reply.
     """
 
-    def __init__(self, bus: DynamixelBus, servos: Sequence[Servo], found: Sequence[ServoState]
-                 ) -> None:
+    def __init__(self, bus: DynamixelBus, servos: Sequence[FoundServo],
+                 found: Sequence[ServoState]) -> None:
         """Go on with servos as they were ``found``."""
         self._bus, self._servos = bus, tuple(servos)
         self._ids = [servo.id for servo in servos]
@@ -286,7 +286,7 @@ class Exchange:
             why = f'{" and ".join(silent)}: stopped replying; check its cable and supply'
         raise HardwareError(why)
 
-    def _why_other(self, servo: Servo, found: Written, written: Written) -> str:
+    def _why_other(self, servo: FoundServo, found: Written, written: Written) -> str:
         """Explain why a servo does not hold the written values."""
         if found.watchdog == WATCHDOG_TRIGGERED:
             return (f'the watchdog of {servo} stopped it, because it received nothing for '
@@ -296,7 +296,7 @@ class Exchange:
                     'turn count is lost; check its supply')
         return f'{servo} does not keep the values written to it ({found} instead of {written})'
 
-    def _explain_alert(self, servo: Servo) -> None:
+    def _explain_alert(self, servo: FoundServo) -> None:
         with contextlib.suppress(NoReplyError, DamagedReplyError):
             if status := self._bus.read(servo.id, HARDWARE_ERROR):
                 raise HardwareError(

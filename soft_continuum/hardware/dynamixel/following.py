@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from soft_continuum.hardware.dynamixel.exchange import profile_speed, ServoState
 from soft_continuum.hardware.dynamixel.registers import RADIANS_PER_PULSE, TICK_RANGE
-from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spools
+from soft_continuum.hardware.dynamixel.setup import FoundServo, FRICTION_SHARE, Spools
 
 REST_TIME, REST_PULSES = 0.03, 1
 """Time (s) in which a servo at rest turns by at most so many pulses."""
@@ -62,8 +62,8 @@ class Track:
 class Following:
     """Compares servos with unloaded motors; for one thread at a time."""
 
-    def __init__(self, servos: Sequence[Servo], spools: Spools, states: Sequence[ServoState]
-                 ) -> None:
+    def __init__(self, servos: Sequence[FoundServo], spools: Spools,
+                 states: Sequence[ServoState]) -> None:
         """Begin with servos at rest."""
         self._servos, self._scale = tuple(servos), spools.pull_per_pulse
         # Friction of the gear turns with the direction.

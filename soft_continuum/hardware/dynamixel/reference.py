@@ -29,7 +29,7 @@ from soft_continuum.hardware.dynamixel.registers import (
     SPARE,
     WATCHDOG_TRIGGERED,
 )
-from soft_continuum.hardware.dynamixel.setup import Servo, Spools
+from soft_continuum.hardware.dynamixel.setup import FoundServo, Spools
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.text import read_bytes, write_whole
 
@@ -127,11 +127,12 @@ class ZeroFile:
             raise HardwareError(f'the zero cannot be saved in {self._path} ({error.strerror}); '
                                 'make it writable, and reference again') from None
 
-    def begin_write(self, servos: Sequence[Servo], zeros: Sequence[int]) -> Future[None]:
+    def begin_write(self, servos: Sequence[FoundServo], zeros: Sequence[int]) -> None:
         """
         Keep zeros (Present Positions), as ``write``, on a thread of its own.
 
         A busy disk would hold up the thread of the bus for longer than the servos' watchdogs wait.
+        ``check_written`` reports a failure.
         """
         before, pool = self._last, ThreadPoolExecutor(1, 'dynamixel_zeros')
 
@@ -142,12 +143,17 @@ class ZeroFile:
 
         self._last = pool.submit(write)
         pool.shutdown(wait=False)  # its thread ends with the write
-        return self._last
 
     @property
     def writing(self) -> bool:
         """Whether zeros are being written."""
         return self._last is not None and not self._last.done()
+
+    def check_written(self) -> None:
+        """Raise HardwareError, once, if the last zeros could not be written."""
+        if self._last is not None and self._last.done():
+            last, self._last = self._last, None
+            last.result()
 
     def _all(self) -> dict[str, dict[str, int | None]]:
         try:
@@ -159,7 +165,7 @@ class ZeroFile:
         return {str(port): zeros for port, zeros in known.items() if isinstance(zeros, dict)}
 
 
-def find_zeros(bus: DynamixelBus, servos: Sequence[Servo], states: Sequence[ServoState],
+def find_zeros(bus: DynamixelBus, servos: Sequence[FoundServo], states: Sequence[ServoState],
                spools: Spools, zero_file: ZeroFile) -> list[Zero]:
     """Return the zero of every servo, as a Present Position, as far as it is known."""
     zeros = []
@@ -184,12 +190,12 @@ def clear_marks(bus: DynamixelBus, ids: Sequence[int], zero_file: ZeroFile) -> N
         bus.write(servo, SPARE, 0)
 
 
-def _raw(servos: Sequence[Servo], zeros: Sequence[int]) -> list[int]:
+def _raw(servos: Sequence[FoundServo], zeros: Sequence[int]) -> list[int]:
     """Return Present Positions without Homing Offset."""
     return [zero - servo.homing_offset for zero, servo in zip(zeros, servos, strict=True)]
 
 
-def mark_zeros(bus: DynamixelBus, servos: Sequence[Servo], zeros: Sequence[int]) -> None:
+def mark_zeros(bus: DynamixelBus, servos: Sequence[FoundServo], zeros: Sequence[int]) -> None:
     """Mark zeros (Present Positions) in the servos; raises HardwareError."""
     marks = {servo.id: mark(servo.id, zero)
              for servo, zero in zip(servos, _raw(servos, zeros), strict=True)}

@@ -93,7 +93,7 @@ TICK_RANGE = 32768  # ms after which the Realtime Tick wraps around
 
 
 @dataclass(frozen=True)
-class Model:
+class ServoModel:
     """
     Data sheet values of a model with a current sensor.
 
@@ -113,8 +113,9 @@ class Model:
         return self.stall_torque / self.stall_current
 
 
-def _model(name: str, milliamperes: float, torque: float, current: float, rpm: float) -> Model:
-    return Model(name, 1e-3 * milliamperes, torque, current, rpm * 2.0 * pi / 60.0)
+def _model(name: str, milliamperes: float, torque: float, current: float, rpm: float
+           ) -> ServoModel:
+    return ServoModel(name, 1e-3 * milliamperes, torque, current, rpm * 2.0 * pi / 60.0)
 
 
 MODELS = {

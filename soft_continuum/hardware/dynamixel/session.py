@@ -9,7 +9,6 @@ the next hundredth of a second and reads all servos.
 """
 
 from collections.abc import Sequence
-from concurrent.futures import Future
 import contextlib
 from dataclasses import replace
 from enum import Enum
@@ -25,7 +24,7 @@ from soft_continuum.hardware.dynamixel.registers import (
     MAX_POSITION,
     PULSES_PER_TURN,
 )
-from soft_continuum.hardware.dynamixel.setup import FRICTION_SHARE, Servo, Spools
+from soft_continuum.hardware.dynamixel.setup import FoundServo, FRICTION_SHARE, Spools
 from soft_continuum.hardware.dynamixel.take_up import TakeUp
 from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
 from soft_continuum.hardware.serial_tendons import Session, STOP_TIMEOUT
@@ -35,7 +34,7 @@ DISTANCE_BEHIND, TIME_BEHIND, BEHIND_TIMEOUT = 0.003, 0.15, 0.25
 """Allowed lag of a tendon, m and s of the fastest motion; s for which it may be exceeded."""
 
 
-class State(Enum):
+class MotionState(Enum):
     """What the tendons do."""
 
     RESTING = 'rest'
@@ -45,7 +44,7 @@ class State(Enum):
     FAILED = 'failed'
 
 
-BUSY = State.MOVING, State.STOPPING, State.TAKING_UP
+BUSY = MotionState.MOVING, MotionState.STOPPING, MotionState.TAKING_UP
 
 
 class DynamixelSession(Session[DynamixelBus]):
@@ -54,12 +53,12 @@ class DynamixelSession(Session[DynamixelBus]):
     DEVICE = 'the servos have'
     CYCLE, RESTING_CYCLE = 0.01, 0.05
 
-    def __init__(self, bus: DynamixelBus, servos: Sequence[Servo], spools: Spools,
+    def __init__(self, bus: DynamixelBus, servos: Sequence[FoundServo], spools: Spools,
                  found: Sequence[ServoState], zeros: Sequence[Zero], zero_file: ZeroFile) -> None:
         """Take over holding servos as they were ``found``, with the values written to them."""
         super().__init__(bus)
         self._servos, self._spools, self._zero_file = tuple(servos), spools, zero_file
-        self.state = State.RESTING
+        self.state = MotionState.RESTING
         self._exchange = Exchange(bus, servos, found)  # of the thread that owns the bus
         self._states = list(found)
         self._written = [state.written for state in found]
@@ -71,7 +70,6 @@ class DynamixelSession(Session[DynamixelBus]):
         self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
         self._braked = False
         self._mark_due = not self._unreferenced  # where the zero was found in another way
-        self._kept: Future[None] | None = None  # whether the file has the last zero
         self._since = self._stepped = self._near = bus.clock()
         self._take_up: TakeUp | None = None
         self._accuracy = Accuracy(
@@ -110,16 +108,16 @@ class DynamixelSession(Session[DynamixelBus]):
                 'a servo counts at most 256 turns and would exceed them; with slack tendons '
                 'switch the servos off and on, and reference again')
         self._target = pulls, arrival
-        if self.state is not State.STOPPING:
+        if self.state is not MotionState.STOPPING:
             self._aim(self.link.clock())
         return rested  # cycles of a motion come regularly
 
     def _stop(self) -> None:
         """Brake as fast as the servos can, then hold."""
         self._target = None
-        if self.state in (State.MOVING, State.TAKING_UP):
+        if self.state in (MotionState.MOVING, MotionState.TAKING_UP):
             self._braked = False
-            self._enter(State.STOPPING)
+            self._enter(MotionState.STOPPING)
 
     def _reference(self) -> None:
         """Take the present position as zero pull, or begin to take up the slack."""
@@ -127,21 +125,21 @@ class DynamixelSession(Session[DynamixelBus]):
             self._unreferenced = 'the slack was not taken up'
             self._take_up = TakeUp(self._servos, self._spools, self._positions(),
                                    [w.goal for w in self._written], self.link.clock())
-            self._enter(State.TAKING_UP)
+            self._enter(MotionState.TAKING_UP)
         else:
             self._take_zero([w.goal for w in self._written])
 
-    def _enter(self, state: State) -> None:
+    def _enter(self, state: MotionState) -> None:
         self.state, self._since = state, self.link.clock()
         self._near = self._since
 
     def _aim(self, now: float) -> None:
         if self._target is not None:
             (pulls, arrival), self._target = self._target, None
-            if self.state is State.RESTING:
+            if self.state is MotionState.RESTING:
                 self._path.place(self._positions(), [w.goal for w in self._written])
                 self._following.place(self._states)
-                self._enter(State.MOVING)
+                self._enter(MotionState.MOVING)
             self._since = now
             self._path.aim(pulls, max(0.0, arrival - now))
 
@@ -158,7 +156,7 @@ class DynamixelSession(Session[DynamixelBus]):
     def cycle(self) -> None:
         """Send what is due and read the servos; raises HardwareError when something fails."""
         with self._lock:
-            braking = self.state is State.STOPPING and not self._braked
+            braking = self.state is MotionState.STOPPING and not self._braked
             if not braking:
                 self._plan(self.link.clock())
         if braking:  # from where the servos are now, not from where they were
@@ -173,20 +171,19 @@ class DynamixelSession(Session[DynamixelBus]):
             marks, self._mark_due = self._mark_due, False
             zeros = list(self._path.zeros)
         if marks:
-            self._kept = self._zero_file.begin_write(self._servos, zeros)
+            self._zero_file.begin_write(self._servos, zeros)
             mark_zeros(self.link, self._servos, zeros)  # now, for the servos are at rest
-        elif self._kept is not None and self._kept.done():
-            kept, self._kept = self._kept, None
-            kept.result()
+        else:
+            self._zero_file.check_written()
 
     def _plan(self, now: float) -> None:
         """Set what the servos are to do in this cycle."""
         elapsed, self._stepped = now - self._stepped, now
-        if self.state is State.TAKING_UP and self._take_up is not None:
+        if self.state is MotionState.TAKING_UP and self._take_up is not None:
             if not self._take_up.done:
                 self._take_up.step(self._states, now)
             self._set(goals=self._take_up.goals, currents=self._take_up.currents)
-        elif self.state in (State.MOVING, State.RESTING):
+        elif self.state in (MotionState.MOVING, MotionState.RESTING):
             if not self._exchange.missed:  # nothing moves on blindly
                 self._path.advance(elapsed)
             if self._path.done and not self._exchange.missed:
@@ -228,18 +225,18 @@ class DynamixelSession(Session[DynamixelBus]):
     def _judge(self, now: float) -> None:
         """Go on with what the tendons do, as far as they have come."""
         if self._exchange.missed:
-            if self.state is State.STOPPING and now - self._since > STOP_TIMEOUT:
+            if self.state is MotionState.STOPPING and now - self._since > STOP_TIMEOUT:
                 raise self._unconfirmed()
             return
         still = self._track.still()
-        if self.state is State.STOPPING:
+        if self.state is MotionState.STOPPING:
             if self._braked and still:
                 self._path.place(self._positions(), [w.goal for w in self._written])
-                self._enter(State.RESTING)
+                self._enter(MotionState.RESTING)
                 self._aim(now)
             elif now - self._since > STOP_TIMEOUT:
                 raise self._unconfirmed()
-        elif self.state is State.TAKING_UP and self._take_up is not None:
+        elif self.state is MotionState.TAKING_UP and self._take_up is not None:
             if self._take_up.done and still:
                 self._end_take_up(self._take_up)
         else:
@@ -255,10 +252,11 @@ class DynamixelSession(Session[DynamixelBus]):
         arrived = all(abs(e) <= t for e, t in zip(errors, self._path.tolerances, strict=True))
         if not self._path.done:
             self._since = now
-        elif self.state is State.MOVING and arrived and still:
-            self._enter(State.RESTING)
-        late = self.state is State.MOVING and now - self._since > ARRIVAL_TIMEOUT
-        at = None if self.state is not State.MOVING or self._path.done else self._following.caught
+        elif self.state is MotionState.MOVING and arrived and still:
+            self._enter(MotionState.RESTING)
+        late = self.state is MotionState.MOVING and now - self._since > ARRIVAL_TIMEOUT
+        at = (None if self.state is not MotionState.MOVING or self._path.done
+              else self._following.caught)
         if late or now - self._near > BEHIND_TIMEOUT:
             at = max(range(len(errors)), key=lambda i: abs(scale[i] * errors[i]))
         if at is not None:
@@ -277,7 +275,7 @@ class DynamixelSession(Session[DynamixelBus]):
             self._unreferenced = take_up.failed
         else:
             self._take_zero(self._positions())
-        self._enter(State.RESTING)
+        self._enter(MotionState.RESTING)
 
     # The end
 
@@ -285,7 +283,7 @@ class DynamixelSession(Session[DynamixelBus]):
         """Hold the tendons where they are, and end the session."""
         with self._lock:
             moved = self.state in BUSY and not self._exchange.missed
-            self.state, self.failure = State.FAILED, reason
+            self.state, self.failure = MotionState.FAILED, reason
             # Where they are now, though they swing: what goes on alone strains the arm.
             goals = self._path.holding_goals(self._positions(), [s.current for s in self._states])
         if moved:

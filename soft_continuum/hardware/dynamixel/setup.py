@@ -17,7 +17,7 @@ from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
     DynamixelBus,
     NoReplyError,
-    RefusedError,
+    ServoRejectedError,
 )
 from soft_continuum.hardware.dynamixel.registers import (
     CURRENT_BASED_POSITION,
@@ -30,7 +30,6 @@ from soft_continuum.hardware.dynamixel.registers import (
     HARDWARE_ERROR,
     HOMING_OFFSET,
     INPUT_VOLTAGE,
-    Model,
     MODELS,
     OPERATING_MODE,
     P_GAIN_UNIT,
@@ -39,6 +38,7 @@ from soft_continuum.hardware.dynamixel.registers import (
     RADIANS_PER_PULSE,
     Register,
     SECONDARY_ID,
+    ServoModel,
     SHUTDOWN,
     STARTUP,
     STATUS_RETURN_LEVEL,
@@ -134,12 +134,12 @@ class Spools:
 
 
 @dataclass(frozen=True)
-class Servo:
+class FoundServo:
     """One servo as it was found; table: its registers from address 0 to TABLE_END."""
 
     id: int
     tendon: str
-    model: Model
+    model: ServoModel
     torque_constant: float
     radius: float
     tension_limit: float
@@ -213,7 +213,7 @@ class Servo:
                 f'{0.1 * self.get(INPUT_VOLTAGE):.1f} V, {self.get(TEMPERATURE)} °C')
 
 
-def find_servos(bus: DynamixelBus, spools: Spools) -> list[Servo]:
+def find_servos(bus: DynamixelBus, spools: Spools) -> list[FoundServo]:
     """
     Return the servos of all tendons; change nothing.
 
@@ -225,7 +225,7 @@ def find_servos(bus: DynamixelBus, spools: Spools) -> list[Servo]:
         name = f'servo {number} ({tendon})'
         model = _model(name, _ping(bus, number, name, spools.ids))
         table = _table(bus, number, name)
-        servos.append(Servo(
+        servos.append(FoundServo(
             number, tendon, model, spools.torque_constants[i] or model.torque_constant,
             spools.radii[i], spools.tension_limits[i], table))
     return servos
@@ -304,7 +304,7 @@ def _why_missing(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) 
             'the cable and the power of the servos')
 
 
-def _model(name: str, number: int) -> Model:
+def _model(name: str, number: int) -> ServoModel:
     if number in WITHOUT_CURRENT:
         raise HardwareError(
             f'{name} is an {WITHOUT_CURRENT[number]}, which can neither measure nor limit its '
@@ -332,7 +332,7 @@ class RegisterMismatch:
         return f'{self.register} is {self.value}, needed: {self.needed}, {self.why}'
 
 
-def unfit_settings(servo: Servo, speed_limit: float) -> list[RegisterMismatch]:
+def unfit_settings(servo: FoundServo, speed_limit: float) -> list[RegisterMismatch]:
     """Return the EEPROM values of a servo to change; speed_limit: m/s of the tendon."""
     def unless(register: Register, fits: bool, needed: int, why: str) -> list[RegisterMismatch]:
         value = servo.get(register)
@@ -361,7 +361,7 @@ def unfit_settings(servo: Servo, speed_limit: float) -> list[RegisterMismatch]:
     ]
 
 
-def problems(servo: Servo, speed_limit: float) -> list[str]:
+def problems(servo: FoundServo, speed_limit: float) -> list[str]:
     """Return why a servo cannot be used, each with a remedy; empty if it can."""
     found = []
     if status := servo.get(HARDWARE_ERROR):
@@ -391,7 +391,8 @@ def problems(servo: Servo, speed_limit: float) -> list[str]:
     return found
 
 
-def write_settings(bus: DynamixelBus, servo: Servo, unfit: Sequence[RegisterMismatch]) -> None:
+def write_settings(bus: DynamixelBus, servo: FoundServo, unfit: Sequence[RegisterMismatch]
+                   ) -> None:
     """
     Switch the torque of a servo off and write its EEPROM; the tendon must be slack.
 
@@ -401,7 +402,7 @@ def write_settings(bus: DynamixelBus, servo: Servo, unfit: Sequence[RegisterMism
     for item in unfit:
         try:
             bus.write(servo.id, item.register, item.needed)
-        except RefusedError as error:
+        except ServoRejectedError as error:
             raise HardwareError(f'{servo} does not accept {item.register} {item.needed}: {error}'
                                 ) from None
         if (value := bus.read(servo.id, item.register)) != item.needed:

@@ -5,7 +5,7 @@
 from collections.abc import Sequence
 
 from soft_continuum.hardware.dynamixel.exchange import ServoState
-from soft_continuum.hardware.dynamixel.setup import Servo, Spools
+from soft_continuum.hardware.dynamixel.setup import FoundServo, Spools
 
 SPEED = 0.002  # m/s
 MAX_TRAVEL = 0.02  # m of each tendon
@@ -26,7 +26,7 @@ class TakeUp:
     the slack was not taken up, or empty.  done: whether it has ended.
     """
 
-    def __init__(self, servos: Sequence[Servo], spools: Spools, positions: Sequence[int],
+    def __init__(self, servos: Sequence[FoundServo], spools: Spools, positions: Sequence[int],
                  goals: Sequence[int], now: float) -> None:
         """Begin from where servos rest at their ``goals``; now: s."""
         self._servos, self._scale = tuple(servos), spools.pull_per_pulse

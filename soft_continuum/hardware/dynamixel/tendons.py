@@ -8,6 +8,7 @@ on, also after close; nothing here writes their EEPROM, reboots them or switches
 """
 
 from collections.abc import Callable, Mapping
+import logging
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -24,6 +25,7 @@ from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.user_files import dynamixel_zeros
 
 MAX_READ_TIME = 0.05  # s for all servos
+LOG = logging.getLogger('soft_continuum.hardware.dynamixel')
 
 
 class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
@@ -59,10 +61,14 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
         self._zero_file = ZeroFile(zeros, port)
 
     def close(self) -> None:
-        """Disconnect, and wait until the zeros are written."""
+        """Disconnect, and wait until the zeros are written; log if they cannot be."""
         super().close()
         while self._zero_file.writing:
             self.clock.sleep(POLL_INTERVAL)
+        try:
+            self._zero_file.check_written()
+        except HardwareError as error:  # the session reports it, unless it ended before
+            LOG.error(error)
 
     def connect(self) -> DynamixelBus:
         """Open the port."""

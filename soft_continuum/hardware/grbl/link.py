@@ -78,7 +78,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Status:
+class StatusReport:
     """
     The answer to ``?``; position and work_offset are motor steps in machine coordinates.
 
@@ -100,7 +100,7 @@ class Feedback:
     text: str
 
 
-Message = Banner | Acknowledgement | Alarm | Setting | Status | Feedback
+Message = Banner | Acknowledgement | Alarm | Setting | StatusReport | Feedback
 
 
 def parse(line: str) -> Message | None:
@@ -112,8 +112,8 @@ def parse(line: str) -> Message | None:
         position = _coordinates(fields.get('MPos', ''))
         if position is None and _coordinates(fields.get('WPos', '')) is None:
             return None  # damaged on the way
-        return Status(found[1], found[2] or '', position, _coordinates(fields.get('WCO', '')),
-                      fields.get('Pn', ''))
+        return StatusReport(found[1], found[2] or '', position,
+                            _coordinates(fields.get('WCO', '')), fields.get('Pn', ''))
     if found := SETTING.fullmatch(line):
         return Setting(int(found[1]), float(found[2]))
     if found := ALARM.fullmatch(line):

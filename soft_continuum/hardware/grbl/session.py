@@ -26,8 +26,8 @@ from soft_continuum.hardware.grbl.link import (
     jog_line,
     Message,
     SOFT_RESET,
-    Status,
     STATUS_QUERY,
+    StatusReport,
 )
 from soft_continuum.hardware.grbl.motion import add, JOG_TIME, JogStream, Motors, Steps, subtract
 from soft_continuum.hardware.grbl.setup import (
@@ -64,7 +64,7 @@ HOME = '$H'
 MINUTE = 60.0  # s
 
 
-class State(Enum):
+class GrblState(Enum):
     """State of a controller, as known to its driver."""
 
     RESTING = auto()
@@ -95,24 +95,28 @@ class Event(Enum):
     TARGET, RESTED, STOP, HOME, HOME_SENT, HOME_DONE, LOCKED, REFERENCE_LOST, FAILURE = range(9)
 
 
-BUSY = frozenset(State) - {State.RESTING, State.FAILED}
+BUSY = frozenset(GrblState) - {GrblState.RESTING, GrblState.FAILED}
 """States in which the tendons move or may move."""
 
 _TRANSITIONS = {
-    Event.TARGET: {State.RESTING: State.JOGGING},
-    Event.RESTED: dict.fromkeys((State.JOGGING, State.STOPPING, State.HOMED), State.RESTING),
-    Event.STOP: {State.JOGGING: State.STOPPING, State.SEEKING: State.ABORTING_HOMING,
-                 State.HOMING_REQUESTED: State.RESTING, State.HOMED: State.RESTING},
-    Event.HOME: {State.RESTING: State.HOMING_REQUESTED},
-    Event.HOME_SENT: {State.HOMING_REQUESTED: State.SEEKING},
-    Event.HOME_DONE: {State.SEEKING: State.HOMED, State.ABORTING_HOMING: State.RESTING},
-    Event.LOCKED: {State.STOPPING: State.RESTING},
-    Event.REFERENCE_LOST: dict.fromkeys(set(State) - {State.FAILED}, State.STOPPING),
-    Event.FAILURE: dict.fromkeys(State, State.FAILED),
+    Event.TARGET: {GrblState.RESTING: GrblState.JOGGING},
+    Event.RESTED: dict.fromkeys(
+        (GrblState.JOGGING, GrblState.STOPPING, GrblState.HOMED), GrblState.RESTING),
+    Event.STOP: {GrblState.JOGGING: GrblState.STOPPING,
+                 GrblState.SEEKING: GrblState.ABORTING_HOMING,
+                 GrblState.HOMING_REQUESTED: GrblState.RESTING,
+                 GrblState.HOMED: GrblState.RESTING},
+    Event.HOME: {GrblState.RESTING: GrblState.HOMING_REQUESTED},
+    Event.HOME_SENT: {GrblState.HOMING_REQUESTED: GrblState.SEEKING},
+    Event.HOME_DONE: {GrblState.SEEKING: GrblState.HOMED,
+                      GrblState.ABORTING_HOMING: GrblState.RESTING},
+    Event.LOCKED: {GrblState.STOPPING: GrblState.RESTING},
+    Event.REFERENCE_LOST: dict.fromkeys(set(GrblState) - {GrblState.FAILED}, GrblState.STOPPING),
+    Event.FAILURE: dict.fromkeys(GrblState, GrblState.FAILED),
 }
 
 
-def next_state(state: State, event: Event) -> State:
+def next_state(state: GrblState, event: Event) -> GrblState:
     """Return the state after an event; events without a transition change nothing."""
     return _TRANSITIONS[event].get(state, state)
 
@@ -142,7 +146,7 @@ class GrblSession(Session[GrblLink]):
         braking = min(found.settings[120 + i] / scale
                       for i, scale in enumerate(motors.steps_per_metre))
         self._jogs = JogStream(motors, braking)
-        self.state = State.RESTING
+        self.state = GrblState.RESTING
         self.position = motors.to_steps(found.position)
         self._zero = motors.to_steps(found.zero or (0.0,) * len(self.position))
         self._speeds = (0.0,) * len(self.position)  # m/s
@@ -184,17 +188,17 @@ class GrblSession(Session[GrblLink]):
 
     def _move(self, pulls: tuple[float, ...], arrival: float) -> bool:
         self._target = add(self._zero, self._motors.from_pulls(pulls)), arrival
-        if self.state is not State.STOPPING:
+        if self.state is not GrblState.STOPPING:
             self._aim(self.link.clock())
         return True  # jogs are short
 
     def _stop(self) -> None:
         """Brake as the controller can without losing a step, then hold."""
         self._target = None
-        if self.state is State.HOMING_REQUESTED:
+        if self.state is GrblState.HOMING_REQUESTED:
             self._setup_lines = []
         self._begin_stop()
-        if self.state is State.ABORTING_HOMING:  # nothing but a reset ends a homing cycle
+        if self.state is GrblState.ABORTING_HOMING:  # nothing but a reset ends a homing cycle
             self._hold_sent_at = self.link.clock()
             self.link.write(SOFT_RESET)
 
@@ -230,7 +234,7 @@ class GrblSession(Session[GrblLink]):
 
     def act(self, now: float) -> None:
         """Send due commands, and check that earlier ones are answered in time."""
-        stopping = self.state in (State.STOPPING, State.ABORTING_HOMING)
+        stopping = self.state in (GrblState.STOPPING, GrblState.ABORTING_HOMING)
         if stopping and self._state_watch.expired(STOP_TIMEOUT, now):
             raise self._unconfirmed()
         if self.link.unanswered == HOME:  # status queries are not answered either
@@ -241,7 +245,7 @@ class GrblSession(Session[GrblLink]):
                 f'the GRBL controller did not acknowledge {self.link.unanswered!r}, so the '
                 'motion was ended; check the cable')
         self._query_status(now)
-        if self.state is State.STOPPING or self.link.unanswered:
+        if self.state is GrblState.STOPPING or self.link.unanswered:
             return
         if self._setup_lines:
             line = self._setup_lines.pop(0)
@@ -269,12 +273,12 @@ class GrblSession(Session[GrblLink]):
         self.link.write(STATUS_QUERY)
 
     def _watch_homing(self, now: float) -> None:
-        if self.state is State.SEEKING and now - self._state_watch.since > HOMING_TIMEOUT:
+        if self.state is GrblState.SEEKING and now - self._state_watch.since > HOMING_TIMEOUT:
             raise HardwareError(
                 f'homing has not ended within {HOMING_TIMEOUT:g} s; check switches, motors and '
                 'the travel settings, $130 and following')
         stop_sent = now - self._hold_sent_at
-        if self.state is State.ABORTING_HOMING and stop_sent > STOP_RETRY_INTERVAL:
+        if self.state is GrblState.ABORTING_HOMING and stop_sent > STOP_RETRY_INTERVAL:
             self._hold_sent_at = now
             self._state_watch.count += 1
             self.link.write(SOFT_RESET)
@@ -291,7 +295,7 @@ class GrblSession(Session[GrblLink]):
             self._on_acknowledgement(message)
         elif is_mark(message):
             self._mark_found = True
-        elif isinstance(message, Status) and message.position is not None:
+        elif isinstance(message, StatusReport) and message.position is not None:
             self._on_status(message, self._motors.to_steps(message.position), now)
 
     def _on_reset(self) -> None:
@@ -322,7 +326,7 @@ class GrblSession(Session[GrblLink]):
         elif line == MARKED:
             self._marked = True
 
-    def _on_status(self, status: Status, steps: Steps, now: float) -> None:
+    def _on_status(self, status: StatusReport, steps: Steps, now: float) -> None:
         still = steps == self.position
         elapsed = max(now - self._reported_at, 1e-3)
         travel = self._motors.to_pulls(subtract(steps, self.position))
@@ -333,7 +337,7 @@ class GrblSession(Session[GrblLink]):
         self._state_watch.count += 1
         idle = status.state == 'Idle' and still and not self.link.unanswered
         self._idle_reports = self._idle_reports + 1 if idle else 0
-        if self.state is State.JOGGING and (not still or self._jogs.arrived(steps)):
+        if self.state is GrblState.JOGGING and (not still or self._jogs.arrived(steps)):
             self._state_watch = ProgressTimer(now)
         self._check_path(steps)
         if self._marked and not self._unreferenced and not bears_mark(status, self._zero):
@@ -344,13 +348,13 @@ class GrblSession(Session[GrblLink]):
             return
         self._check_status(status)
         rested = self._idle_reports >= CERTAIN_REPORTS
-        if self.state is State.STOPPING:
+        if self.state is GrblState.STOPPING:
             self._continue_stop(status, rested, now)
-        elif rested and self.state is State.HOMED:
+        elif rested and self.state is GrblState.HOMED:
             self._pull_to_zero(now)
         elif rested:
             self._check_arrival(status)
-        elif self.state is State.JOGGING and self._state_watch.expired(PROGRESS_TIMEOUT, now):
+        elif self.state is GrblState.JOGGING and self._state_watch.expired(PROGRESS_TIMEOUT, now):
             raise HardwareError(
                 f'the GRBL controller reports {status.state}, but has made no step for '
                 f'{PROGRESS_TIMEOUT:g} s at {self._describe(steps)}; reset the board')
@@ -378,11 +382,11 @@ class GrblSession(Session[GrblLink]):
         else:
             self._lose_reference('the controller was reset')
 
-    def _check_status(self, status: Status) -> None:
+    def _check_status(self, status: StatusReport) -> None:
         if status.state == 'Alarm':
             raise HardwareError(f'the GRBL controller is locked (Alarm); {UNLOCK}')
         if status.state not in ('Idle', 'Jog', 'Run', 'Home') and not (
-                status.state == 'Hold' and self.state is State.STOPPING):
+                status.state == 'Hold' and self.state is GrblState.STOPPING):
             raise HardwareError(
                 f'the GRBL controller entered the state {status.state}, which the driver did not '
                 f'request; {UNLOCK}')
@@ -392,7 +396,7 @@ class GrblSession(Session[GrblLink]):
                 f'a stop button or pin at the GRBL board is active ({", ".join(sorted(pins))}: '
                 'H hold, R reset, D door); release it')
 
-    def _check_arrival(self, status: Status) -> None:
+    def _check_arrival(self, status: StatusReport) -> None:
         if not self._jogs.arrived(self.position) and not self._unreferenced:
             raise HardwareError(
                 f'the GRBL controller stopped at {self._describe(self.position)}, short of '
@@ -402,7 +406,7 @@ class GrblSession(Session[GrblLink]):
         if not self._jogs.moving:
             self._fire(Event.RESTED)
 
-    def _continue_stop(self, status: Status, rested: bool, now: float) -> None:
+    def _continue_stop(self, status: StatusReport, rested: bool, now: float) -> None:
         """See a stop through: a feed hold may meet a jog, a program, or no motion at all."""
         if rested:
             if self._reset_sent_at:  # the banner was lost
@@ -443,7 +447,7 @@ class GrblSession(Session[GrblLink]):
             self._fire(Event.TARGET if self._jogs.moving else Event.RESTED)
 
     def _begin_stop(self) -> None:
-        jogging = self.state is State.JOGGING
+        jogging = self.state is GrblState.JOGGING
         self._fire(Event.STOP)
         if jogging:
             self._hold_sent_at, self._idle_reports = self.link.clock(), 0

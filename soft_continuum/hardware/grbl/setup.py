@@ -24,8 +24,8 @@ from soft_continuum.hardware.grbl.link import (
     Message,
     Setting,
     SOFT_RESET,
-    Status,
     STATUS_QUERY,
+    StatusReport,
     words,
 )
 from soft_continuum.hardware.grbl.motion import Motors
@@ -120,7 +120,7 @@ def mark_reference(offset: Sequence[int]) -> list[str]:
     return ['G49', f'{MODES}G92{words(offset)}', MARKED]
 
 
-def bears_mark(status: Status, zero: Sequence[int]) -> bool:
+def bears_mark(status: StatusReport, zero: Sequence[int]) -> bool:
     """Whether a status report contradicts no ``mark_reference`` with its zero (steps) there."""
     if status.work_offset is None or status.position is None:
         return True
@@ -194,7 +194,7 @@ def _wait_for_rest(link: GrblLink, deadline: float) -> bool:
         for message in list(_received(link, link.waited + QUERY_INTERVAL)):
             if isinstance(message, Alarm):
                 raise HardwareError(explain_alarm(message.number))
-            if isinstance(message, Status):
+            if isinstance(message, StatusReport):
                 state = f'{message.state}:{message.substate}'.rstrip(':')
                 if state == 'Hold:0':
                     link.write(SOFT_RESET)
@@ -229,7 +229,7 @@ def _interrogate(link: GrblLink, deadline: float) -> Controller:
     return Controller(version[0], settings, status.position, zero if marked and not hal else None)
 
 
-def _status_with_offset(link: GrblLink, deadline: float) -> Status:
+def _status_with_offset(link: GrblLink, deadline: float) -> StatusReport:
     """Return a status report with the work offset, which not every one has."""
     for _ in range(OFFSET_QUERIES):
         link.write(STATUS_QUERY)
@@ -238,7 +238,7 @@ def _status_with_offset(link: GrblLink, deadline: float) -> Status:
             for message in link.receive(until - link.waited):
                 if isinstance(message, Banner):
                     raise ResetSeenError
-                if isinstance(message, Status):
+                if isinstance(message, StatusReport):
                     answered = True
                     if message.work_offset is not None or message.position is None:
                         return message

@@ -53,7 +53,7 @@ EXCEPTIONS = {
 }
 
 
-class RefusedError(HardwareError):
+class ModbusExceptionError(HardwareError):
     """A device rejected a request."""
 
 
@@ -181,7 +181,7 @@ class ModbusBus:
                 f'{self._cause(reply)}')
         if answer.isError():
             code = answer.exception_code
-            raise RefusedError(
+            raise ModbusExceptionError(
                 f'{who} {EXCEPTIONS.get(code, "refuses")} (exception {code} to function '
                 f'{frame[1]:02d}, address {int.from_bytes(frame[2:4])}); compare the modbus '
                 'parameters with the manual of the board')

@@ -10,8 +10,8 @@ from typing import Any, Self
 from soft_continuum.hardware.modbus.bus import (
     BITS_PER_CHARACTER,
     ModbusBus,
+    ModbusExceptionError,
     OVERHEAD,
-    RefusedError,
 )
 from soft_continuum.parameters.parameter import ParameterError
 
@@ -83,7 +83,7 @@ def get_in_step(read: Callable[[int, int, int], Any], unit: int, registers: rang
     """
     try:
         read(unit, registers[0], 1 if len(registers) > 1 else 2)
-    except RefusedError:
+    except ModbusExceptionError:
         if len(registers) > 1:
             raise
 

@@ -54,7 +54,7 @@ class System(NamedTuple):
     group: Indices
 
 
-class Drive(NamedTuple):
+class TendonDrive(NamedTuple):
     """
     What sets the tension of each tendon; all arrays are (2,).
 
@@ -101,7 +101,7 @@ class Work(NamedTuple):
 
 
 @compiled
-def workspace(bodies, segments, groups):  # type: ignore[no-untyped-def]
+def work_arrays(bodies, segments, groups):  # type: ignore[no-untyped-def]
     """Return a Work for a chain of so many bodies, segments and rigid groups."""
     width = 3 + 2 * segments  # right-hand side, two tendons, and one for each of their spans
     moments, turned = np.zeros((4, groups)), np.empty((2, bodies))

@@ -12,7 +12,7 @@ from math import pi, sqrt
 import numpy as np
 
 from soft_continuum.mechanics._compile import borrowing, compiled
-from soft_continuum.mechanics.plane._arrays import System, workspace
+from soft_continuum.mechanics.plane._arrays import System, work_arrays
 
 TWO_OVER_PI = 2.0 / pi
 ROUND = 1.5 * 2.0**52
@@ -209,7 +209,7 @@ def add_springs_and_loads(theta, system, work, secant):  # type: ignore[no-untyp
 @compiled
 def _springs_and_loads(theta, system, groups):  # type: ignore[no-untyped-def]
     """Return a Work that holds the springs, the loads and the geometry of the tendons."""
-    work = workspace(theta.shape[0], system.guides.shape[0], groups)
+    work = work_arrays(theta.shape[0], system.guides.shape[0], groups)
     turn(theta, work.cosine, work.sine)
     tendon_geometry(system, work, np.empty(2))
     add_springs_and_loads(theta, system, work, False)

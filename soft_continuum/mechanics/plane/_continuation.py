@@ -20,7 +20,7 @@ from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.plane import _newton
 from soft_continuum.mechanics.plane._active_set import LENGTH_TOLERANCE, TAUT_TOLERANCE
-from soft_continuum.mechanics.plane._arrays import ANGLE, Drive, LENGTH, State, TENSION
+from soft_continuum.mechanics.plane._arrays import ANGLE, LENGTH, State, TendonDrive, TENSION
 from soft_continuum.mechanics.plane._problem import Point, Problem
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.mechanics.plane.joints import JointLaws
@@ -349,7 +349,7 @@ def joint_angles(theta: Array) -> Array:
     return angles
 
 
-def _slack(point: Point, drive: Drive) -> Array:
+def _slack(point: Point, drive: TendonDrive) -> Array:
     """Return the slack of each tendon without tension, (2,) m."""
     slack = np.zeros(2)
     for t in (RIGHT, LEFT):

@@ -21,7 +21,7 @@ from soft_continuum.mechanics.plane._active_set import (
     held_tendons,
     negative_curvature,
 )
-from soft_continuum.mechanics.plane._arrays import Drive, Indices, workspace
+from soft_continuum.mechanics.plane._arrays import Indices, TendonDrive, work_arrays
 from soft_continuum.mechanics.plane._assembly import turn
 from soft_continuum.mechanics.plane._newton import (
     accept,
@@ -449,7 +449,7 @@ def newton_lanes(  # type: ignore[no-untyped-def]
     group, size = grouping[one % grouping.shape[0]], groups[one % groups.shape[0]]
     count, segments = theta.shape[1], guides.shape[1]
     lanes = lanes_for(count, segments, size, min(LANES, last - first))
-    work, force = workspace(count, segments, size), np.zeros(2)
+    work, force = work_arrays(count, segments, size), np.zeros(2)
     problem, following, busy = lanes.problem, first, 0
     while True:
         for lane in range(problem.shape[0]):
@@ -467,7 +467,7 @@ def newton_lanes(  # type: ignore[no-untyped-def]
             i = problem[lane]
             if i < 0:
                 continue
-            drive = Drive(mode, target[i], compliance[i % compliance.shape[0]], segment)
+            drive = TendonDrive(mode, target[i], compliance[i % compliance.shape[0]], segment)
             error, worst = find_gaps(lane, drive, lanes, work), lanes.worst[lane]
             end = FAILED
             finite = worst < 1e30 and lanes.total[lane] < 1e30
@@ -491,7 +491,7 @@ def newton_lanes(  # type: ignore[no-untyped-def]
                 continue
             lanes.best[lane] = min(lanes.best[lane], lanes.worst[lane])
             lanes.iteration[lane] += 1
-            drive = Drive(mode, target[i], compliance[i % compliance.shape[0]], segment)
+            drive = TendonDrive(mode, target[i], compliance[i % compliance.shape[0]], segment)
             if find_step(lane, force, drive, used, lanes, work):
                 lanes.fraction[lane] = 1.0
             else:
@@ -505,6 +505,6 @@ def newton_lanes(  # type: ignore[no-untyped-def]
                 products_of(lane, used, lanes, work)
                 for t in range(2):
                     work.held[t] = lanes.held[t, lane]
+                drive = TendonDrive(mode, target[i], compliance[i % compliance.shape[0]], segment)
                 lanes.negatives[lane] = negative_curvature(
-                    Drive(mode, target[i], compliance[i % compliance.shape[0]], segment), work,
-                    used, int(lanes.negatives[lane]))
+                    drive, work, used, int(lanes.negatives[lane]))

@@ -24,12 +24,12 @@ from soft_continuum.mechanics.plane._active_set import (
 )
 from soft_continuum.mechanics.plane._arrays import (
     ANGLE,
-    Drive,
     LENGTH,
     State,
     System,
+    TendonDrive,
     TENSION,
-    workspace,
+    work_arrays,
 )
 from soft_continuum.mechanics.plane._assembly import (
     add_springs_and_loads,
@@ -234,14 +234,14 @@ def newton(state, system, drive, bias, damping, tolerance):  # type: ignore[no-u
     Returns (status, iterations, residual in N m, largest sum over the joints of one segment of
     how far they turned, rad).
 
-    state, system, drive: the values of a State, a System and a Drive, as plain tuples, which
+    state, system, drive: the values of a State, a System and a TendonDrive, as plain tuples, which
     numba takes faster.  bias: (groups,) N m, dead moments.  damping: N m/rad towards the first
     state.  tolerance: (3,), residual N m; the same where rounding keeps it from falling further,
     N m; tendon length m.
     """
-    state, system, drive = State(*state), System(*system), Drive(*drive)
+    state, system, drive = State(*state), System(*system), TendonDrive(*drive)
     segments = system.guides.shape[0]
-    work = workspace(state.theta.shape[0], segments, bias.shape[0])
+    work = work_arrays(state.theta.shape[0], segments, bias.shape[0])
     last = Change(1.0, 1.0, 0)
     residual = 0.0
     best = 1e300

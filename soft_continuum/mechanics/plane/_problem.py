@@ -11,7 +11,7 @@ from soft_continuum.mechanics._linear_algebra import NO_TENSION
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import LEFT, RIGHT
 from soft_continuum.mechanics.plane import _newton
-from soft_continuum.mechanics.plane._arrays import Drive, System
+from soft_continuum.mechanics.plane._arrays import System, TendonDrive
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.mechanics.plane.joints import compliances, tension_ratios
 
@@ -51,7 +51,7 @@ class Problem(NamedTuple):
     """
 
     system: System
-    drive: Drive
+    drive: TendonDrive
     groups: int
     turn_limit: float
     tolerance: Array

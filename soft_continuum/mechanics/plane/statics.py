@@ -27,10 +27,10 @@ from soft_continuum.mechanics.plane import _newton
 from soft_continuum.mechanics.plane._arrays import (
     ANGLE,
     BOTH_LENGTHS,
-    Drive,
     Indices,
     LENGTH,
     System,
+    TendonDrive,
     TENSION,
 )
 from soft_continuum.mechanics.plane._continuation import Continuation
@@ -165,9 +165,9 @@ class PlaneStatics(Statics):
         """
         Return one solve in compiled form.
 
-        target, modes, segment: of the tendons, as in Drive; by default both are driven by their
-        lengths, m.  The other arguments are those of ``solve``.
-        Raises ValueError for input that is not of this arm.
+        target, modes, segment: of the tendons, as in TendonDrive; by default both are driven by
+        their lengths, m.  The other arguments are those of ``solve``.  Raises ValueError for input
+        that is not of this arm.
         """
         check_start(start)
         segments = self.chain.segments
@@ -186,7 +186,7 @@ class PlaneStatics(Statics):
         if parts or not self.laws.rigid_only:
             system = system._replace(joints=self.laws.joints(start, stiff, parts))
         return Problem(
-            system, Drive(modes, target, self.compliance, self._both[segment]), groups,
+            system, TendonDrive(modes, target, self.compliance, self._both[segment]), groups,
             turn_limit, tolerance, start.configuration, stiff, parts)
 
     def _find_stiff(self, soft: Sequence[bool]) -> tuple[bool, ...]:

@@ -70,7 +70,7 @@ class Work(NamedTuple):
 
 
 @compiled
-def workspace(system, tendons):  # type: ignore[no-untyped-def]
+def work_arrays(system, tendons):  # type: ignore[no-untyped-def]
     """Return a Work for a System with so many tendons."""
     links, spans, reach, width = len(system.joints), len(system.spans), 1, 2 * tendons + 1
     for k in range(links):

@@ -12,7 +12,7 @@ from math import sqrt
 import numpy as np
 
 from soft_continuum.mechanics._compile import borrowing, compiled, inlined
-from soft_continuum.mechanics.space._arrays import BAND, System, workspace
+from soft_continuum.mechanics.space._arrays import BAND, System, work_arrays
 from soft_continuum.mechanics.space._laws import joint_law
 from soft_continuum.mechanics.space._rotations import (
     apply,
@@ -287,7 +287,7 @@ def assemble(rotations, tension, system, by_secant, work):  # type: ignore[no-un
 def balance(rotations, tension, system):  # type: ignore[no-untyped-def]
     """Return the unbalanced moments, (3 links,), N m, in the frames of the links."""
     system = System(*system)
-    work = workspace(system, len(tension))
+    work = work_arrays(system, len(tension))
     assemble(rotations, tension, system, False, work)
     return work.gradient
 
@@ -303,7 +303,7 @@ def linearise(rotations, tension, system):  # type: ignore[no-untyped-def]
     """
     system = System(*system)
     count = len(tension)
-    work = workspace(system, count)
+    work = work_arrays(system, count)
     for t in range(count):
         work.chosen[t] = True
     _, unknowns, shift = assemble(rotations, tension, system, False, work)

@@ -14,7 +14,7 @@ import numpy as np
 
 from soft_continuum.mechanics._compile import borrowing, compiled
 from soft_continuum.mechanics._linear_algebra import NO_TENSION
-from soft_continuum.mechanics.space._arrays import System, workspace
+from soft_continuum.mechanics.space._arrays import System, work_arrays
 from soft_continuum.mechanics.space._assembly import assemble, span_lengths
 from soft_continuum.mechanics.space._newton import (
     CONVERGED,
@@ -245,7 +245,7 @@ def follow(start, arm, links, room, drive, direct, held):  # type: ignore[no-unt
         begin, link, lengths, forces, torques, routing, len(kind))
     system = System(joints, turns, loads, moments, entries, vectors, spans, constants, tables,
                     ratios[moving])
-    work = workspace(system, len(kind))
+    work = work_arrays(system, len(kind))
     for k in range(len(link)):
         if link[k] >= 0 and (k == 0 or link[k - 1] != link[k]):
             write(matrix_at(begin, k), rotations[0], link[k])

@@ -7,8 +7,8 @@ Plans by tip: the sequence of softened segments and angles that brings the tip t
 """
 
 from soft_continuum.sequencing.reach.following import follow
-from soft_continuum.sequencing.reach.limits import ReachSettings
 from soft_continuum.sequencing.reach.passage import MotionValidator
 from soft_continuum.sequencing.reach.search import reach
+from soft_continuum.sequencing.settings import ReachSettings
 
 __all__ = ['MotionValidator', 'ReachSettings', 'follow', 'reach']

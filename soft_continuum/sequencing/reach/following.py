@@ -20,14 +20,14 @@ from soft_continuum.sequencing.plans import (
     Move,
     PlanError,
     PlannedStep,
-    Reach,
+    PlanResult,
     Shape,
     TipGoal,
     WHOLE_ARM,
 )
 from soft_continuum.sequencing.reach.arcs import Arcs, TipResidual
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate
-from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import BlockedError, MotionValidator, Node
 from soft_continuum.sequencing.reach.search import check_goal, NAME, Search
 
@@ -39,7 +39,8 @@ MAX_GOALS = 200
 TIPS = 10  # that a fit of a whole path looks at count as one state judged
 
 
-def follow(validator: MotionValidator, start: Node, goals: Sequence[TipGoal]) -> Iterator[Reach]:
+def follow(validator: MotionValidator, start: Node, goals: Sequence[TipGoal]
+           ) -> Iterator[PlanResult]:
     """
     Yield plans through goals of the tip, each better than the one before it; the last is the best.
 
@@ -67,7 +68,7 @@ class _Track:
 
     @property
     def cost(self) -> tuple[float, ...]:
-        moves, steps = joined(self.node.moves, self.node.steps)
+        moves, steps = merged_moves(self.node.moves, self.node.steps)
         return (round(self.beyond, 2), len(moves), sum(step.duration for step in steps))
 
 
@@ -83,7 +84,7 @@ class _Following:
         self.movers = tuple(range(len(self.arcs.limits))) if planner.settings.jamming else (
             WHOLE_ARM,)
 
-    def run(self) -> Iterator[Reach]:
+    def run(self) -> Iterator[PlanResult]:
         """Yield better and better plans."""
         settings = self.settings
         search = Search(self.validator.within(BEGIN_PART * settings.states,
@@ -106,7 +107,7 @@ class _Following:
         if best is None:
             why = ('the path is blocked or out of reach: found no path from its first goal to its '
                    'last') + self.budget.ended_by_time
-            yield Reach(None, why, *search.miss.errors(self.start.state), cut_short=late)
+            yield PlanResult(None, why, *search.miss.errors(self.start.state), cut_short=late)
         elif late:
             yield replace(self._result(best), cut_short=True)
 
@@ -183,7 +184,8 @@ class _Following:
         for mover in self.movers:
             bent, _ = self.arcs.fit(present[None], [mover], search.miss)
             note(Candidate((mover,), np.stack([present, bent[0]]), 1, 0.0, 0.0))
-        room = self.settings.max_softenings - len(joined(track.node.moves, track.node.steps)[0])
+        room = self.settings.max_softenings - len(
+            merged_moves(track.node.moves, track.node.steps)[0])
         if room > 1 and not any(one.beyond <= track.beyond for one in found):
             pairs = [c for part in search.candidates.of(2) for c in part]
             for candidate in sorted(pairs, key=lambda one: one.seconds)[:PAIRS]:
@@ -202,15 +204,15 @@ class _Following:
         return _Track(node, max(track.away, away), max(track.turn, turn),
                       max(track.beyond, beyond, 0.0))
 
-    def _result(self, track: _Track) -> Reach:
-        moves, steps = joined(track.node.moves, track.node.steps)
+    def _result(self, track: _Track) -> PlanResult:
+        moves, steps = merged_moves(track.node.moves, track.node.steps)
         why = ''
         if track.beyond > 0.0:
             why = ('the path is followed within '
                    f'{self.goals[0].text(track.away, track.turn)} at best, which is more than its '
                    'tolerances')
         node = replace(track.node, moves=moves, steps=steps)
-        return Reach(node.plan(Shape(NAME, ()).at(node.state)), why, track.away, track.turn)
+        return PlanResult(node.plan(Shape(NAME, ()).at(node.state)), why, track.away, track.turn)
 
 
 def _farthest(points: Array, one: Array, other: Array) -> float:
@@ -220,8 +222,8 @@ def _farthest(points: Array, one: Array, other: Array) -> float:
     return float(np.linalg.norm(points - one - part[:, None] * along, axis=1).max(initial=0.0))
 
 
-def joined(moves: Sequence[Move], steps: Sequence[PlannedStep]
-           ) -> tuple[tuple[Move, ...], tuple[PlannedStep, ...]]:
+def merged_moves(moves: Sequence[Move], steps: Sequence[PlannedStep]
+                 ) -> tuple[tuple[Move, ...], tuple[PlannedStep, ...]]:
     """Return moves and their steps, those after another of the same segment as one with it."""
     some: list[Move] = []
     seen: list[PlannedStep] = []

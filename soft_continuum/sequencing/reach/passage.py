@@ -27,7 +27,7 @@ from soft_continuum.sequencing.plans import (
     ShapePlan,
     WHOLE_ARM,
 )
-from soft_continuum.sequencing.reach.limits import ReachSettings
+from soft_continuum.sequencing.settings import ReachSettings
 
 DETOUR = 1.2
 """Largest ratio of path length to distance between neighbouring states."""

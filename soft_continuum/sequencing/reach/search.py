@@ -19,10 +19,10 @@ import numpy as np
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.obstacles import Clearance
-from soft_continuum.sequencing.plans import PlanError, Reach, Shape, TipGoal
+from soft_continuum.sequencing.plans import PlanError, PlanResult, Shape, TipGoal
 from soft_continuum.sequencing.reach.arcs import Arcs, size, TipResidual
+from soft_continuum.sequencing.reach.budget import Budget
 from soft_continuum.sequencing.reach.candidates import Candidate, Candidates
-from soft_continuum.sequencing.reach.limits import Budget
 from soft_continuum.sequencing.reach.passage import (
     BlockedError,
     BodyFrames,
@@ -47,7 +47,7 @@ NEAREST = 30  # shapes that are tried to come near
 NAME = 'tip goal'
 
 
-def reach(validator: MotionValidator, start: Node, goal: TipGoal) -> Iterator[Reach]:
+def reach(validator: MotionValidator, start: Node, goal: TipGoal) -> Iterator[PlanResult]:
     """
     Yield plans to a goal of the tip, each better than the one before it; the last is the best.
 
@@ -82,7 +82,7 @@ class Search:
         self.bending = np.array(start.state.bending)
         self.candidates = Candidates(self.arcs, planner.settings, self.miss, self.bending,
                                      np.random.default_rng(self.settings.seed))
-        self.best: Reach | None = None
+        self.best: PlanResult | None = None
         self.best_candidate: Candidate | None = None
         self.nearest = self.last = start  # the end of the last plan
         self.blocked: Counter[tuple[str, str]] = Counter()  # obstacle or limit, and how often
@@ -92,7 +92,7 @@ class Search:
         self._lines: dict[tuple[bytes, bytes], str] = {}
         self._nodes: dict[tuple[bytes, ...], Node | BlockedError] = {}
 
-    def run(self) -> Iterator[Reach]:
+    def run(self) -> Iterator[PlanResult]:
         """Yield better and better plans."""
         if size(self.miss.of_state(self.start.state)) <= 1.0:
             yield self._result(self.start)
@@ -120,7 +120,8 @@ class Search:
             if self.budget.late:
                 yield replace(self.best, cut_short=True)
 
-    def _tried(self, candidates: Iterator[Candidate], anyway: bool = False) -> Iterator[Reach]:
+    def _tried(self, candidates: Iterator[Candidate], anyway: bool = False
+               ) -> Iterator[PlanResult]:
         """Yield what is better than all before it, until the budget is spent."""
         try:
             while not self.budget.over and (candidate := next(candidates, None)) is not None:
@@ -153,7 +154,7 @@ class Search:
 
     # What a plan costs.
 
-    def _cost(self, found: Reach) -> tuple[float, ...]:
+    def _cost(self, found: PlanResult) -> tuple[float, ...]:
         return self._weighed(found.softenings, found.duration, found.tension)
 
     def _best_cost(self) -> tuple[float, ...]:
@@ -164,7 +165,7 @@ class Search:
         return self._weighed(softenings, softenings * pause + seconds, 0.0)
 
     def _weighed(self, softenings: int, seconds: float, tension: float) -> tuple[float, ...]:
-        if self.settings.weights is None:
+        if not any(self.settings.weights):
             return (softenings, round(seconds / TIME_TOLERANCE), tension)
         one, second, newton = self.settings.weights
         return (one * softenings + second * seconds + newton * tension,)
@@ -310,17 +311,17 @@ class Search:
 
     # What comes of it.
 
-    def _result(self, node: Node, why: str = '') -> Reach:
+    def _result(self, node: Node, why: str = '') -> PlanResult:
         state = node.state
         plan = node.plan(Shape(NAME, ()).at(state)) if node.moves or not why else None
-        return Reach(plan, why, *self.miss.errors(state))
+        return PlanResult(plan, why, *self.miss.errors(state))
 
     def _note(self, node: Node) -> None:
         """Keep the node whose tip is nearest to the goal."""
         if size(self.miss.of_state(node.state)) < size(self.miss.of_state(self.nearest.state)):
             self.nearest = node
 
-    def _nearest(self, out_of_reach: bool) -> Reach:
+    def _nearest(self, out_of_reach: bool) -> PlanResult:
         """Return the nearest plan, and why none reaches the goal."""
         self.last = self.nearest
         away, turn = self.miss.errors(self.nearest.state)
