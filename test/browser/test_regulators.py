@@ -7,8 +7,6 @@ from dataclasses import replace
 from math import nan
 from unittest.mock import Mock
 
-import pytest
-
 from soft_continuum.browser.access import open_server
 from soft_continuum.browser.panel import Panel
 from soft_continuum.browser.session import Description
@@ -17,7 +15,7 @@ from soft_continuum.user_files import description_file
 from support.arm_states import READY
 
 
-def test_vacuums_can_be_typed_only_where_regulators_are(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_vacuums_can_be_typed_only_where_regulators_are(monkeypatch):
     for other in ('TipPanel', 'ShapesPanel'):
         monkeypatch.setattr(f'soft_continuum.browser.panel.{other}', Mock())
     server = open_server('127.0.0.1', 0)

@@ -4,12 +4,10 @@
 """What a browser sets is taken, however busy the computer is."""
 
 import asyncio
-from collections.abc import Coroutine
-from typing import Any, TypeVar
+from typing import TypeVar
 from unittest.mock import Mock
 
 import pytest
-import viser
 
 from soft_continuum.browser.access import open_server
 from soft_continuum.browser.controls import Controls, show_value
@@ -22,7 +20,7 @@ from support.arm_states import READY
 T = TypeVar('T')
 
 
-def test_what_is_typed_is_not_set_back_before_the_panel_knows_of_it() -> None:
+def test_what_is_typed_is_not_set_back_before_the_panel_knows_of_it():
     server = open_server('127.0.0.1', 0)
     session = Mock()
     session.tip.planned = None
@@ -42,12 +40,12 @@ def test_what_is_typed_is_not_set_back_before_the_panel_knows_of_it() -> None:
     server.stop()
 
 
-def test_a_slider_that_is_dragged_is_not_set_back_before_its_callback_is_run() -> None:
+def test_a_slider_that_is_dragged_is_not_set_back_before_its_callback_is_run():
     server = open_server('127.0.0.1', 0)
     slider = server.gui.add_slider('Time', 0.0, 10.0, 0.1, 0.0)
     position, sought = 2.0, []
 
-    async def drag() -> None:
+    async def drag():
         # As viser does: first the value, and then, on its own thread, the callback.
         nonlocal position
         slider._impl.value = 7.0
@@ -55,7 +53,7 @@ def test_a_slider_that_is_dragged_is_not_set_back_before_its_callback_is_run() -
         position = slider.value
         sought.append(position)
 
-    async def shown() -> float:
+    async def shown():
         return float(slider.value)
 
     show_value(server, slider, lambda: position)
@@ -66,5 +64,5 @@ def test_a_slider_that_is_dragged_is_not_set_back_before_its_callback_is_run() -
     server.stop()
 
 
-def _on_its_thread(server: viser.ViserServer, work: Coroutine[Any, Any, T]) -> T:
+def _on_its_thread(server, work):
     return asyncio.run_coroutine_threadsafe(work, server.get_event_loop()).result(10.0)

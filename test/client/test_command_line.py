@@ -146,8 +146,7 @@ def test_segments_and_tendons_are_operated_by_hand(straight, call, documents):
     assert status == FAILED
     assert 'there is no tendon middle; the tendons are right_tendon, left_tendon' in errors
     assert call('stiffen', '3')[:2] == (DONE, 'segment 3 is stiff\n')
-    assert documents('stiffen', 'all') == [
-        {'result': 'done', 'message': 'all segments are stiff'}]
+    assert documents('stiffen', 'all') == [{'result': 'done', 'message': 'all segments are stiff'}]
     status, _, errors = call('soften', '4')
     assert status == FAILED
     assert 'there is no segment 4; the segments are 1 to 3' in errors

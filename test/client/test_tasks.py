@@ -3,8 +3,6 @@
 
 """What nobody waits for any more is withdrawn, and nothing else is."""
 
-from collections.abc import Coroutine
-from typing import Any
 from unittest.mock import Mock
 
 import pytest
@@ -16,7 +14,7 @@ from soft_continuum.client.tasks import Tasks
 STOP = 'tendon_actuation/stop'
 
 
-def step(call: Coroutine[Any, None, Any]) -> Any:
+def step(call):
     """Let a call see whether its answer has come; return that."""
     try:
         return call.send(None)
@@ -24,11 +22,11 @@ def step(call: Coroutine[Any, None, Any]) -> Any:
         return end.value
 
 
-def test_a_call_that_fails_withdraws_no_request_of_another_one() -> None:
+def test_a_call_that_fails_withdraws_no_request_of_another_one():
     node, futures = Mock(), []
     node.get_node_names_and_namespaces.return_value = []
 
-    def call_async(_: Any) -> Any:
+    def call_async(_):
         futures.append(Mock())
         futures[-1].done.return_value = False
         return futures[-1]

@@ -419,8 +419,7 @@ def test_a_threshold_that_is_not_a_number_is_refused(name):
         JammingSettings(**{name: nan})
 
 
-commands = st.lists(
-    st.tuples(st.integers(0, 2), st.booleans(), st.floats(0.0, 2.0)), max_size=15)
+commands = st.lists(st.tuples(st.integers(0, 2), st.booleans(), st.floats(0.0, 2.0)), max_size=15)
 
 
 @settings(max_examples=60)

@@ -3,7 +3,6 @@
 
 """What a launch file checks before it starts anything."""
 
-from collections.abc import Sequence
 
 import pytest
 
@@ -12,7 +11,7 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.user_files import description_file
 
 
-def test_what_can_be_started_is_not_refused() -> None:
+def test_what_can_be_started_is_not_refused():
     check_launch('left', [description_file()], ['soft_continuum_interfaces'])
 
 
@@ -23,7 +22,7 @@ def test_what_can_be_started_is_not_refused() -> None:
     ('', [], ['no_such_publisher'], 'sudo apt install ros-jazzy-no-such-publisher'),
 ])
 def test_what_cannot_be_started_is_refused_before_anything_starts(
-        namespace: str, files: Sequence[str], packages: Sequence[str], reason: str) -> None:
+        namespace, files, packages, reason):
     with pytest.raises(ParameterError, match=reason):
         check_launch(namespace, files, packages)
 
@@ -32,11 +31,11 @@ def test_what_cannot_be_started_is_refused_before_anything_starts(
     ([], {'tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer'}),
     (['--computer', 'rig'], {'tendon_actuation', 'jamming_valves'}),
     (['--computer', 'workstation', '--camera'], {'kinematics', 'shape_sequencer', 'camera'})])
-def test_each_of_two_computers_has_its_nodes(options: Sequence[str], nodes: set[str]) -> None:
+def test_each_of_two_computers_has_its_nodes(options, nodes):
     assert set(chosen_nodes(start_parser('up', '').parse_args(options))) == nodes
 
 
-def test_the_boards_of_the_twin_are_not_on_the_workstation() -> None:
+def test_the_boards_of_the_twin_are_not_on_the_workstation():
     options = start_parser('up', '').parse_args(['--twin', '--computer', 'workstation'])
     with pytest.raises(ParameterError, match='with --computer rig'):
         check_twin(options)

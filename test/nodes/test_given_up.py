@@ -15,7 +15,7 @@ from soft_continuum_interfaces.msg import MotionRequest
 
 
 @pytest.mark.parametrize('begun', [False, True])
-def test_a_trajectory_that_was_given_up_is_not_followed(begun: bool) -> None:
+def test_a_trajectory_that_was_given_up_is_not_followed(begun):
     arm, controller = Mock(), Mock(reading=Mock(tensions=None, accuracy=Accuracy()))
     arm.motion_interlock.return_value = None
     control = TendonControl(('a', 'b'), arm, 0.02, lambda: 0.0, lambda: 10.0, Mock(), Mock())

@@ -3,7 +3,6 @@
 """A late motion, or part of one, keeps its path; and late states of other nodes refuse none."""
 
 from contextlib import nullcontext
-from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -19,12 +18,12 @@ MAX_DELAY = tendon_controller.MAX_DELAY
 
 
 @pytest.fixture
-def steered(monkeypatch: pytest.MonkeyPatch) -> Steered:
+def steered(monkeypatch):
     return Steered(monkeypatch)
 
 
 @pytest.mark.parametrize('late', [0.0, 0.3, 2.0])
-def test_a_motion_that_comes_late_keeps_its_path(steered: Steered, late: float) -> None:
+def test_a_motion_that_comes_late_keeps_its_path(steered, late):
     steered.now += late
     steered.send(0.0, 1.0)
     steered.go_on(1.5)
@@ -33,8 +32,7 @@ def test_a_motion_that_comes_late_keeps_its_path(steered: Steered, late: float) 
 
 @pytest.mark.parametrize('late', [0.0, 0.3])
 @pytest.mark.parametrize('gap', [0.2, 0.5, 0.9, 3.0])
-def test_a_part_that_comes_late_goes_on_where_the_one_before_it_ends(
-        steered: Steered, late: float, gap: float) -> None:
+def test_a_part_that_comes_late_goes_on_where_the_one_before_it_ends(steered, late, gap):
     steered.now += late
     steered.send(0.0, 0.5)
     steered.go_on(gap)
@@ -44,8 +42,7 @@ def test_a_part_that_comes_late_goes_on_where_the_one_before_it_ends(
 
 
 @pytest.mark.parametrize('busy', [0.1, 0.4, 0.9])
-def test_a_part_that_is_judged_while_a_cycle_is_due_keeps_the_path(
-        steered: Steered, busy: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_that_is_judged_while_a_cycle_is_due_keeps_the_path(steered, busy, monkeypatch):
     monkeypatch.setattr(tendon_controller, 'MAX_DELAY', MAX_DELAY)  # as for a user
     steered.send(0.0, 0.5)
     steered.go_on(0.3)
@@ -56,8 +53,7 @@ def test_a_part_that_is_judged_while_a_cycle_is_due_keeps_the_path(
     steered.assert_path_kept()
 
 
-def test_of_a_trajectory_without_an_id_points_that_are_past_are_left_out(
-        steered: Steered) -> None:
+def test_of_a_trajectory_without_an_id_points_that_are_past_are_left_out(steered):
     steered.now += 0.5
     steered.send(0.0, 1.0, motion='')
     steered.go_on(0.5 + 3 * PERIOD)
@@ -66,13 +62,12 @@ def test_of_a_trajectory_without_an_id_points_that_are_past_are_left_out(
 
 @pytest.mark.parametrize(('arrives', 'refused'), [
     ('allowed', False), ('refused', True), ('', True)])
-def test_only_a_shape_from_after_a_trajectory_arrived_refuses_it(
-        arrives: str, refused: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_a_shape_from_after_a_trajectory_arrived_refuses_it(arrives, refused, monkeypatch):
     begin, model, tried = 10.0, Mock(offsets=0.0), []
     arm = Mock(agreed=True, stiffness='old', timeout=5.0, shape_and_model=('refused', model),
                jammed=lambda stiffness: (stiffness == 'old',))
 
-    def check(pulls: Any, shape: str, *_: Any) -> None:
+    def check(pulls, shape, *_):
         tried.append((shape, arm.stiffness))
         if shape == 'refused':
             raise MotionRefusedError(Reason.TENSION, 'too much')
@@ -81,7 +76,7 @@ def test_only_a_shape_from_after_a_trajectory_arrived_refuses_it(
                 parameters={'tension_limit': 60.0, 'co_contraction_limit': 5.0})
     clock = Mock(return_value=begin)
 
-    def sleep(seconds: float) -> None:
+    def sleep(seconds):
         clock.return_value += seconds
         if arrives:
             arm.stiffness, arm.shape_and_model = 'new', (arrives, model)

@@ -23,17 +23,17 @@ ALARM = ('left_tendon is 4.0 mm longer than its motor reports: it slipped in its
          'guide')
 
 
-def colour(marker: Marker) -> tuple[int, ...]:
+def colour(marker):
     """Return red, green and blue, 0 to 255."""
     return tuple(round(255 * part) for part in (marker.color.r, marker.color.g, marker.color.b))
 
 
-def is_gone_when_not_repeated(marker: Marker) -> bool:
+def is_gone_when_not_repeated(marker):
     """Whether a view removes a marker by itself."""
     return 0.0 < marker.lifetime.sec + 1e-9 * marker.lifetime.nanosec <= 1.0
 
 
-def test_the_prediction_is_a_translucent_ghost_along_the_backbone() -> None:
+def test_the_prediction_is_a_translucent_ghost_along_the_backbone():
     marker = prediction_marker(BENT, 'base_link', Time(sec=3))
     assert (marker.type, marker.header.frame_id, marker.header.stamp.sec) == (
         Marker.LINE_STRIP, 'base_link', 3)
@@ -43,7 +43,7 @@ def test_the_prediction_is_a_translucent_ghost_along_the_backbone() -> None:
     assert is_gone_when_not_repeated(marker)
 
 
-def test_what_is_wrong_stands_above_the_arm_in_lines_that_can_be_read() -> None:
+def test_what_is_wrong_stands_above_the_arm_in_lines_that_can_be_read():
     marker = alarm_marker([ALARM, 'the camera has moved'], 0.4, 'base_link', Time())
     assert marker.type == Marker.TEXT_VIEW_FACING and colour(marker) == WRONG
     assert marker.text.replace('\n', ' ') == f'{ALARM} the camera has moved'
@@ -52,7 +52,7 @@ def test_what_is_wrong_stands_above_the_arm_in_lines_that_can_be_read() -> None:
     assert is_gone_when_not_repeated(marker)
 
 
-def test_rviz_shows_both_beside_the_arm() -> None:
+def test_rviz_shows_both_beside_the_arm():
     displays = yaml.safe_load((CONFIG / 'arm.rviz').read_text(encoding='utf-8'))[
         'Visualization Manager']['Displays']
     namespaces, = (one['Namespaces'] for one in displays

@@ -3,13 +3,11 @@
 
 """Which measured poses of the discs the kinematics node uses, over DDS."""
 
-from collections.abc import Sequence
 from itertools import count
 from unittest.mock import Mock
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
-import pytest
 from rclpy.serialization import serialize_message
 
 from soft_continuum.nodes.measurements import MeasuredPoses
@@ -18,28 +16,26 @@ from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum.user_files import description_file
 from support.planar import measured_pose_to_ros
-from support.ros_rig import Rig
 
 ARM, FRAME = load_arm(description_file()), 'base_link'
 DISCS = len(ARM.discs)
 
 
-def test_the_base_is_measured_with_the_other_discs_but_alone_it_is_no_measurement(
-        rig: Rig) -> None:
+def test_the_base_is_measured_with_the_other_discs_but_alone_it_is_no_measurement(rig):
     poses = MeasuredPoses(rig.observer, ARM, FRAME, lambda: None)
     publishers = [rig.publisher(PoseWithCovarianceStamped, MEASURED_POSE.format(n))
                   for n in range(DISCS)]
     seconds = count(1)
-    found: list[list[int]] = []
+    found = []
 
-    def publish(discs: Sequence[int]) -> None:
+    def publish(discs):
         second = next(seconds)
         for n in discs:
             message = measured_pose_to_ros(np.array([0.0, 0.1 * n, 0.0]), 1e-6 * np.eye(3))
             message.header.frame_id, message.header.stamp.sec = FRAME, second
             publishers[n].publish(message)
 
-    def measured() -> bool:
+    def measured():
         publish([0])
         publish(range(DISCS))
         found.extend([one.disc for one in discs] for _, discs in poses.take())
@@ -48,8 +44,7 @@ def test_the_base_is_measured_with_the_other_discs_but_alone_it_is_no_measuremen
     assert [0] not in found
 
 
-def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(
-        monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(monkeypatch):
     """The second of two stamps within 1/60 s used to be left out."""
     now = [0.0]
     monkeypatch.setattr('soft_continuum.nodes.measurements.STEADY', lambda: now[0])
@@ -57,7 +52,7 @@ def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(
     poses = MeasuredPoses(node, ARM, FRAME, lambda: None)
     calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}
 
-    def see(disc: int, stamp: float) -> None:
+    def see(disc, stamp):
         message = measured_pose_to_ros(np.array([0.0, 0.1, 0.0]), 1e-6 * np.eye(3))
         message.header.frame_id, message.header.stamp = FRAME, stamp_of(stamp)
         calls[MEASURED_POSE.format(disc)](serialize_message(message))

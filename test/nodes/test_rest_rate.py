@@ -8,7 +8,7 @@ from soft_continuum.nodes.threads import RestingStream
 from support.steered_tendons import PERIOD, Steered
 
 
-def test_tendons_at_rest_are_reported_ten_times_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tendons_at_rest_are_reported_ten_times_a_second(monkeypatch):
     steered = Steered(monkeypatch)
     steered.go_on(1.0)
     steered.reported.clear()
@@ -25,7 +25,7 @@ def test_tendons_at_rest_are_reported_ten_times_a_second(monkeypatch: pytest.Mon
     assert steered.reported[-1][1] == steered.pulls[-1]  # where it came to rest
 
 
-def test_a_pressure_is_sent_at_once_when_it_changes_or_anything_else_does() -> None:
+def test_a_pressure_is_sent_at_once_when_it_changes_or_anything_else_does():
     stream = RestingStream(200.0)
     assert stream.due(0.0, 'soft', (1e5, 1e5))
     assert not stream.due(0.05, 'soft', (1e5 + 150.0, 1e5))
@@ -36,7 +36,7 @@ def test_a_pressure_is_sent_at_once_when_it_changes_or_anything_else_does() -> N
     assert stream.due(0.26, 'stiff', (float('nan'), 1e5 - 201.0))
 
 
-def test_a_slow_drift_is_sent_once_it_is_as_large_as_the_resolution() -> None:
+def test_a_slow_drift_is_sent_once_it_is_as_large_as_the_resolution():
     stream, drift = RestingStream(1.0), [0.3 * k for k in range(10)]
     sent = [stream.due(1e-3 * k, None, (value,)) for k, value in enumerate(drift)]
     assert sent == [True, False, False, False] * 2 + [True, False]

@@ -3,16 +3,13 @@
 
 """Two arms on one machine."""
 
-from collections.abc import Callable
 
 from soft_continuum_interfaces.action import RunShapeSequence
-from support.ros_rig import Rig
 
 SHAPES = {'left': (0.0, 0.4, 0.2), 'right': (0.0, -0.3, 0.5)}
 
 
-def test_two_arms_run_different_shapes_at_the_same_time_and_a_stop_is_of_one_alone(
-        make_rig: Callable[..., Rig]) -> None:
+def test_two_arms_run_different_shapes_at_the_same_time_and_a_stop_is_of_one_alone(make_rig):
     rigs = {name: make_rig(namespace=f'/{name}') for name in SHAPES}
     for rig in rigs.values():
         rig.start_arm(tendon_speed=0.03, simulated_jamming__evacuation_time=0.2)

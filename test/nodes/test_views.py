@@ -3,11 +3,9 @@
 
 """RViz and Foxglove find all that their layouts show and call, and see where the arm goes."""
 
-from collections.abc import Iterator
 import json
 from pathlib import Path
 import re
-from typing import Any
 
 import mujoco
 import pytest
@@ -18,7 +16,7 @@ import yaml
 from soft_continuum.mechanics import Chain
 from soft_continuum.parameters.files import load_arm
 from support.ros2_commands import interface
-from support.ros_rig import LATCHED, Rig
+from support.ros_rig import LATCHED
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 RVIZ = yaml.safe_load((CONFIG / 'arm.rviz').read_text(encoding='utf-8'))
@@ -30,18 +28,18 @@ VALUE = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\d\])?)*)')
 
 
 @pytest.fixture
-def arm(shared_arm: Rig) -> Rig:
+def arm(shared_arm):
     """Return an arm that all of these tests only look at, but for one goal."""
     return shared_arm
 
 
-def topics(rig: Rig) -> dict[str, str]:
+def topics(rig):
     """Return the type of each topic by its name as it is without a namespace."""
     return {name.removeprefix(rig.namespace): types[0]
             for name, types in rig.observer.get_topic_names_and_types()}
 
 
-def panel_ids(part: Any) -> Iterator[str]:
+def panel_ids(part):
     """Return the panels that a part of a Foxglove layout has, in their order."""
     if isinstance(part, str):
         yield part
@@ -50,7 +48,7 @@ def panel_ids(part: Any) -> Iterator[str]:
         yield from panel_ids(part['second'])
 
 
-def test_rviz_shows_topics_that_there_are(arm: Rig) -> None:
+def test_rviz_shows_topics_that_there_are(arm):
     shown = [(display['Class'].split('/')[1], display.get('Topic') or display['Description Topic'])
              for display in RVIZ['Visualization Manager']['Displays']
              if display['Class'] != 'rviz_default_plugins/Grid']
@@ -63,11 +61,11 @@ def test_rviz_shows_topics_that_there_are(arm: Rig) -> None:
     assert latched == {'robot_description', 'target_markers', 'known_obstacles'}
 
 
-def test_foxglove_lays_out_every_panel_once() -> None:
+def test_foxglove_lays_out_every_panel_once():
     assert sorted(panel_ids(FOXGLOVE['layout'])) == sorted(FOXGLOVE['configById'])
 
 
-def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(arm: Rig) -> None:
+def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(arm):
     there = topics(arm)
     services = {name.removeprefix(arm.namespace): types[0]
                 for name, types in arm.observer.get_service_names_and_types()}
@@ -78,7 +76,7 @@ def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(
               for path in panel.get('paths', [])]
     assert len(series) == 10
     for value in series:
-        topic, fields = VALUE.fullmatch(value).groups()  # type: ignore[union-attr]
+        topic, fields = VALUE.fullmatch(value).groups()
         message = interface(there[topic])()
         for field in re.findall(r'\.(\w+)', fields):
             assert hasattr(message, field), value
@@ -90,8 +88,7 @@ def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(
         request(**json.loads(panel['requestPayload']))
 
 
-def test_a_ghost_stands_where_the_arm_goes_and_the_published_robot_where_the_poses_are(
-        arm: Rig) -> None:
+def test_a_ghost_stands_where_the_arm_goes_and_the_published_robot_where_the_poses_are(arm):
     heard = arm.record(MarkerArray, 'target_markers', LATCHED)
     robot = arm.record(String, 'robot_description', LATCHED)
     angles = (0.3, -0.2, 0.25)

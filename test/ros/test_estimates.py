@@ -174,8 +174,7 @@ def test_of_an_arm_without_jamming_no_ratio_is_published():
     without = parameters_to_ros(estimator, jamming=False)
     assert [p.name for p in without] == [
         name for name in SPATIAL_VALUES if not name.startswith('stiff_ratio')]
-    model, loose = (model_from_ros(p, SPATIAL)
-                    for p in (published(estimator).parameters, without))
+    model, loose = (model_from_ros(p, SPATIAL) for p in (published(estimator).parameters, without))
     assert np.array_equal(loose.offsets, model.offsets)
     assert loose.chain.arm.segments[0].stiffness_x == model.chain.arm.segments[0].stiffness_x
 
