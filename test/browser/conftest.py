@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The view as a process, a real Chromium that shows it, and nodes as in test/nodes."""
 
 from collections.abc import Iterator

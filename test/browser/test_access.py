@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Who may open the view, over real connections."""
 
 from concurrent.futures import ThreadPoolExecutor

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The view under attack, over real sockets: who may not get in, and that STOP works meanwhile."""
 
 from contextlib import ExitStack, suppress

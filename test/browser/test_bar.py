@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The bar with STOP, over its own connection, and what is written in it and in the panel."""
 
 from dataclasses import replace

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What a browser may send, tried by one that sends what it likes; see also test_bar.py."""
 
 import logging

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What measurements say of the arm is seen in a real browser, beside what the model predicts."""
 
 from math import radians, sin

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Where regulators are, the page can set the vacuum of each segment, and nowhere else."""
 
 from dataclasses import replace

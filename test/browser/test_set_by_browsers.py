@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What a browser sets is taken, however busy the computer is."""
 
 import asyncio

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 What a person sees and does in a real browser, and what the arm does then.
 

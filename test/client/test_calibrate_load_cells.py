@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The zero and the scale of load cells are found, whichever way they are mounted."""
 
 from itertools import cycle

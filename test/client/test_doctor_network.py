@@ -1,8 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """``doctor --network`` says what is wrong between the computers of an arm, and what to do."""
-
 
 from builtin_interfaces.msg import Time
 import pytest

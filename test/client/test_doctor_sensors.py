@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """``doctor --sensors`` listens to the sensors of an arm and says what is wrong with each."""
 
 from copy import deepcopy

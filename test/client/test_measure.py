@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Shapes are measured by whatever publishes disc_N/measured_pose, and written for identify."""
 
 from types import SimpleNamespace

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A run is recorded by a process of its own, and turned into a page and tables."""
 
 from collections import Counter

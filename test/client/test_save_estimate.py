@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was learned of the running arm is saved as far as it is determined, and no further."""
 
-
 import pytest
 
 from soft_continuum.cli.save_estimate import estimated_parameters, FILE

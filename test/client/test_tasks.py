@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What nobody waits for any more is withdrawn, and nothing else is."""
 
 from unittest.mock import Mock

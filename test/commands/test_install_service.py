@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """``install-service`` in a home of its own, with boards that are not there."""
 
 from io import StringIO

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Sequences that run to their end, one after the other on one arm."""
 
 from dataclasses import dataclass

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Only what happened to the sequencer's own motion ends its goal, with the reason it was given."""
 
 from unittest.mock import Mock

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What the sequencer takes for the state of the arm, and when that is a fault."""
 
 from unittest.mock import Mock

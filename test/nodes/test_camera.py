@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The camera node on real topics, and on folders of pictures: what it publishes and refuses."""
 
 from functools import partial

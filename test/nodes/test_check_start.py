@@ -1,8 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What a launch file checks before it starts anything."""
-
 
 import pytest
 

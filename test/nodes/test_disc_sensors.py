@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The node disc_sensors on real topics: trackers and IMUs, and what is refused of them."""
 
 from math import cos, pi, sin

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Goals that end early, one after the other on one arm: canceled, superseded, stopped, disturbed.
 

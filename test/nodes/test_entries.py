@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What enters a node: bounded, plain, and unable to end it."""
 
 from unittest.mock import Mock

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Measured poses of the discs correct the shape that is published, and the shapes that are set."""
 
 import time

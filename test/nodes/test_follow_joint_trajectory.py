@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 With control_msgs tendon_actuation serves FollowJointTrajectory; it judges goals as any trajectory.
 

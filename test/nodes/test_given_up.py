@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What its sender was told has failed moves nothing later."""
 
 from unittest.mock import Mock

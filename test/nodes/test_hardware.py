@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The four nodes on emulated GRBL and Modbus devices on real pseudo-terminals, under faults."""
 
 from contextlib import contextmanager

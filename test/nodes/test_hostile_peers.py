@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A peer on the network that sends too much: a stop is answered all the same, nothing dies."""
 
 from contextlib import contextmanager

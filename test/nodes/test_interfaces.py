@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Pages of msg_docs and policy of SROS 2 list what running nodes do: no more, no less.
 

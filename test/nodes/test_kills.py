@@ -1,8 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Nodes that are killed in the middle of a sequence: what the others do, and the next start."""
-
 
 import pytest
 

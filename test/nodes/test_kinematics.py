@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What is said of the shape of the arm."""
 
 from diagnostic_msgs.msg import DiagnosticStatus

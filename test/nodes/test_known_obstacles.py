@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Obstacles as topics have them: what a sequencer plans with is what others see of it."""
 
 from pathlib import Path

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Load cells on a topic: they are read, they end motions, and nothing moves without them."""
 
 import pytest

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A request that is never answered ends its wait, says for what, and can be repeated."""
 
 from contextlib import contextmanager

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What is shown beside the arm: where the model alone has it, and what is wrong with it."""
 
 from pathlib import Path

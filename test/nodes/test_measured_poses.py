@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Which measured poses of the discs the kinematics node uses, over DDS."""
 
 from itertools import count

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Who reaches the nodes: processes of this computer, and others only where the user wants it."""
 
 from contextlib import ExitStack

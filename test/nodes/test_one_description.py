@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Nodes of two versions, or of two descriptions of the arm, are no arm: nothing moves."""
 
 import socket

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What parameters a node takes, at its start and later, and how it refuses the others."""
 
 import os

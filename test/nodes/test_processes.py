@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """How the executables end: on a signal, in peace, whatever they are doing."""
 
 import os

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Goals that must not be accepted: each says why and what is allowed, and nothing moves."""
 
 import itertools

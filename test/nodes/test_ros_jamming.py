@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Valves and regulators of another node over real DDS: what is switched, and what is refused."""
 
 from itertools import cycle

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Tendons on the joints of another node over real DDS: what is followed, and what is refused."""
 
 from math import nan

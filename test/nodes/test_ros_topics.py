@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The four nodes on the controllers and the board of somebody else, all over topics."""
 
 from dataclasses import dataclass

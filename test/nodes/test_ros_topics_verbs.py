@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """doctor and calibrate on the controllers and the board of somebody else, and what may be said."""
 
 import json

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 The policy of SROS 2 is a file that sros2 takes, and of each who takes part it knows the place.
 

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The node servo moves the soft segment after a target, and stops whenever anything interferes."""
 
 from math import degrees, nan, radians

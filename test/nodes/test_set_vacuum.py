@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """An arm whose regulators hold segments between soft and stiff, as ROS sees it."""
 
 from geometry_msgs.msg import Point, Pose

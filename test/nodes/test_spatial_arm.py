@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Arms in space over DDS: described in a file, moved by trajectories, where geometry has them."""
 
 from math import cos, radians, sin

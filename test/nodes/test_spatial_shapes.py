@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Shapes of arms in space over DDS: reached by name and by direction, stopped, refused."""
 
 from contextlib import closing

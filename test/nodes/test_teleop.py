@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The node teleop moves the arm while the enable button of a joystick is held, no longer."""
 
 from contextlib import closing

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The keyboard of a terminal moves an arm; a terminal that is closed ends the motion."""
 
 import time

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A difference between measured and predicted tension is told when it lasts, and only then."""
 
 from math import nan

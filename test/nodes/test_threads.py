@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The threads of a node: what they do for others, and that nothing ends them."""
 
 import os

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Goals of the tip, plans of them, and obstacles that come into their way, over DDS."""
 
 from math import hypot, inf

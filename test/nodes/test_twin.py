@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The nodes drive the twin as they drive a rig, and see no more of it."""
 
 from pathlib import Path

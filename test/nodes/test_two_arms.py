@@ -1,8 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Two arms on one machine."""
-
 
 from soft_continuum_interfaces.action import RunShapeSequence
 

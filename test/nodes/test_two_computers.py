@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The hardware nodes on one computer, the others on another, and a cable that is bad, or cut."""
 
 import json

@@ -1,8 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Two nodes that would act as one: whichever it is, all notice, and nothing moves."""
-
 
 import pytest
 from sensor_msgs.msg import JointState

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """RViz and Foxglove find all that their layouts show and call, and see where the arm goes."""
 
 import json

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What kinematics publishes of its estimate makes the same model in the other nodes."""
 
 from dataclasses import replace

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A page in a real browser, and what can be seen on it."""
 
 from collections.abc import Callable

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Controllers as ros2_control has them, on joints that move at a limited speed: a plant on topics.
 

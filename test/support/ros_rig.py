@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Nodes in this process on a ROS domain of their own, and an observer that talks to them over DDS.
 
