@@ -29,7 +29,7 @@ from soft_continuum.ros.definitions import DefinitionError, message_class
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import RecorderState
-from support.ros_rig import DEADLINE
+from support.ros_rig import assert_declined, DEADLINE
 
 TOPICS = ('tendon_states', 'disc_poses', 'segment_1/pressure', 'jamming_valves/state',
           'shape_sequencer/state', 'kinematics/state', 'tendon_actuation/status')
@@ -227,7 +227,5 @@ def test_a_node_that_cannot_write_says_so_and_goes_on(arm, tmp_path):
     file = tmp_path / 'file'
     file.touch()
     arm.start('recorder', ready=False, recorder__directory=str(file / 'below'))
-    answer = arm.call(SetBool, 'recorder/record', data=True)
-    assert not answer.success
-    assert 'change recorder.directory' in answer.message
+    assert_declined(arm.call(SetBool, 'recorder/record', data=True), 'change recorder.directory')
     assert not arm.call(SetBool, 'recorder/record', data=True).success

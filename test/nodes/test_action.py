@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.sequence_server import error_code
 from soft_continuum.parameters.files import load_arm
@@ -20,6 +21,7 @@ from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import MotionRequest
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
 
 ARM, LIBRARY = load_arm(description_file()), PAPER_SHAPES
@@ -184,7 +186,7 @@ def test_an_aim_that_does_not_exist_is_rejected(shared_arm):
     shared_arm.goal('c_form', aim=7).assert_rejected('7', 'angles', 'tip')
 
 
-def test_outcomes_and_phases_are_those_of_the_action():
+def test_outcomes_phases_and_reasons_are_those_of_action_and_message():
     def constants(message, kind):
         every = {name: getattr(message, name) for name in dir(message) if name.isupper()}
         return {name: value for name, value in every.items()
@@ -195,3 +197,5 @@ def test_outcomes_and_phases_are_those_of_the_action():
     assert codes['SUCCESSFUL'] == 0 and all(v < 0 for n, v in codes.items() if n != 'SUCCESSFUL')
     phases = constants(RunShapeSequence.Feedback, str)
     assert {phase.name: phase.value for phase in Phase} == phases
+    states = {'NONE', 'FOLLOWING', 'DONE', 'REFUSED', 'ENDED'}
+    assert {reason.name for reason in Reason} == constants(MotionRequest, int).keys() - states

@@ -16,7 +16,6 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
 from soft_continuum.nodes import camera
-from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import CHANNELS, grey_message, grey_picture, pose_from_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.sensing.layout import FRONT
@@ -197,17 +196,6 @@ def test_a_second_camera_of_an_arm_in_space(rig):
     driver.tare_until('is the arm straight', picture)
     driver.tare_until('camera_2: {ros__parameters: {tags: {reference_corners',
                       drawn.picture(space_views.poses(*[(0, 0)] * 3)))
-
-
-@pytest.mark.parametrize(('parameters', 'named'), [
-    ({'camera.source': '/dev/video9'}, 'camera.calibration is needed'),
-    ({'camera.calibration': '/nowhere.yaml'}, '/nowhere.yaml'),
-    ({'tags.fixed_positions': [0.0] * 8}, 'in a line'),
-    (given_in(space_views.PATH, 'camera') | {'tags.offsets': [0.001] * 12},  # as of a planar arm
-     'keep tags.reference_corners')])
-def test_parameters_that_cannot_be_are_refused(rig, parameters, named):
-    with pytest.raises(ParameterError, match=named):
-        rig.start('camera', ready=False, **parameters)
 
 
 def test_a_camera_that_is_not_there_is_waited_for(rig, drawn, tmp_path):

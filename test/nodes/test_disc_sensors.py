@@ -16,7 +16,6 @@ import yaml
 
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sensing.tare import WINDOW
@@ -238,13 +237,3 @@ def test_a_tare_takes_the_present_as_straight_and_says_how_to_keep_it(rig):
     assert measured(sensors.poses[3])[0][2] == pytest.approx(0.0, abs=1e-2)
     rig.wait_for(lambda: pairs(sensors.statuses.last).get('tared')
                  == 'pose of disc 1; tilt of disc 3', 'a status that says so')
-
-
-@pytest.mark.parametrize(('parameters', 'named'), [
-    ({'tracker.offsets': [0.0, 1.0]}, 'tracker.offsets has 2'),
-    ({'tracker.base_pose': [0.0] * 7}, 'of length 1'),
-    ({'imu.axes': ['+x', '+y', '-z']}, 'right-handed'),
-    ({'imu.mounting_angles': [0.0, 0.1]}, 'imu.mounting_angles has 2')])
-def test_parameters_that_cannot_be_are_refused(rig, parameters, named):
-    with pytest.raises(ParameterError, match=named):
-        rig.start('disc_sensors', ready=False, **parameters)

@@ -21,7 +21,7 @@ from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.nodes import managed_node, shape_sequencer
 from soft_continuum_interfaces.action import RunShapeSequence
-from support.ros_rig import LATCHED, Rig
+from support.ros_rig import assert_declined, LATCHED, Rig
 
 Result = RunShapeSequence.Result
 STEP = 5e-6  # m: 200 steps per mm
@@ -192,9 +192,7 @@ def test_after_a_reset_of_the_board_nothing_moves_until_the_arm_is_said_to_be_st
 
     rig.stiffen()
     for service in ('tendon_actuation/reference', 'kinematics/reset'):
-        asked = rig.trigger(service)
-        assert not asked.success
-        assert 'segment 3 was bent by 0.' in asked.message
+        assert_declined(rig.trigger(service), 'segment 3 was bent by 0.')
         if 'reference' in service:
             assert rig.trigger(service).success
             rig.wait_for(lambda: 'segment 3 was bent' in status.last.message, 'an unknown shape')
@@ -239,9 +237,8 @@ def test_a_reply_that_is_lost_now_and_then_ends_no_goal(bench):
 def test_a_valve_that_does_not_follow_and_a_broken_wire_are_named(bench):
     rig = bench.rig
     bench.modbus.stuck = {3}
-    answer = rig.call(SetBool, 'jamming_valves/segment_3/set_stiff', data=False)
-    assert not answer.success
-    assert 'coil 3 (valve of segment 3)' in answer.message
+    assert_declined(rig.call(SetBool, 'jamming_valves/segment_3/set_stiff', data=False),
+                    'coil 3 (valve of segment 3)')
     bench.modbus.stuck = set()
     rig.soften(3)
     bench.modbus.segments[1].broken_wire = True
@@ -330,9 +327,7 @@ def home(rig):
 @pytest.mark.parametrize('homing', [(-1400, -1200)], indirect=True, ids=['near'])
 def test_homing_waits_for_a_stiff_arm_and_ends_with_a_known_straight_one(homing):
     rig = homing.rig
-    refused = rig.trigger('tendon_actuation/reference')
-    assert not refused.success
-    assert 'stiffen' in refused.message
+    assert_declined(rig.trigger('tendon_actuation/reference'), 'stiffen')
     home(rig)
     statuses = rig.statuses['tendon_actuation']
     rig.wait_for(lambda: any(s.message == 'homing' for s in statuses), 'a motion')

@@ -17,7 +17,7 @@ from soft_continuum.hardware.protocols import JammingDriver, JammingReading
 from soft_continuum.nodes.jamming_control import JammingControl
 from soft_continuum_interfaces.msg import JammingValvesState
 from soft_continuum_interfaces.srv import SetVacuum
-from support.ros_rig import AMBIENT, LATCHED, SEGMENTS, STIFF_VACUUM
+from support.ros_rig import AMBIENT, assert_declined, LATCHED, SEGMENTS, STIFF_VACUUM
 
 
 @pytest.fixture(scope='module')
@@ -112,9 +112,8 @@ def test_pressures_are_absolute_pascals_of_each_segment(valves):
 def test_a_node_that_is_not_active_switches_nothing(valves, away):
     valves.transitions('jamming_valves', *away)
     for service in ('segment_1/set_stiff', 'set_all_stiff'):
-        answer = valves.call(SetBool, f'jamming_valves/{service}', data=False)
-        assert not answer.success
-        assert 'not active' in answer.message
+        assert_declined(valves.call(SetBool, f'jamming_valves/{service}', data=False),
+                        'not active')
     valves.transitions('jamming_valves', *('configure', 'activate')[2 - len(away):])
     valves.wait_for_more(valves.pressures[0])
     assert valves.all_stiff

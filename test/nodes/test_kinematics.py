@@ -12,7 +12,7 @@ from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes import kinematics
 from soft_continuum_interfaces.msg import KinematicsState
 from support.fake_arm import ARM, FakeArm
-from support.ros_rig import RELIABLE
+from support.ros_rig import assert_declined, RELIABLE
 
 DISC_HEIGHT, LENGTH = 0.03, 0.07
 PULLS = (0.006, -0.007)
@@ -163,10 +163,7 @@ def test_the_shape_is_unknown_after_starting_on_pulled_tendons(rig, fake):
     fake.say((0.004, -0.005))
     rig.wait_for(lambda: 'unknown' in rig.statuses['kinematics'].last.message, 'an unknown shape')
     assert 'reset' in rig.statuses['kinematics'].last.message
-    answer = rig.trigger('kinematics/reset')
-    assert not answer.success
-    assert '0.0040' in answer.message
-    assert 'reference' in answer.message
+    assert_declined(rig.trigger('kinematics/reset'), '0.0040', 'reference')
     assert len(rig.joints) == len(rig.segment_poses) == len(rig.disc_poses) == 0
 
     fake.pull((0.0, 0.0))  # what tendon_actuation says after a reference
@@ -199,9 +196,7 @@ def test_no_shape_is_published_from_a_lost_position_on_until_a_person_says_that_
     fake.say((0.0, 0.0), soft=3)
     rig.wait_for(lambda: 'segment 3 was bent by 0.' in status.last.message, 'an unknown shape')
     fake.say((0.0, 0.0))
-    asked = rig.trigger('kinematics/reset')
-    assert not asked.success
-    assert 'segment 3 was bent by 0.' in asked.message
+    assert_declined(rig.trigger('kinematics/reset'), 'segment 3 was bent by 0.')
     assert len(rig.joints) == shapes
     assert {s.level for s in list(status)[said:]} <= {DiagnosticStatus.WARN}
     assert rig.trigger('kinematics/reset').success
@@ -238,9 +233,7 @@ def test_a_reference_on_a_straight_arm_asks_nothing(rig, fake):
 
 def test_reset_is_refused_before_the_tendons_were_heard(rig):
     rig.start('kinematics')
-    answer = rig.trigger('kinematics/reset')
-    assert not answer.success
-    assert 'tendon_states' in answer.message
+    assert_declined(rig.trigger('kinematics/reset'), 'tendon_states')
 
 
 def test_tendon_states_of_no_arm_or_of_no_shape_are_named_and_change_nothing(rig, fake):

@@ -12,7 +12,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
 from soft_continuum.obstacles.files import load_obstacles
-from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.obstacles import (
     is_decoration,
     name_of,
@@ -166,8 +165,3 @@ def test_too_many_obstacles_are_refused(sequencer):
     sequencer.change(Marker(action=Marker.DELETEALL), ball('one'))
     assert '101 obstacles; allowed: 100' in sequencer.send(*(ball(number=k) for k in range(100)))
     assert sequencer.names == ['one']
-
-
-def test_a_file_that_cannot_be_used_is_an_error_of_the_parameter(rig, tmp_path):
-    with pytest.raises(ParameterError, match=r'parameter obstacles.file: .*none.yaml: cannot be'):
-        rig.start('shape_sequencer', obstacles__file=str(tmp_path / 'none.yaml'))

@@ -30,8 +30,10 @@ from soft_continuum.parameters.shapes import (
     VACUUM_PREFIX,
 )
 from soft_continuum.user_files import description_file
+from support.descriptions import given_in
 from support.documented_commands import kept_signal_handlers
 from support.ros_rig import ALL
+from support.views import space_views
 
 GOOD = description_file().read_text(encoding='utf-8')
 
@@ -144,6 +146,23 @@ def test_what_a_file_says_for_one_node_only_is_checked_as_well(start, tmp_path, 
 def test_a_bad_value_on_the_command_line_is_refused_with_its_name(start, node, value, reasons):
     assert_refused(
         start(node, '--params-file', str(description_file()), '-p', value), node, *reasons)
+
+
+@pytest.mark.parametrize(('node', 'parameters', 'named'), [
+    ('camera', {'camera.source': '/dev/video9'}, 'camera.calibration is needed'),
+    ('camera', {'camera.calibration': '/nowhere.yaml'}, '/nowhere.yaml'),
+    ('camera', {'tags.fixed_positions': [0.0] * 8}, 'in a line'),
+    ('camera', given_in(space_views.PATH, 'camera') | {'tags.offsets': [0.001] * 12},
+     'keep tags.reference_corners'),  # those offsets are of a planar arm
+    ('disc_sensors', {'tracker.offsets': [0.0, 1.0]}, 'tracker.offsets has 2'),
+    ('disc_sensors', {'tracker.base_pose': [0.0] * 7}, 'of length 1'),
+    ('disc_sensors', {'imu.axes': ['+x', '+y', '-z']}, 'right-handed'),
+    ('disc_sensors', {'imu.mounting_angles': [0.0, 0.1]}, 'imu.mounting_angles has 2'),
+    ('shape_sequencer', {'obstacles.file': '/none.yaml'},
+     'parameter obstacles.file: /none.yaml: cannot be')], ids=str)
+def test_parameters_that_a_node_cannot_use_are_refused(rig, node, parameters, named):
+    with pytest.raises(ParameterError, match=named):
+        rig.start(node, ready=False, **parameters)
 
 
 def test_a_number_out_of_range_is_not_reported_as_a_missing_decimal_point(start):

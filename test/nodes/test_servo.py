@@ -21,7 +21,7 @@ from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_to_ros
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import TendonTrajectory
-from support.ros_rig import LATCHED, pairs, RELIABLE, trajectory
+from support.ros_rig import assert_declined, LATCHED, pairs, RELIABLE, trajectory
 
 SEGMENT = 2
 PERIOD = 0.05  # s between two targets
@@ -173,9 +173,7 @@ def test_a_stop_disables_it_also_when_it_is_resumed_at_once(follower, resumed):
     assert not follower.sent_after(disabled.time)
     assert abs(follower.angle) < 25.0
     if not resumed:
-        answer = follower.enable()
-        assert not answer.success
-        assert 'stopped' in answer.message
+        assert_declined(follower.enable(), 'stopped')
 
 
 @pytest.mark.parametrize('killed', [False, True])
@@ -231,9 +229,7 @@ def test_it_is_not_enabled_unless_exactly_one_segment_is_soft(follower):
     follower.enabled()
     rig.set_stiff(SEGMENT, True)
     follower.wait_for_status('disabled: a segment changed between soft and stiff')
-    answer = follower.enable()
-    assert not answer.success
-    assert 'exactly one segment has to be soft; soft: none' in answer.message
+    assert_declined(follower.enable(), 'exactly one segment has to be soft; soft: none')
     rig.soften(1)
     rig.soften(SEGMENT)
     # The servo may hear later than this test that both are soft.

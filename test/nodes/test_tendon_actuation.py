@@ -14,7 +14,7 @@ from soft_continuum.nodes.kinematics import Kinematics
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum_interfaces.msg import MotionRequest
-from support.ros_rig import RELIABLE, trajectory
+from support.ros_rig import assert_declined, RELIABLE, trajectory
 
 OTHERS = ('jamming_valves', 'kinematics')
 NAN, INFINITE = float('nan'), float('inf')
@@ -379,9 +379,7 @@ def test_reference_takes_the_present_position_as_zero(tendons):
     tendons.wait_for_more(tendons.joints, 3)  # of the arm that is bent
     states = tendons.states['tendon_actuation']
     before = len(states)
-    asked = tendons.trigger('tendon_actuation/reference')
-    assert not asked.success
-    assert 'was bent by 0.' in asked.message
+    assert_declined(tendons.trigger('tendon_actuation/reference'), 'was bent by 0.')
     tendons.assert_rests()
     assert tendons.pulls == pytest.approx((0.004, -0.005))
     assert tendons.trigger('tendon_actuation/reference').success
@@ -397,9 +395,7 @@ def test_reference_takes_the_present_position_as_zero(tendons):
 
 def test_reference_is_refused_while_a_tendon_moves(tendons):
     pull_slowly(tendons)
-    answer = tendons.trigger('tendon_actuation/reference')
-    assert not answer.success
-    assert 'moving' in answer.message
+    assert_declined(tendons.trigger('tendon_actuation/reference'), 'moving')
     tendons.wait_for(lambda: tendons.pulls[0] > 0.0005, 'more motion')
 
 
@@ -410,9 +406,7 @@ def test_a_node_that_is_not_active_refuses_and_says_so(tendons, away):
     tendons.send(PULL)
     assert 'not active' in tendons.wait_for_status('tendon_actuation', 'refused', after=said)
     for service in ('resume', 'reference'):
-        answer = tendons.trigger(f'tendon_actuation/{service}')
-        assert not answer.success
-        assert 'not active' in answer.message
+        assert_declined(tendons.trigger(f'tendon_actuation/{service}'), 'not active')
     tendons.transitions('tendon_actuation', *('configure', 'activate')[2 - len(away):])
     tendons.assert_rests()
     assert tendons.pulls == (0.0, 0.0)

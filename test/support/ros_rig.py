@@ -760,6 +760,13 @@ def shape_message(shape: str | Sequence[float] | Shape, hold: float = 0.0) -> Sh
     return message
 
 
+def assert_declined(answer: Any, *reasons: str) -> None:
+    """Claim that a service was not done, and that the answer has all of the reasons."""
+    assert not answer.success
+    for reason in reasons:
+        assert reason in answer.message, answer.message
+
+
 def pairs(status: DiagnosticStatus | None) -> dict[str, str]:
     """Return the values of a status by key."""
     return {pair.key: pair.value for pair in status.values} if status else {}
