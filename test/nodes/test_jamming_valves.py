@@ -75,20 +75,6 @@ def test_a_segment_is_never_said_to_be_stiff_before_its_pressure_says_so(rig):
     assert sum(m.data for m in rig.stiff[0]) == 3
 
 
-def test_stiffness_is_lost_below_the_release_vacuum_and_won_at_the_stiff_one(rig):
-    # So large a leak that a segment falls through both thresholds between two readings.
-    release = 48e3
-    rig.start('jamming_valves', jamming_rate=5.0, simulated_jamming__leak_rate=1e5,
-              simulated_jamming__evacuation_time=0.3, release_vacuum=release,
-              pump_start_vacuum=51e3)
-    flags, pressures = rig.stiff[0], rig.pressures[0]
-    rig.wait_for(lambda: [m.data for m in flags][1:4] == [True, False, True], 'loss and return')
-    for flag in flags.heard[1:3]:
-        before = max((p for p in pressures.heard if p.time < flag.time), key=lambda p: p.time)
-        found = AMBIENT - before.message.fluid_pressure
-        assert found >= STIFF_VACUUM if flag.message.data else found < release
-
-
 def test_a_late_joiner_is_told_which_segments_are_stiff(valves):
     valves.set_stiff(2, False)
     late = [valves.record(Bool, f'segment_{n}/stiff', LATCHED) for n in (1, 2, 3)]
@@ -139,16 +125,9 @@ def test_a_soft_rig_starts_soft_and_is_left_so(rig):
     rig.wait_for_more(rig.pressures[0])
     assert rig.soft_segments() == [1, 2, 3]
     assert all(len(r) == 1 for r in rig.stiff)
-
-
-def test_the_pump_rests_at_its_stop_vacuum_and_starts_again_at_its_start_vacuum(rig):
-    rig.start('jamming_valves', simulated_jamming__leak_rate=4e3,
-              simulated_jamming__evacuation_time=0.2, simulated_jamming__ultimate_vacuum=84e3,
-              pump_start_vacuum=80e3, pump_stop_vacuum=82e3)
-    for pump in ('off', 'on', 'off'):
-        said = len(rig.statuses['jamming_valves'])
-        rig.wait_for_status('jamming_valves', 'pump', pump, after=said)
-    assert rig.all_stiff
+    rig.wait_for_status('jamming_valves', 'pump', 'off')
+    assert rig.set_stiff(1, True).success
+    rig.wait_for_status('jamming_valves', 'pump', 'on')
 
 
 def set_vacuum(rig, segment, vacuum):
