@@ -4,11 +4,12 @@
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from io import StringIO
 from itertools import pairwise
 from math import inf, nan
 import sys
-from time import monotonic, sleep
+from time import monotonic
 
 import matplotlib
 from matplotlib.figure import Figure
@@ -30,21 +31,17 @@ from soft_continuum.client import (
     SequenceError,
 )
 from soft_continuum.client.connection import Connection
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import MotionRequest
+from support.driver_waits import until
 
 matplotlib.use('Agg')
 DEADLINE = 60.0  # s
 LEAN = (0.2, 0.1, -0.1)  # rad
 STRAIGHT = (0.0, 0.0, 0.0)
-
-
-def wait_until(condition):
-    deadline = monotonic() + DEADLINE
-    while not condition():
-        assert monotonic() < deadline
-        sleep(0.01)
+wait_until = partial(until, STEADY, step=0.01)
 
 
 def moves_or_has_moved(running):

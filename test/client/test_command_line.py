@@ -13,7 +13,9 @@ import pytest
 
 from soft_continuum.cli.operate import cached_shapes
 from soft_continuum.client.own_file import save_sequence, save_shape
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.user_files import saved_shapes
+from support.driver_waits import until
 
 DONE, FAILED, NO_NODES, INTERRUPTED = 0, 1, 3, 130
 REACHED = 1e-2  # rad
@@ -201,9 +203,7 @@ def test_without_nodes_every_verb_says_how_to_start_them(call, words):
 def test_an_interrupt_while_nodes_are_looked_for_ends_quietly(command):
     run = command('run', 'c_form', timeout=600.0)
     maps = Path(f'/proc/{run.process.pid}/maps')
-    deadline = monotonic() + TIMEOUT
-    while 'librmw' not in maps.read_text(encoding='utf-8'):  # it has begun to connect
-        assert monotonic() < deadline
+    until(STEADY, lambda: 'librmw' in maps.read_text(encoding='utf-8'), 'it begins to connect')
     run.process.send_signal(signal.SIGINT)
     assert run.end() == (INTERRUPTED, '', '')
 
