@@ -68,9 +68,9 @@ def assert_same(node, kind, on_page, in_graph, rig):
 
 @pytest.fixture(scope='module')
 def suite(module_rig):
-    """Return every node of the suite, with load cells."""
-    module_rig.start_arm(load_cells__enabled=True)
-    module_rig.start(*OTHERS, ready=False)
+    """Return every node of the suite, with load cells, and jams that are not rigid."""
+    module_rig.start_arm(load_cells__enabled=True, arm__stiffness_ratios=(10.0,))
+    module_rig.start(*OTHERS, ready=False, arm__stiffness_ratios=(10.0,))
     return module_rig
 
 

@@ -26,6 +26,7 @@ from soft_continuum.nodes.tendon_actuation import TendonActuation
 from soft_continuum.nodes.tendon_control import Request, TendonControl
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum_interfaces.msg import MotionRequest
+from support.ros_rig import DEADLINE
 
 MAX_DELAY = tendon_controller.MAX_DELAY
 PERIOD = 0.02  # s
@@ -207,3 +208,23 @@ def test_a_slow_drift_is_sent_once_it_is_as_large_as_the_resolution():
     stream, drift = RestingStream(1.0), [0.3 * k for k in range(10)]
     sent = [stream.due(1e-3 * k, None, (value,)) for k, value in enumerate(drift)]
     assert sent == [True, False, False, False] * 2 + [True, False]
+
+
+def test_an_arm_at_rest_has_no_timer_of_more_than_ten_hertz(rig):
+    nodes = rig.start_arm()
+
+    def fast():
+        return [(node.get_name(), timer.timer_period_ns) for node in nodes for timer in node.timers
+                if timer.timer_period_ns < 1e8 and not timer.is_canceled()]
+
+    for _ in range(2):  # before the first goal, and after it
+        rig.until(lambda: not fast(), DEADLINE)
+        assert fast() == []
+        rig.goal((0.0, 0.0, 0.0)).assert_ended('SUCCEEDED')
+
+
+def test_kinematics_receives_no_pressures_of_rigid_jams(rig):
+    kinematics, = rig.start('kinematics', arm__stiffness_ratios=(10.0, 0.0, 10.0), ready=False)
+    topics = [one.topic_name.removeprefix(f'{rig.namespace}/') for one in kinematics.subscriptions]
+    assert [topic for topic in topics if topic.endswith('/pressure')] == [
+        'segment_1/pressure', 'segment_3/pressure']
