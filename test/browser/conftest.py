@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The view as a process, a real Chromium that shows it, and nodes as in test/nodes."""
 
-from collections.abc import Iterator
 import shutil
 import subprocess
 
@@ -11,7 +10,7 @@ import pytest
 from std_srvs.srv import SetBool
 
 from soft_continuum.browser import log
-from support.page import address_of, DEADLINE, OpenPage, Page, SLOW, start_view
+from support.page import address_of, DEADLINE, Page, SLOW, start_view
 from support.processes import Processes
 from support.rig_fixtures import (
     _compiled,

@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rigs of nodes, and clients of them."""
 
-from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 import faulthandler
 import sys
-from typing import Any
 
 from action_msgs.srv import CancelGoal
 import pytest

@@ -213,9 +213,6 @@ def olive(colours: Any) -> Any:
         colours[..., 2] < colours[..., 1] - 15)
 
 
-OpenPage = Callable[..., Page]
-
-
 def start_view(processes: Processes, verb: str, *options: str) -> NodeProcess:
     """Start ``browser``, ``ui`` or ``replay``."""
     return processes.start([sys.executable, '-m', 'soft_continuum', verb, '--port', '0', *options])
