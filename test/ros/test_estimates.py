@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What kinematics publishes of its estimate makes the same model in the other nodes."""
 
 from dataclasses import replace
@@ -174,8 +173,7 @@ def test_of_an_arm_without_jamming_no_ratio_is_published():
     without = parameters_to_ros(estimator, jamming=False)
     assert [p.name for p in without] == [
         name for name in SPATIAL_VALUES if not name.startswith('stiff_ratio')]
-    model, loose = (model_from_ros(p, SPATIAL)
-                    for p in (published(estimator).parameters, without))
+    model, loose = (model_from_ros(p, SPATIAL) for p in (published(estimator).parameters, without))
     assert np.array_equal(loose.offsets, model.offsets)
     assert loose.chain.arm.segments[0].stiffness_x == model.chain.arm.segments[0].stiffness_x
 

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Nodes in this process on a ROS domain of their own, and an observer that talks to them over DDS.
 
@@ -759,6 +758,13 @@ def shape_message(shape: str | Sequence[float] | Shape, hold: float = 0.0) -> Sh
     else:
         message.bending_angles = [float(a) for a in shape]
     return message
+
+
+def assert_declined(answer: Any, *reasons: str) -> None:
+    """Claim that a service was not done, and that the answer has all of the reasons."""
+    assert not answer.success
+    for reason in reasons:
+        assert reason in answer.message, answer.message
 
 
 def pairs(status: DiagnosticStatus | None) -> dict[str, str]:
