@@ -29,7 +29,6 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
-from soft_continuum.nodes.entries import Confirmation, repeat, serve, subscribe, wake
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measurements import (
     JamVacuum,
@@ -51,6 +50,7 @@ from soft_continuum.ros.conversions import (
     stiffness_from_ros,
     tracked_pose_to_ros,
 )
+from soft_continuum.ros.entries import Confirmation, repeat, serve, subscribe, wake
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM

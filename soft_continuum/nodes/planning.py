@@ -23,10 +23,10 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.entries import serve_later
 from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.obstacles import CollisionScene
 from soft_continuum.ros.conversions import poses_to_ros
+from soft_continuum.ros.entries import serve_later
 from soft_continuum.sequencing.aiming import Aim, AimStep, next_step, segments_worth_correcting
 from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum.sequencing.kept_plans import KeptPlans

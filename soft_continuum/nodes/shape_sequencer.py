@@ -14,7 +14,6 @@ from geometry_msgs.msg import PoseArray, PoseWithCovariance
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.entries import guarded, repeat, wake
 from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.model import load_model
@@ -37,7 +36,7 @@ from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.conversions import poses_to_ros
-from soft_continuum.ros.entry import LOG_PERIOD
+from soft_continuum.ros.entries import guarded, LOG_PERIOD, repeat, wake
 from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
