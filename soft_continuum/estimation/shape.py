@@ -13,9 +13,13 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.estimation.anomalies import Anomaly, AnomalyDetector
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator, HISTORY
-from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
+from soft_continuum.estimation.measuring import (
+    ActuatorState,
+    DiscMeasurement,
+    Innovation,
+    Measurement,
+)
 from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings
 from soft_continuum.estimation.unknowns import MAX_OFFSET
 from soft_continuum.mechanics.arm import Arm, Array

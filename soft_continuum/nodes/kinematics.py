@@ -15,8 +15,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.estimation.commands import ActuatorState
-from soft_continuum.estimation.measuring import Innovation, Measurement
+from soft_continuum.estimation.measuring import ActuatorState, Innovation, Measurement
 from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import (
     ArmShape,
