@@ -105,7 +105,9 @@ class ShapeSequencer(SuiteNode):
         check_actuation(self._arm, self.parameters)
         self._library = shape_library(self.parameters, self._arm)
         self._check: PendingGoal | None = None
+        self._accepted: Sequence[Shape] = ()  # of the goal that is accepted last
         self._next: Any = None  # the goal that waits for the running one to be wound down
+        self._next_shapes: Sequence[Shape] = ()
         self._next_stops = 0  # how many stops there had been before it
         self._handle: Any = None  # the goal that runs
         self._runner: Runner | None = None
@@ -209,7 +211,7 @@ class ShapeSequencer(SuiteNode):
             self._planning.abandon()
             self._reject(check.request, problem)
         else:
-            self._rejected = ''
+            self._rejected, self._accepted = '', check.shapes
             check.request.answer(True)
 
     def _waits(self, check: PendingGoal) -> bool:
@@ -263,7 +265,8 @@ class ShapeSequencer(SuiteNode):
                 Code.PREEMPTED, 'superseded by a newer goal before it started', 0))
         if self._runner is not None:
             self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
-        self._next, self._next_stops = handle, self._observed.tendons.stops
+        self._next, self._next_shapes = handle, self._accepted
+        self._next_stops = self._observed.tendons.stops
         wake(self._ticks)
 
     # The goal that runs.
@@ -304,7 +307,7 @@ class ShapeSequencer(SuiteNode):
     def _begin(self, handle: Any) -> None:
         self._handle, self._failed = handle, False
         self._commander.begin()
-        shapes = self._shapes = self._shapes_of(handle.request.shapes)
+        shapes = self._shapes = self._next_shapes
         settings = RunnerSettings(
             jamming=self.parameters['arm.jamming'],
             piece_period=PIECE_PERIOD,
