@@ -29,8 +29,7 @@ from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.entries import serve_later
 from soft_continuum.sequencing.aiming import Aim, AimStep, next_step, segments_worth_correcting
 from soft_continuum.sequencing.closed_loop import Loop
-from soft_continuum.sequencing.kept_plans import KeptPlans
-from soft_continuum.sequencing.plan_watch import PlanWatch
+from soft_continuum.sequencing.plan_watch import KeptPlans, PlanWatch
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.plans import (
     failure_text,

@@ -11,8 +11,8 @@ from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
     Reason,
     TendonController,
+    TensionGuard,
 )
-from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED

@@ -15,7 +15,7 @@ from soft_continuum.obstacles import CollisionScene
 from soft_continuum.ros.estimates import Model
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.sequencing.arm_port import Observation
-from soft_continuum.sequencing.kept_plans import KeptPlans
+from soft_continuum.sequencing.plan_watch import KeptPlans
 from soft_continuum.sequencing.planner import Planner
 from soft_continuum.sequencing.plans import Shape, TipGoal
 from soft_continuum.sequencing.reach import ReachSettings
