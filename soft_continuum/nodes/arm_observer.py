@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.nodes.node_info import PERIOD
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
 from soft_continuum.ros.entries import subscribe
@@ -27,6 +28,7 @@ from soft_continuum_interfaces.msg import (
     TendonActuationState,
 )
 
+SHAPES = f'{KINEMATICS} (~/state)'
 VACUUM_ROUNDING = 1.0  # Pa
 COMPUTING = 4.0
 """
@@ -66,7 +68,7 @@ class ArmObserver(ReportedArm):
         self._tendon_age = Age()
         self._ros_time = RosTime(node.get_clock())
         self._ages = {f'{TENDON_ACTUATION} (tendon_states)': self._tendon_age,
-                      f'{KINEMATICS} (~/state)': self.shape_age}
+                      SHAPES: self.shape_age}
         if self._jamming:
             self._ages[f'{JAMMING_VALVES} (segment_N/pressure)'] = self.jamming_age
         subscribe(node, JointState, 'tendon_states', self._on_tendons, SENSOR)
@@ -173,6 +175,10 @@ class ArmObserver(ReportedArm):
                     'run, and their status')
         stale = {name: timeout for name, age in self._ages.items() if age.seconds > (
             timeout := shape_timeout if age is self.shape_age else self.timeout)}
+        if [*stale] == [SHAPES] and (
+                self.shape_age.seconds - self.conflicts.heartbeat_age(KINEMATICS) > PERIOD):
+            return (f'{KINEMATICS} runs, but has reported no shape for {stale[SHAPES]:g} s; its '
+                    'status has the reason')
         return (f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
                 if stale else '')
 

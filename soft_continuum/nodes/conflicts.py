@@ -112,10 +112,13 @@ class Conflicts:
         if not self.problem:
             self._check_now()
 
+    def heartbeat_age(self, name: str) -> float:
+        """Return the s since the last heartbeat of another node; inf before the first."""
+        return min((one.age.seconds for one in self._heard[name].values()), default=inf)
+
     def lost(self, name: str, timeout: float) -> bool:
         """Return whether the heartbeat of another node is older than ``timeout`` s."""
-        return timeout < min((one.age.seconds for one in self._heard[name].values()),
-                             default=inf) < inf
+        return timeout < self.heartbeat_age(name) < inf
 
     def _others(self) -> Iterator[tuple[str, Heard]]:
         """Yield name and process of whatever other nodes run."""

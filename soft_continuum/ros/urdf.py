@@ -39,6 +39,11 @@ def _names_of_axes(joint: str, axes: Sequence[str]) -> list[str]:
     return [joint] if len(axes) == 1 else [f'{joint}_{axis}' for axis in axes]
 
 
+def are_of_an_arm(joints: Sequence[str]) -> bool:
+    """Return whether joints with these names are those of an arm, base first."""
+    return joints[:1] in (['segment_1_joint_1'], ['segment_1_joint_1_x'])
+
+
 def pose_axes_of(joints: Sequence[str]) -> NDArray[np.bool_]:
     """Return pose_axes of the arm whose joints have these names; of none: of a planar arm."""
     return SPATIAL_AXES if any(name.endswith('_x') for name in joints[:1]) else PLANAR_AXES

@@ -13,6 +13,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import (
@@ -120,6 +121,20 @@ def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: st
     bench.stream(0.2 * TIMEOUT)
     assert bench.observer.fault.startswith('nothing received for 0.5 s from ')
     assert topic.split('/')[-1] in bench.observer.fault
+
+
+def test_kinematics_that_runs_without_a_shape_is_told_from_one_that_is_gone(bench: Bench) -> None:
+    def beat() -> None:
+        bench.send('kinematics/heartbeat', NodeInfo('another').to_ros(0.0))
+
+    bench.observer.conflicts.node_info = Mock(own=NodeInfo('own'), time=0.0)
+    beat()
+    bench._callbacks['kinematics/state'] = Mock()
+    bench.stream(1.2 * TIMEOUT)
+    assert bench.observer.fault == 'nothing received for 0.5 s from kinematics (~/state)'
+    beat()
+    assert bench.observer.fault == (
+        'kinematics runs, but has reported no shape for 0.5 s; its status has the reason')
 
 
 @pytest.mark.parametrize('missing', ['tendon_actuation', 'kinematics', 'jamming_valves'])
