@@ -15,7 +15,6 @@ import subprocess
 from tempfile import NamedTemporaryFile, TemporaryDirectory
 from time import monotonic, sleep
 
-from ament_index_python.packages import get_packages_with_prefixes
 from rclpy.exceptions import InvalidNamespaceException
 from rclpy.validate_namespace import validate_namespace
 
@@ -78,25 +77,19 @@ def description_files(options: Namespace) -> list[str | Path]:
     return [*options.params_file] or [description_file()]
 
 
-def check_launch(namespace: str, files: Sequence[str | Path], packages: Sequence[str] = (),
-                 nodes: Sequence[str] = NODES) -> None:
+def check_launch(namespace: str, files: Sequence[str | Path]) -> None:
     """
     Check everything that a launch file starts before the start.
 
-    Raises ParameterError for an invalid namespace, for a parameter file that the ``nodes`` would
-    refuse, and for a missing one of the ROS ``packages``.
+    Raises ParameterError for an invalid namespace, and for a parameter file that the nodes would
+    refuse.
     """
     try:
         validate_namespace('/' + namespace)
     except InvalidNamespaceException as error:
         raise ParameterError(f'namespace {namespace!r} is not valid in ROS: '
                              f'{str(error).splitlines()[0]}') from None
-    check_parameter_files(start_arguments(namespace, files), nodes)
-    for package in packages:
-        if package not in get_packages_with_prefixes():
-            raise ParameterError(
-                f'the ROS package {package} is not installed; on Ubuntu, install it with: '
-                f'sudo apt install ros-jazzy-{package.replace("_", "-")}')
+    check_parameter_files(start_arguments(namespace, files), NODES)
 
 
 def start_arguments(namespace: str, files: Sequence[str | Path]) -> list[str]:

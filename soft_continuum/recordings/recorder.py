@@ -48,7 +48,7 @@ class Recorder(SuiteNode):
         repeat(self, REPORT_PERIOD, self._report)
 
     def start(self) -> None:
-        """Create the service."""
+        """Report that nothing is recorded yet."""
         self._report()
 
     def quit(self) -> None:
