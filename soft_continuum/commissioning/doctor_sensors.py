@@ -23,7 +23,7 @@ from soft_continuum.ros.conversions import (
     measured_pose_from_ros,
     seconds,
 )
-from soft_continuum.ros.entry import subscribe
+from soft_continuum.ros.entries import subscribe_unguarded
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.text import MAX_NAME, printable
@@ -89,7 +89,7 @@ class _Listening:
                 self.heard[topic] = []
                 of_kind = '/'.join((kind.__module__.split('.')[0], 'msg', kind.__name__))
                 if of_kind in kinds:
-                    subscribe(self._node, kind, topic, partial(self._note, topic), qos)
+                    subscribe_unguarded(self._node, kind, topic, partial(self._note, topic), qos)
 
     def _is_taken(self, name: str) -> bool:
         """Whether disc_sensors of this arm subscribes to a topic."""

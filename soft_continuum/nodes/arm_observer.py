@@ -13,10 +13,10 @@ from sensor_msgs.msg import JointState
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
-from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.node_info import PERIOD
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
+from soft_continuum.ros.entries import subscribe
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age, RosTime

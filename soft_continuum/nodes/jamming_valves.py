@@ -17,13 +17,13 @@ from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.entries import serve
 from soft_continuum.nodes.jamming_control import JammingControl, Report
 from soft_continuum.nodes.managed_node import ManagedNode
 from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
+from soft_continuum.ros.entries import serve
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState

@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from soft_continuum.estimation import anomalies
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
-from soft_continuum.estimation.measuring import DiscMeasurement, predicted
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of

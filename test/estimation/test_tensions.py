@@ -8,8 +8,7 @@ from math import inf, pi
 import numpy as np
 import pytest
 
-from soft_continuum.estimation.commands import ActuatorState
-from soft_continuum.estimation.measuring import predicted
+from soft_continuum.estimation.measuring import ActuatorState, predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of

@@ -19,11 +19,10 @@ from soft_continuum.nodes import emergency_stop
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.entries import serve, subscribe
 from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_ros
-from soft_continuum.ros.entry import MAX_BYTES
+from soft_continuum.ros.entries import MAX_BYTES, serve, subscribe
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import Heartbeat

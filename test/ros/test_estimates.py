@@ -8,9 +8,8 @@ from math import exp, log, pi
 import numpy as np
 import pytest
 
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator
-from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
