@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes are measured by whatever publishes disc_N/measured_pose, and written for identify."""
 
+from math import nan
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
@@ -21,7 +22,7 @@ from soft_continuum.sensing.rigid import in_plane, planar_pose
 from soft_continuum.sequencing.progress import Phase, Progress
 from soft_continuum.user_files import description_file
 from support.descriptions import given
-from support.ros_rig import STREAM
+from support.ros_rig import spoil, STREAM
 
 OFFSET = np.array([0.001, 0.0, -0.002])  # m: by which the tracker is off
 IN_SPACE = np.array([0.001, 0.003, -0.002])
@@ -83,46 +84,26 @@ def test_discs_are_measured_where_the_tracker_sees_them(client, tracker, arm):
         assert disc.samples >= 3
 
 
-def _nan(message):
-    message.pose.pose.position.x = float('nan')
-
-
-def _nan_across(message):
-    message.pose.pose.position.y = float('nan')
-    message.pose.covariance[7] = float('nan')
-
-
 def test_what_a_planar_arm_cannot_do_need_not_be_measured(client, tracker):
-    tracker.spoil = _nan_across
+    tracker.spoil = spoil(pose__pose__position__y=nan, pose__covariance__7=nan)
     for disc in client.measure(0.5).values():
         assert disc.has_position
         assert (disc.pose[1], disc.stddev[1]) == (0.0, 0.0)
 
 
-def _indefinite(message):
-    message.pose.covariance[0] = -1.0
-
-
-def _elsewhere(message):
-    message.header.frame_id = 'world'
-
-
-def _out_of_the_plane(message):
-    message.pose.pose.orientation.z = 0.7
-
-
-@pytest.mark.parametrize(('spoil', 'named'), [
-    (_elsewhere, "'world'; needed: 'base_link'"), (_out_of_the_plane, 'not about y'),
-    (_nan, 'finite'), (_indefinite, 'not positive definite')])
-def test_measurements_that_are_none_are_refused_by_their_reason(client, tracker, spoil, named):
-    tracker.spoil = spoil
+@pytest.mark.parametrize(('fields', 'named'), [
+    ({'header__frame_id': 'world'}, "'world'; needed: 'base_link'"),
+    ({'pose__pose__orientation__z': 0.7}, 'not about y'),
+    ({'pose__pose__position__x': nan}, 'finite'),
+    ({'pose__covariance__0': -1.0}, 'not positive definite')])
+def test_measurements_that_are_none_are_refused_by_their_reason(client, tracker, fields, named):
+    tracker.spoil = spoil(**fields)
     with pytest.raises(ClientError, match=named):
         client.measure(0.5)
 
 
-def _angle_only(message):
-    message.pose.pose.position.x = message.pose.pose.position.z = 0.0
-    message.pose.covariance[0] = message.pose.covariance[14] = 1e6  # x and z are not measured
+_angle_only = spoil(pose__pose__position__x=0.0, pose__pose__position__z=0.0,
+                    pose__covariance__0=1e6, pose__covariance__14=1e6)  # not measured
 
 
 def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(client, tracker, arm):

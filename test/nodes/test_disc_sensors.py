@@ -21,7 +21,7 @@ from soft_continuum.ros.qos import LATCHED
 from soft_continuum.sensing.tare import WINDOW
 from support.descriptions import given_in, JAMMING, PLANAR
 from support.planar import planar
-from support.ros_rig import pairs, STREAM
+from support.ros_rig import pairs, spoil, STREAM
 
 GRAVITY = 9.80665
 
@@ -143,45 +143,23 @@ def test_a_tracker_of_all_discs_in_its_own_frame_is_turned_into_the_base(rig):
         assert measured(recording)[0] == pytest.approx([0.01 * n, 0.1 * n, 0.2])
 
 
-def _covariance(value):
-    def spoil(message):
-        message.linear_acceleration_covariance[0] = value
-
-    return spoil
-
-
-def _rate(message):
-    message.angular_velocity.y = float('nan')
-
-
-def _flat(message):
-    a = message.linear_acceleration
-    a.x, a.y, a.z = 0.0, GRAVITY, 0.0
-
-
-def _lost(message):
-    message.pose.orientation.w = message.pose.orientation.y = 0.0
-
-
-def _unstamped(message):
-    message.header.stamp.sec = message.header.stamp.nanosec = 0
-
-
 def test_what_is_wrong_is_said_and_nothing_is_published(rig):
     sensors = Sensors(rig)
-    for send, spoil, words in (
-            (lambda: sensors.pose(frame='world'), None, "disc_1/pose: poses in 'world'; needed"),
-            (lambda: sensors.pose(late=3600.2), None, 'stamped 36'),
-            (lambda: sensors.imu(late=-3600.2), None, 'disc_3/imu: stamped -3'),
-            (sensors.pose, _unstamped, 'no stamp'),
-            (sensors.pose, _lost, 'length 0'),
-            (lambda: sensors.array(3), None, '3 poses; the arm has 4 discs'),
-            (sensors.imu, _covariance(-1.0), 'marks linear_acceleration as not measured'),
-            (sensors.imu, _covariance(-4.0), '_covariance is not valid'),
-            (sensors.imu, _covariance(float('nan')), '_covariance is not valid'),
-            (sensors.imu, _rate, 'not finite'),
-            (sensors.imu, _flat, 'IMUs cannot measure an arm that lies flat')):
-        sensors.spoil = spoil or (lambda message: None)
+    covariance = 'linear_acceleration_covariance__0'
+    for send, change, words in (
+            (lambda: sensors.pose(frame='world'), {}, "disc_1/pose: poses in 'world'; needed"),
+            (lambda: sensors.pose(late=3600.2), {}, 'stamped 36'),
+            (lambda: sensors.imu(late=-3600.2), {}, 'disc_3/imu: stamped -3'),
+            (sensors.pose, {'header__stamp__sec': 0, 'header__stamp__nanosec': 0}, 'no stamp'),
+            (sensors.pose, {'pose__orientation__w': 0.0, 'pose__orientation__y': 0.0}, 'length 0'),
+            (lambda: sensors.array(3), {}, '3 poses; the arm has 4 discs'),
+            (sensors.imu, {covariance: -1.0}, 'marks linear_acceleration as not measured'),
+            (sensors.imu, {covariance: -4.0}, '_covariance is not valid'),
+            (sensors.imu, {covariance: float('nan')}, '_covariance is not valid'),
+            (sensors.imu, {'angular_velocity__y': float('nan')}, 'not finite'),
+            (sensors.imu, {f'linear_acceleration__{axis}': GRAVITY * (axis == 'y')
+                           for axis in 'xyz'}, 'IMUs cannot measure an arm that lies flat')):
+        sensors.spoil = spoil(**change)
         assert sensors.until_status(send, words).level == DiagnosticStatus.ERROR
     assert not any(map(len, sensors.poses))
     assert 'no measurements' in sensors.tare().message

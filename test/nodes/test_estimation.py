@@ -19,7 +19,7 @@ from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, Kinematic
 from support.descriptions import given, JAMMING, PLANAR
 from support.fake_arm import ARM, Cameras, FakeArm, RATE, SeenArm
 from support.flat_arm import about_y
-from support.ros_rig import DEADLINE, RELIABLE
+from support.ros_rig import DEADLINE, RELIABLE, set_in, spoil
 
 STRAIGHT, BENT = about_y((0.0, 0.0, 0.0)), about_y((0.2, -0.15, 0.25))
 AT_ZERO = (0.0, 0.0)  # m
@@ -131,46 +131,26 @@ def test_a_prediction_that_fails_is_not_shown_until_it_is_found_again(fake):
     fake.rig.wait_for(lambda: 'no shape' not in statuses.last.message, 'a status without it')
 
 
-def _frame(message):
-    message.header.frame_id = 'camera'
-
-
-def _nan(message):
-    message.pose.pose.position.x = float('nan')
-
-
-def _indefinite(message):
-    message.pose.covariance[0] = -1.0
-
-
-def _correlated(message):
-    message.pose.covariance[2] = message.pose.covariance[12] = 1e-3
-
-
-def _long(message):
-    message.pose.pose.orientation.w *= 2.0
-
-
-def _future(message):
-    message.header.stamp.sec += 10
-
-
-def _old(message):
-    message.header.stamp.sec -= 3600
+def later(seconds):
+    """Return what moves the stamp of a message by a time."""
+    return lambda message: set_in(message, header__stamp__sec=message.header.stamp.sec + seconds)
 
 
 # No two of one reason in turn: what is the same is said once.
 UNUSABLE = {
-    _frame: "'camera'", _indefinite: 'positive definite', _nan: 'finite',
-    _correlated: 'positive definite', _future: 'future', _old: 'old'}
-IN_SPACE = {_long: 'quaternion'}  # of a planar arm only its angle is read
+    spoil(header__frame_id='camera'): "'camera'",
+    spoil(pose__covariance__0=-1.0): 'positive definite',
+    spoil(pose__pose__position__x=float('nan')): 'finite',
+    spoil(pose__covariance__2=1e-3, pose__covariance__12=1e-3): 'positive definite',
+    later(10): 'future', later(-3600): 'old'}
+IN_SPACE = {spoil(pose__pose__orientation__w=2.0): 'quaternion'}  # of others only an angle is read
 
 
 @IN_PLANE_AND_SPACE
 def test_measurements_that_cannot_be_used_are_refused_with_the_reason(fake):
     statuses = fake.rig.statuses['kinematics']
     in_space = IN_SPACE if fake.arm.pose_axes.all() else {}
-    for spoil, reason in (UNUSABLE | in_space).items():
+    for change, reason in (UNUSABLE | in_space).items():
         before = len(statuses)
 
         def said(before=before, reason=reason):
@@ -178,7 +158,7 @@ def test_measurements_that_cannot_be_used_are_refused_with_the_reason(fake):
                        for text in (message.message, *(v.value for v in message.values)))
 
         fake.show_until(about_y((0.02, 0.0, 0.03)), [0.0] * len(fake.arm.tendons), said,
-                        f'a refusal with {reason}', spoil)
+                        f'a refusal with {reason}', change)
     assert np.all(fake.bending == 0.0)
     assert fake.last.source == KinematicsState.PREDICTED
 

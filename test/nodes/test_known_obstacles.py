@@ -20,7 +20,7 @@ from soft_continuum.ros.obstacles import (
     removal,
 )
 from soft_continuum.ros.qos import OBSTACLES
-from support.ros_rig import LATCHED
+from support.ros_rig import LATCHED, set_in
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'config' / 'obstacles_example.yaml'
 TETRAHEDRON = Mesh(np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]),
@@ -33,12 +33,7 @@ def ball(ns='ball', number=0, **fields):
     marker.header.frame_id = 'base_link'
     marker.pose.position.x = 0.3
     marker.scale.x = marker.scale.y = marker.scale.z = 0.1
-    for name, value in fields.items():
-        part = marker
-        *path, last = name.split('__')
-        for step in path:
-            part = getattr(part, step)
-        setattr(part, last, value)
+    set_in(marker, **fields)
     return marker
 
 
