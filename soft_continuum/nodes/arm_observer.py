@@ -178,13 +178,15 @@ class ArmObserver(ReportedArm):
                     'run, and their status')
         stale = {name: timeout for name, age in self._ages.items() if age.seconds > (
             timeout := shape_timeout if age is self.shape_age else self.timeout)}
-        for source, timeout in stale.items():
-            name = source.split()[0]
-            if self._ages[source].seconds - self.conflicts.heartbeat_age(name) > PERIOD:
-                return (f'{name} runs, but has reported no {REPORTED[source]} for {timeout:g} s; '
-                        'its status has the reason')
-        return (f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
-                if stale else '')
+        if not stale:
+            return ''
+        # A node that is gone may be why others, which run, report nothing.
+        if all(self._ages[one].seconds - self.conflicts.heartbeat_age(one.split()[0]) > PERIOD
+               for one in stale):
+            source, timeout = next(iter(stale.items()))
+            return (f'{source.split()[0]} runs, but has reported no {REPORTED[source]} for '
+                    f'{timeout:g} s; its status has the reason')
+        return f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
 
     @property
     def missing_sources(self) -> list[str]:

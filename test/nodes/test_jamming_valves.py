@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.protocols import JammingDriver, JammingReading
-from soft_continuum.nodes.jamming_control import JammingControl
+from soft_continuum.nodes.jamming_valves import JammingControl
 from soft_continuum_interfaces.msg import JammingValvesState
 from soft_continuum_interfaces.srv import SetVacuum
 from support.ros_rig import AMBIENT, assert_declined, LATCHED, SEGMENTS, STIFF_VACUUM
