@@ -25,7 +25,7 @@ import sys
 import numba
 
 from soft_continuum import version
-from soft_continuum.analysis.workspace import reach
+from soft_continuum.analysis.workspace import sample_workspace
 from soft_continuum.mechanics import Arm, Disc, Segment, set_shape, Statics, tendon_pair
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import pages
@@ -37,7 +37,7 @@ bent = set_shape(statics, [0.3])
 paper = load_arm(Path(sys.prefix, 'share/soft_continuum/config/manipulator.yaml'))
 print(json.dumps({
     'bending_angle': float(bent.bending_angles[0]),
-    'tips': len(reach(arm, [0], 3).tips),
+    'tips': len(sample_workspace(arm, [0], 3).tips),
     'segments': len(paper.segments),
     'version': version(),
     'pages': (pages() / 'docs/how_to/install.md').is_file(),
