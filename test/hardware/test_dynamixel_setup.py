@@ -278,7 +278,7 @@ def test_a_reply_that_comes_with_the_next_one_is_not_that_of_a_second_servo(answ
             return answer
         raise answer('nothing')
 
-    bus = SimpleNamespace(ping=ping)
+    bus = SimpleNamespace(ping=ping, clock=SimpleNamespace(sleep=lambda _: None))
     if problem:
         with pytest.raises(HardwareError, match=problem):
             setup._ping(bus, 1, 'servo 1', (1,))
