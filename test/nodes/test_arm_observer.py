@@ -138,13 +138,16 @@ def test_a_node_that_runs_and_reports_nothing_is_told_from_one_that_is_gone(
         f'{name} runs, but has reported no {reported} for 0.5 s; its status has the reason')
 
 
-def test_the_node_that_is_gone_is_named_although_another_runs_and_reports_nothing(bench: Bench
-                                                                                  ) -> None:
+@pytest.mark.parametrize(('later', 'named'), [(0.0, 'tendon_actuation'), (0.4, 'kinematics')])
+def test_a_node_that_runs_is_not_blamed_for_what_one_that_is_gone_takes_from_it(
+        bench, later, named):
     bench.observer.conflicts.node_info = Mock(own=NodeInfo('own'), time=0.0)
-    bench._callbacks['tendon_states'] = bench._callbacks['kinematics/state'] = Mock()
-    bench.stream(1.2 * TIMEOUT)
+    bench._callbacks['kinematics/state'] = Mock()
+    bench.stream(later * TIMEOUT)
+    bench._callbacks['tendon_states'] = Mock()
+    bench.stream((1.2 - later) * TIMEOUT)
     bench.send('kinematics/heartbeat', NodeInfo('another').to_ros(0.0))
-    assert bench.observer.fault.startswith('nothing received for 0.5 s from tendon_actuation')
+    assert bench.observer.fault.startswith(f'nothing received for 0.5 s from {named}')
 
 
 @pytest.mark.parametrize('missing', ['tendon_actuation', 'kinematics', 'jamming_valves'])
