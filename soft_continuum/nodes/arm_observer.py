@@ -180,7 +180,7 @@ class ArmObserver(ReportedArm):
             timeout := shape_timeout if age is self.shape_age else self.timeout)}
         if not stale:
             return ''
-        # A node that is gone, or will be in a moment, may be why others, which run, report nothing.
+        # A node that is gone, or is so in a moment, may be why others, which run, report nothing.
         if all(age.seconds - self.conflicts.heartbeat_age(source.split()[0]) > PERIOD
                for source, age in self._ages.items() if age.seconds > 0.5 * self.timeout):
             source, timeout = next(iter(stale.items()))
