@@ -44,6 +44,11 @@ def pose_axes_of(joints: Sequence[str]) -> NDArray[np.bool_]:
     return SPATIAL_AXES if any(name.endswith('_x') for name in joints[:1]) else PLANAR_AXES
 
 
+def pose_axes_in(urdf: str) -> NDArray[np.bool_]:
+    """Return pose_axes of the arm in a robot_description as of arm_urdf."""
+    return SPATIAL_AXES if f'<axis xyz="{AXES["x"]}"' in urdf else PLANAR_AXES
+
+
 def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:
     """Return ``arm`` as URDF in SI units; ``base_frame``: the name of its root link."""
     prefix = base_frame[:base_frame.rfind('/') + 1]
