@@ -20,6 +20,7 @@ from soft_continuum.client.connection import Connection
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.mechanics.arm import PLANAR_AXES, STANDARD_GRAVITY
+from soft_continuum.ros import urdf
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
     measured_pose_from_ros,
@@ -28,7 +29,6 @@ from soft_continuum.ros.conversions import (
 from soft_continuum.ros.entry import MAX_BYTES, subscribe
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR
-from soft_continuum.ros.urdf import pose_axes_in
 from soft_continuum.text import MAX_NAME, printable
 
 LOOK_PERIOD = 0.25  # s between two searches for new topics
@@ -40,13 +40,12 @@ MAX_GRAVITY_ERROR = 0.1  # relative, accelerations that disc_sensors accepts
 REST_RATE = 0.05  # rad/s, standard deviation of a gyroscope at rest
 MAX_BIAS = 0.1  # rad/s
 STATUS = rf'(?:{"|".join(SENSORS)})\w*/status'  # of camera_2, too
-DESCRIPTION, MAX_DESCRIPTION = 'robot_description', 10**7  # bytes
 KINDS: dict[str, tuple[Any, Any]] = {
     r'disc_\d{1,3}/measured_pose': (PoseWithCovarianceStamped, SENSOR),
     r'disc_\d{1,3}/imu': (Imu, SENSOR),
     LOAD_CELLS: (JointState, SENSOR),
     'disc_poses': (PoseArray, SENSOR),
-    DESCRIPTION: (String, LATCHED),
+    urdf.ROBOT_DESCRIPTION: (String, LATCHED),
     'tendon_states': (JointState, SENSOR),
     STATUS: (DiagnosticStatus, EVERY_STATE),
 }
@@ -95,7 +94,7 @@ class _Listening:
                 of_kind = '/'.join((kind.__module__.split('.')[0], 'msg', kind.__name__))
                 if of_kind in kinds:
                     subscribe(self._node, kind, topic, partial(self._note, topic), qos,
-                              MAX_DESCRIPTION if topic == DESCRIPTION else MAX_BYTES)
+                              urdf.MAX_BYTES if topic == urdf.ROBOT_DESCRIPTION else MAX_BYTES)
 
     def _is_taken(self, name: str) -> bool:
         """Whether disc_sensors of this arm subscribes to a topic."""
@@ -122,8 +121,8 @@ def judged(heard: dict[str, Any], sources: dict[str, tuple[str, ...]], space: st
         yield _status(topic.removesuffix('/status'), heard[topic][-1][1])
     frame = next((m.header.frame_id for _, m in heard.get('disc_poses', ())), '')
     tendons = next((list(m.name) for _, m in heard.get('tendon_states', ())), [])
-    described = heard.get(DESCRIPTION)
-    axes = pose_axes_in(described[-1][1].data) if described else PLANAR_AXES
+    described = heard.get(urdf.ROBOT_DESCRIPTION)
+    axes = urdf.pose_axes_in(described[-1][1].data) if described else PLANAR_AXES
     for topic in poses:
         by = ', '.join(printable(name, MAX_NAME) for name in sources.get(topic, ()))
         yield _check(topic.replace('/', ' ').replace('_pose', ' pose').replace('_', ' '),

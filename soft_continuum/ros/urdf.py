@@ -24,6 +24,8 @@ from soft_continuum.mechanics.chain import Chain
 
 MATERIALS = {'disc': '0.75 0.78 0.82 1', 'skin': '0.35 0.30 0.25 1'}
 AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
+ROBOT_DESCRIPTION, MAX_BYTES = 'robot_description', 10**7
+"""The topic with the URDF of the arm, and what subscribers accept."""
 SKIN = 0.9  # of the outer diameter, so that discs stand out
 EFFORT, SPEED = 1e3, 1e2  # N m, rad/s: URDF asks for limits; nothing drives these joints
 
