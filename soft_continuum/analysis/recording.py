@@ -67,6 +67,7 @@ TOPICS = {
 PRESSURE = 'sensor_msgs/msg/FluidPressure'  # of segment_N/pressure
 TOPIC = re.compile(rf'(.*/)({"|".join(TOPICS)}|segment_[1-9]\d?/pressure)')
 NOT_STIFF, STIFF = 1, 2  # of soft_continuum_interfaces/msg/JammingValvesState
+SUCCESSFUL = 0  # of soft_continuum_interfaces/action/RunShapeSequence
 MAX_TENDONS = MAX_POINTS = 100
 MAX_NUMBERS = 100_000_000  # of all tables: some hours
 
@@ -333,6 +334,7 @@ class _Tables:
         self._events: list[tuple[float, str, str]] = []
         self._last: dict[str, str] = {}  # of each source of events
         self._stiff: dict[int, bool] = {}
+        self._before: Any = None  # the last state of shape_sequencer
 
     def add(self, topic: str, time: float, message: Any) -> None:
         """Add the content of a message; time: s."""
@@ -356,11 +358,21 @@ class _Tables:
                 if value in (NOT_STIFF, STIFF) and self._stiff.get(number) != (value == STIFF):
                     self._stiff[number] = value == STIFF
                     self._add('stiff', time, number, float(value == STIFF))
-        elif topic == 'shape_sequencer/state' and message.running:
-            where = f' segment {message.segment}' if message.segment else ''
-            self._event(time, 'progress', f'{message.shape}: {message.phase}{where}')
+        elif topic == 'shape_sequencer/state':
+            self._add_phase(time, message)
         elif topic.endswith('/status'):
             self._event(time, topic.removesuffix('/status'), message.message)
+
+    def _add_phase(self, time: float, state: Any) -> None:
+        """Add a phase; without a hold time a shape is held between two messages."""
+        before, self._before = self._before, state
+        if before is not None and before.running and before.phase != 'holding' and (
+                state.shape_index > before.shape_index if state.running
+                else state.error_code == SUCCESSFUL):
+            self._event(time, 'progress', f'{before.shape}: holding')
+        if state.running:
+            where = f' segment {state.segment}' if state.segment else ''
+            self._event(time, 'progress', f'{state.shape}: {state.phase}{where}')
 
     def _ordered(self, values: Any, message: Any) -> list[float]:
         """Return a value for each tendon, nan where there is none."""

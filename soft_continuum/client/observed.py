@@ -53,7 +53,7 @@ from soft_continuum.ros.names import (
 )
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR
 from soft_continuum.ros.ros_time import Age
-from soft_continuum.ros.urdf import ROBOT_DESCRIPTION
+from soft_continuum.ros.urdf import are_of_an_arm, ROBOT_DESCRIPTION
 from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
@@ -77,6 +77,7 @@ FEEDBACK = 'run_shape_sequence/_action/feedback'
 TENDON_STATE = f'{TENDON_ACTUATION}/state'
 JAMMING_STATE = f'{JAMMING_VALVES}/state'
 KINEMATICS_STATE = f'{KINEMATICS}/state'
+JOINTS = 'joint_states'
 PREDICTED_DISCS = 'predicted_disc_poses'
 SEQUENCER_STATE = f'{SHAPE_SEQUENCER}/state'
 RECORDER_STATE = f'{RECORDER}/state'
@@ -124,7 +125,7 @@ TOPICS = {
         'referenced': lambda _, message: message.referenced}),
     JAMMING_STATE: ObservedTopic(JammingValvesState, EVERY_STATE, JAMMING_VALVES, {
         'set_vacuums': lambda _, message: tuple(message.vacuums[:MAX_SEGMENTS])}),
-    'joint_states': ObservedTopic(JointState, SENSOR, KINEMATICS, {
+    JOINTS: ObservedTopic(JointState, SENSOR, KINEMATICS, {
         'joint_angles': lambda _, message: tuple(message.position)}),
     'segment_poses': ObservedTopic(PoseArray, SENSOR, KINEMATICS, {'segment_poses': all_poses}),
     'disc_poses': ObservedTopic(PoseArray, SENSOR, KINEMATICS, {'disc_poses': all_poses}),
@@ -180,6 +181,8 @@ class ObservedArm:
         self._listeners.append(listener)
 
     def _on_message(self, topic: str, source: str, message: Any) -> None:
+        if topic == JOINTS and not are_of_an_arm(message.name):
+            return  # of a base that carries the arm, for example
         self._messages[topic] = message
         for name in (topic, source):
             self._ages.setdefault(name, Age()).refresh()
@@ -301,14 +304,14 @@ class ObservedArm:
 
     @property
     def _pose_axes(self) -> NDArray[np.bool_]:
-        """The pose_axes of the arm, by its URDF, or by its joints once its shape is known."""
-        described, joints = self.message(ROBOT_DESCRIPTION), self.message('joint_states')
-        return urdf.pose_axes_in(described.data) if described is not None else (
-            urdf.pose_axes_of(joints.name if joints is not None else ()))
+        """The pose_axes of the arm, by its joints or, before its shape is known, its URDF."""
+        described, joints = self.message(ROBOT_DESCRIPTION), self.message(JOINTS)
+        return urdf.pose_axes_of(joints.name if joints is not None else (
+            urdf.first_joint(described.data) if described is not None else ()))
 
     def bending(self) -> Array | None:
         """Return the bending of each segment (segments, 2), rad; None if unknown."""
-        joints, segments = self._fresh('joint_states'), self._fresh('segment_poses')
+        joints, segments = self._fresh(JOINTS), self._fresh('segment_poses')
         if joints is None or segments is None or not segments.poses:
             return None
         if self._pose_axes.all():
@@ -375,13 +378,19 @@ class ObservedArm:
 
     @property
     def complete(self) -> bool:
-        """Whether every topic of an active arm, and of its sensors, has had a message."""
+        """
+        Whether every topic of an active arm, and of its sensors, has had a message.
+
+        The ROS graph may still lack a node whose messages arrive.
+        """
         expected = {topic for topic, one in TOPICS.items() if not one.optional} | {
             f'segment_{n}/pressure' for n in range(1, self._jams + 1)} | {
             topic for topic in self.disc_topics if self._node.count_publishers(topic)}
         if self._lacks_jamming:
             expected = {topic for topic in expected if not topic.startswith(JAMMING_VALVES)}
-        return self._segments > 0 and self._messages.keys() >= expected
+        return self._segments > 0 and self._messages.keys() >= expected and all(
+            runs or self.message(f'{name}/status') is None
+            for name, runs in self.running().items())
 
     @property
     def _lacks_jamming(self) -> bool:

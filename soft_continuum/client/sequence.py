@@ -69,7 +69,9 @@ def fields_of(shape: ShapeLike) -> dict[str, Any]:
     if isinstance(shape, str):
         return {'name': shape}
     tips = [shape] if isinstance(shape, Tip) else list(shape)
-    if tips and all(isinstance(tip, Tip) for tip in tips):
+    if not tips:
+        raise ValueError(f'{shape!r} given as a shape or path; allowed: one value or more')
+    if all(isinstance(tip, Tip) for tip in tips):
         return {'tips': [tip_goal(tip) for tip in tips]}  # type: ignore[arg-type]
     return angles_and_directions(tips)  # type: ignore[arg-type]
 

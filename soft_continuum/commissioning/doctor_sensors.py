@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
-from soft_continuum.mechanics.arm import PLANAR_AXES, STANDARD_GRAVITY
+from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.ros import urdf
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
@@ -122,7 +122,7 @@ def judged(heard: dict[str, Any], sources: dict[str, tuple[str, ...]], space: st
     frame = next((m.header.frame_id for _, m in heard.get('disc_poses', ())), '')
     tendons = next((list(m.name) for _, m in heard.get('tendon_states', ())), [])
     described = heard.get(urdf.ROBOT_DESCRIPTION)
-    axes = urdf.pose_axes_in(described[-1][1].data) if described else PLANAR_AXES
+    axes = urdf.pose_axes_of(urdf.first_joint(described[-1][1].data) if described else ())
     for topic in poses:
         by = ', '.join(printable(name, MAX_NAME) for name in sources.get(topic, ()))
         yield _check(topic.replace('/', ' ').replace('_pose', ' pose').replace('_', ' '),

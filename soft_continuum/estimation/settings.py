@@ -23,7 +23,7 @@ class Prior:
     ratio: float = setting(
         1.0, 'standard deviation of ln(K), the stiffness ratio of a stiff segment', 0.0, 3.0)
     rigid_ratio: float = setting(
-        30.0, 'ratio K assumed for a jam described as rigid until it is measured', 2.0, 1e4)
+        30.0, 'ratio K assumed for a jam described as rigid once discs are measured', 2.0, 1e4)
     offset: float = setting(
         1.5e-3, 'standard deviation of the length of a tendon', 0.0, 0.01, unit='m')
     payload: float = setting(0.03, 'standard deviation of the payload', 0.0, 10.0, unit='kg')

@@ -8,6 +8,7 @@ continues beside the estimate, for comparison.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,8 @@ from soft_continuum.estimation.anomalies import Anomaly, AnomalyDetector
 from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator, HISTORY
 from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
-from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings
-from soft_continuum.estimation.unknowns import MAX_OFFSET
+from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings, Prior
+from soft_continuum.estimation.unknowns import MAX_OFFSET, MAX_RATIO
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.orientations import bending_between, matrices
@@ -247,11 +248,15 @@ class ArmShape:
             return None
         discs = [one for one in measurements if isinstance(one, DiscMeasurement)]
         base_stands = all(map(self._stands, discs))
-        if self.estimator is None:
-            self.estimator = self._first_estimator(
-                time, discs if base_stands else [], commands)
-            if self.estimator is None:
+        seen = base_stands and any(one.disc > 0 for one in discs)
+        # Tensions tell nothing of jams, which are as described until a disc is measured.
+        prior = self.settings.prior if seen else replace(
+            self.settings.prior, rigid_ratio=MAX_RATIO)
+        if self.estimator is None or (seen and self.estimator.prior != prior):
+            found = self._first_estimator(time, discs if base_stands else [], commands, prior)
+            if found is None:
                 return None
+            self.estimator = found
             self._watch.refer_to(self.estimator, time)
         innovation = self.estimator.measure(time, measurements, base_stands)
         self._measured = self.estimator.seen
@@ -262,9 +267,9 @@ class ArmShape:
                 self._watch.clear()
             far_off = innovation.distance > FAR_OFF and base_stands
             self._far_off = self._far_off + 1 if far_off else 0
-            if self._far_off >= MAX_FAR_OFF and (seen := self._seen(discs, commands)) is not None:
+            if self._far_off >= MAX_FAR_OFF and (there := self._seen(discs, commands)) is not None:
                 self._far_off = 0
-                self.estimator = self._estimator(seen, commands)
+                self.estimator = self._estimator(there, commands, prior)
         return innovation
 
     def _stands(self, disc: DiscMeasurement) -> bool:
@@ -283,17 +288,17 @@ class ArmShape:
         return '' if self.estimator is None else self.estimator.ready(time)
 
     def _first_estimator(self, time: float, discs: Sequence[DiscMeasurement],
-                         commands: ActuatorState) -> Estimator | None:
+                         commands: ActuatorState, prior: Prior) -> Estimator | None:
         if self._path is not None:
-            return self._estimator(self._path, commands)
+            return self._estimator(self._path, commands, prior)
         seen = self._seen(discs, commands)
         if seen is None:
             return None
         self._measured, self.lost_bent = np.full(len(self._arm.discs), time), ''
-        return self._estimator(seen, commands)
+        return self._estimator(seen, commands, prior)
 
-    def _estimator(self, start: Any, commands: ActuatorState) -> Estimator:
-        estimator = Estimator(self._arm, start, self.settings.prior, self.settings.drift)
+    def _estimator(self, start: Any, commands: ActuatorState, prior: Prior) -> Estimator:
+        estimator = Estimator(self._arm, start, prior, self.settings.drift)
         if self._measured is not None:
             estimator.seen = self._measured.copy()
             estimator.updated = estimator.measured

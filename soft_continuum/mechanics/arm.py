@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.mechanics._checks import finite, whole
+from soft_continuum.mechanics._checks import finite, listed, real_array, whole
 from soft_continuum.mechanics.laws import Jam, linear, MomentCurvature
 
 Array = NDArray[np.float64]
@@ -121,6 +121,7 @@ class Segment:
 
     def with_stiffness_factor(self, factor: float) -> 'Segment':
         """Return the segment with all stiffnesses times a factor, without friction."""
+        check_range('factor', factor, 0.0, 1e9, '')
         return replace(self, stiffness_x=self.stiffness_x * factor,
                        stiffness_y=self.stiffness_y * factor,
                        torsional_stiffness=self.torsional_stiffness * factor, friction=0.0)
@@ -452,11 +453,12 @@ class Arm:
 
     def with_force(self, disc: int, force: Sequence[float]) -> 'Arm':
         """Return the same arm with one more dead force (3,) N on a disc."""
-        x, y, z = map(float, force)
-        return replace(self, wrenches=(*self.wrenches, Wrench(disc, (x, y, z))))
+        given = listed(real_array(force, 'a force must be x, y and z in N').tolist())
+        return replace(self, wrenches=(*self.wrenches, Wrench(disc, tuple(given))))
 
     def with_compliant_tendons(self, stretch: float) -> 'Arm':
         """Return the same arm with a compliance, m/N, for its inextensible tendons."""
+        check_range('stretch', stretch, 1e-12, 1.0, 'm/N')
         return replace(self, tendons=tuple(
             replace(tendon, axial_stiffness=float(rope) / stretch)
             if tendon.axial_stiffness == inf else tendon
@@ -465,3 +467,9 @@ class Arm:
     def with_bodies(self, bodies_per_segment: int) -> 'Arm':
         """Return the same arm with another number of rigid bodies per segment."""
         return replace(self, bodies_per_segment=bodies_per_segment)
+
+
+def check_arm(arm: object) -> None:
+    """Raise ArmError if this is not an Arm."""
+    if not isinstance(arm, Arm):
+        raise ArmError(f'an Arm is needed; given: {arm!r}')

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from soft_continuum.mechanics._checks import real_array
-from soft_continuum.mechanics.arm import Arm, Array, PAPER
+from soft_continuum.mechanics.arm import Arm, Array, check_arm, PAPER
 from soft_continuum.mechanics.directions import bending_directions
 from soft_continuum.mechanics.orientations import bending_between, bending_rates, quaternions
 
@@ -38,11 +38,11 @@ class Equilibrium:
     configuration: joint angles (joints,), rad, of a planar arm; orientations of all bodies in
     base_link, (bodies, 3, 3), of a spatial arm.  tensions: (tendons,) N at the base; nan where no
     soft segment determines it.  pulls: (tendons,) m, length of each path in the straight arm less
-    its present length.  slack: (tendons,) m, length of each tendon beyond its path.  residual:
-    largest unbalanced moment, N m.  stiff: flag per segment.  held: joint angles held by jams and
-    by friction of the joints, as joint_angles.  jumped: the equilibrium ceased to exist on the
-    path and the arm snapped to another stable one.  vacuum: of each segment, 0 to 1; empty for
-    full.  chain: the arm.
+    its present length.  slack: (tendons,) m, length of each tendon beyond its path, inf for SLACK.
+    residual: largest unbalanced moment, N m.  stiff: flag per segment.  held: joint angles held by
+    jams and by friction of the joints, as joint_angles.  jumped: the equilibrium ceased to exist
+    on the path and the arm snapped to another stable one.  vacuum: of each segment, 0 to 1; empty
+    for full.  chain: the arm.
     """
 
     configuration: Array
@@ -190,6 +190,7 @@ class Chain:
         """Create the subclass for the arm; unpickled objects keep theirs."""
         kind: type[Any] = cls
         if cls is Chain and arm is not None:
+            check_arm(arm)
             if arm.planar:
                 from soft_continuum.mechanics.plane.chain import PlaneChain as kind
             else:

@@ -15,7 +15,7 @@ from math import sin
 import numpy as np
 from numpy.typing import ArrayLike
 
-from soft_continuum.mechanics._checks import real_array, soft_flags
+from soft_continuum.mechanics._checks import is_number, real_array, soft_flags, whole
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
 
 SMALL = 1e-3  # rad, for derivatives
@@ -160,6 +160,9 @@ def bending_angle(arm: Arm, segment: int, pull: float) -> float:
     """
     from scipy.optimize import brentq  # 0.3 s that nodes that find none need not wait for
 
+    if not (whole(segment) and 0 <= segment < len(arm.segments) and is_number(pull)):
+        raise ValueError(f'a segment, 0 to {len(arm.segments) - 1}, and a number (m) are needed; '
+                         f'given: {segment!r}, {pull!r}')
     limit = arm.segments[segment].bending_angle_limit
     # At large angles the pull decreases again: use the monotonic range around zero.
     grid = np.linspace(-limit, limit, 721)
@@ -241,7 +244,7 @@ def _along(lengths: Array, bend: Array) -> Array:
 
 
 def _checked(arm: Arm, bending_of: ArrayLike) -> Array:
-    bent = np.asarray(bending_of, dtype=float)
+    bent = real_array(bending_of, 'bending must be numbers (rad)')
     if bent.shape[-2:] != (len(arm.segments), 2) or not np.all(np.isfinite(bent)):
         raise ArmError(f'bending must be two finite numbers (rad), about x and y, for each of the '
                        f'{len(arm.segments)} segments; given: {bending_of!r}')

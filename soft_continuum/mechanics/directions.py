@@ -12,11 +12,13 @@ from math import cos, degrees, isfinite, sin
 
 import numpy as np
 
+from soft_continuum.mechanics._checks import bending_of, listed, real_array
 from soft_continuum.mechanics.arm import Arm, Array
 
 STRAIGHT = 1e-6  # rad: what bends by less, as rounding bends, has the direction 0
 ONE_PLANE = 1e-3  # least over largest singular value of what tendons do to a segment
 ALONG = 1e-3  # rad: a direction this close to a plane is in it
+ONE_LINE = 1e-6  # rad: directions this close are parallel
 
 
 def bending_vectors(arm: Arm, angles: Sequence[float], directions: Sequence[float]
@@ -25,10 +27,36 @@ def bending_vectors(arm: Arm, angles: Sequence[float], directions: Sequence[floa
     Return the bending (segments, 2), rad, of angles and directions (segments,), rad.
 
     directions: empty means 0 for every segment.  About rigid axes the bending is exactly 0.
+    Raises ValueError for other sizes.
     """
-    towards = np.array(directions if len(directions) else [0.0] * len(angles))
-    vectors = np.array(angles)[:, None] * np.column_stack([-np.sin(towards), np.cos(towards)])
+    count = len(arm.segments)
+    sizes, towards = (real_array(given, f'{name} must be numbers (rad)')
+                      for name, given in (('angles', angles), ('directions', directions)))
+    if sizes.shape != (count,) or towards.size and towards.shape != (count,):
+        raise ValueError(f'angles and directions must be one number (rad) for each of the {count} '
+                         f'segments; given: {angles!r}, {directions!r}')
+    towards = towards if towards.size else np.zeros(count)
+    vectors = sizes[:, None] * np.column_stack([-np.sin(towards), np.cos(towards)])
     return np.where(arm.bending_axes, vectors, 0.0)
+
+
+def own_axes(arm: Arm) -> Array:
+    """
+    Return two bendings at right angles, (2, 2), of length 1, that follow the arm's symmetry.
+
+    The second is towards the first tendon or load beside the axis, the first across that, with
+    the sign of the side of the next one: they turn and are mirrored with the arm.
+    """
+    beside = [np.array(place) for place in (
+        *(arm.places(t, (0.0,))[0, 0] for t in range(len(arm.tendons))),
+        *(wrench.force[:2] for wrench in arm.wrenches),
+        *((wrench.moment[1], -wrench.moment[0]) for wrench in arm.wrenches),
+        arm.gravity[:2])]
+    ways = [way / np.linalg.norm(way) for way in beside if np.linalg.norm(way) > 0.0]
+    x, y = ways[0] if ways else (1.0, 0.0)
+    sides = [side for way in ways if abs(side := x * way[1] - y * way[0]) > ONE_LINE]
+    side = np.copysign(1.0, sides[0]) if sides else -1.0
+    return np.array([[side * x, side * y], [-y, x]])
 
 
 def hinged(arm: Arm) -> bool:
@@ -44,6 +72,7 @@ def within_limits(bending: Array, limits: Array) -> Array:
 
 def bending_directions(bending: Array) -> Array:
     """Return the directions (segments,), rad, -pi to pi, of bending (segments, 2), rad."""
+    bending = bending_of(bending, len(listed(bending)))
     directions = np.arctan2(-bending[:, 0], bending[:, 1])
     return np.where(np.linalg.norm(bending, axis=1) > STRAIGHT, directions, 0.0)
 

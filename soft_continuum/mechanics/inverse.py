@@ -78,7 +78,7 @@ def pulls_for_bending(statics: Statics, start: Equilibrium, bending: ArrayLike,
     search = _Search(statics, wanted, chosen, tuple(soft), pretension)
     state = search.run(start)
     error = np.where(chosen, state.bending - wanted, np.nan)
-    if np.nanmax(np.abs(error)) > HELD:
+    if largest(search.missed(state)) > HELD:
         raise StaticsError(search.why_not(state), state)
     return BendingFit(state, search.pulls(state), error)
 
@@ -112,20 +112,20 @@ def set_shape(statics: Statics, bending: ArrayLike, start: Equilibrium | None = 
     check_start(begin)
     goal, left, (same, held) = wanted.copy(), np.inf, statics.precision
     if not jamming:
-        if np.abs(begin.bending - wanted).max() <= same:
+        if largest(begin.bending - wanted) <= same:
             return begin
         state = statics.hold(begin, wanted, [True] * segments, pretensions=(pretension,)).state
-        if np.abs(state.bending - wanted).max() > held:
+        if largest(state.bending - wanted) > held:
             raise StaticsError('the tendons do not hold all segments at once', state)
         return state
     for _ in range(MAX_PASSES):
         state = begin
         for s in turns:
-            if np.abs(state.bending[s] - goal[s])[free[s]].max() > same:
+            if largest((state.bending[s] - goal[s]) * free[s]) > same:
                 state = statics.hold(state, goal, [i == s for i in range(segments)],
                                      pretensions=(pretension,)).state
         missed = np.where(free, wanted - state.bending, 0.0)[turns]
-        before, left = left, np.abs(missed).max(initial=0.0)
+        before, left = left, largest(missed)
         if left <= same or (left <= held and left > 0.5 * before):
             return state
         goal[turns] += missed
@@ -133,6 +133,11 @@ def set_shape(statics: Statics, bending: ArrayLike, start: Equilibrium | None = 
         f'segments {[s + 1 for s in turns]} give way to each other and are still '
         f'{np.degrees(missed[free[turns]]).round(3).tolist()} degrees from their bending after '
         f'{MAX_PASSES} passes; take smaller angles or stiffer jams', state)
+
+
+def largest(bending: Array) -> float:
+    """Return the largest angle of bending (..., 2), rad, which no turn of the frame changes."""
+    return float(np.linalg.norm(bending, axis=-1).max(initial=0.0))
 
 
 def _wanted(statics: Statics, bending: ArrayLike, soft: Sequence[bool]
@@ -187,7 +192,7 @@ class _Search:
         part = 1.0
         for _ in range(MAX_STEPS):
             left = (self.wanted - state.bending)[self.chosen]
-            most = min(1.0, STEP / max(float(np.abs(left).max()), 1e-300))
+            most = min(1.0, STEP / max(largest(self.missed(state)), 1e-300))
             whole = min(part, most) == 1.0
             tensions, pulls, reaches = self.step(state, min(part, most) * left)
             allowed = SETTLED * (1.0 + np.abs(tensions).max())
@@ -203,7 +208,7 @@ class _Search:
                 continue
             # Tendons side by side may share their tension in any way: it does not settle.
             settled |= whole and np.abs(there.tensions - state.tensions).max() <= allowed and (
-                np.abs(there.bending - state.bending).max() <= SAME_BENDING)
+                largest(there.bending - state.bending) <= SAME_BENDING)
             part, state = min(1.0, 2.0 * part), there
             if settled:
                 break
@@ -236,9 +241,9 @@ class _Search:
         tensions[carries] = np.linalg.lstsq(
             slopes[:, carries], needed - slopes[:, ~carries] @ tensions[~carries])[0]
         more = tensions - state.tensions
-        missed = np.abs(slopes @ tensions - needed).max()
+        missed = np.linalg.norm(slopes @ tensions - needed)
         pulls = self.statics.commanded_pulls(state) - paths @ more + self.statics.compliance * more
-        return (tensions, pulls, bool(missed <= CHANGE_TOLERANCE * np.abs(change).max()))
+        return (tensions, pulls, bool(missed <= CHANGE_TOLERANCE * np.linalg.norm(change)))
 
     def solve(self, state: Equilibrium, tensions: Array, pulls: Array
               ) -> Equilibrium:
@@ -248,17 +253,21 @@ class _Search:
                                    tensions=np.where(carries, np.nan, self.pretension))
         if there.jumped:
             # Where one tendon takes over from another, the arm may tilt between them.
-            if np.abs(there.bending - state.bending).max() > CAUGHT or not self.jumps:
+            if largest(there.bending - state.bending) > CAUGHT or not self.jumps:
                 raise StaticsError('the tendons can bend the arm to this shape but not hold '
                                    'it: the equilibrium is not stable', state)
             self.jumps -= 1
         return there
 
+    def missed(self, state: Equilibrium) -> Array:
+        """Return the error of bending (segments, 2), rad, 0 where nothing was commanded."""
+        return np.where(self.chosen, state.bending - self.wanted, 0.0)
+
     def why_not(self, state: Equilibrium) -> str:
         """Return a message that names what cannot be held, from the last state of the search."""
         arm = self.statics.chain.arm
-        missed = np.where(self.chosen, state.bending - self.wanted, 0.0)
-        worst = int(np.argmax(np.abs(missed).max(axis=1)))
+        missed = self.missed(state)
+        worst = int(np.argmax(np.linalg.norm(missed, axis=1)))
         passing = [t for t, end in enumerate(arm.tendon_ends) if end > worst]
         places = np.array([arm.places(t, (0.5,))[worst, 0] for t in passing])
         names = ', '.join(f'{arm.tendon_names[t]} at {_degrees(place):.0f}'

@@ -55,6 +55,12 @@ class MomentCurvature:
                     f'row {number} is ({k1:g} 1/m, {m1:g} N m) after ({k0:g}, {m0:g}); curvature '
                     'and moment must both increase')
 
+    @property
+    def slopes(self) -> NDArray[np.float64]:
+        """Bending stiffness between rows, (rows - 1,), N m^2."""
+        slopes: NDArray[np.float64] = np.diff(self.moments) / np.diff(self.curvatures)
+        return slopes
+
     def moment(self, curvature: float) -> float:
         """Return the moment in N m at a curvature in 1/m."""
         value = extended(abs(curvature), self.curvatures, self.moments)
@@ -86,6 +92,21 @@ def extended(x: float, given: ArrayLike, values: ArrayLike) -> float:
     a, b = np.asarray(given), np.asarray(values)
     beyond = max(0.0, x - float(a[-1])) * (b[-1] - b[-2]) / (a[-1] - a[-2])
     return float(np.interp(x, a, b) + beyond)
+
+
+def scaled(x: float, share: float, columns: NDArray[np.float64]) -> float:
+    """Return where a law, columns (2, rows), has a share of the value that it has at x."""
+    given, values = columns
+    return extended(share * extended(x, given, values), values, given)
+
+
+def stacked(tables: Sequence[ArrayLike]) -> NDArray[np.float64]:
+    """Return columns (2, rows) as (k, 2, most rows); shorter ones go on with their last slope."""
+    columns = [np.array(table) for table in tables]
+    most = max((c.shape[1] for c in columns), default=2)
+    return np.array([
+        np.hstack([c, c[:, -1:] + np.arange(1, most - c.shape[1] + 1) * (c[:, -1:] - c[:, -2:-1])])
+        for c in columns]).reshape(-1, 2, most)
 
 
 def linear(bending_stiffness: float) -> MomentCurvature:

@@ -15,7 +15,7 @@ import numpy as np
 
 from soft_continuum.mechanics._checks import finite
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.chain import check_start, Equilibrium
 from soft_continuum.mechanics.statics import Booleans
 
 
@@ -28,6 +28,7 @@ def self_intersections(state: Equilibrium, radius: float) -> list[tuple[int, int
     """
     if not (finite(radius) and radius > 0.0):
         raise ValueError(f'the radius must be a positive number in m; given: {radius!r}')
+    check_start(state, 'state')
     chain = state.chain
     n = chain.arm.bodies_per_segment
     points = np.concatenate([np.zeros((1, 3)), state.backbone])
@@ -51,6 +52,7 @@ def exceeds_pi(state: Equilibrium) -> Booleans:
     ``Equilibrium.bending`` cannot show this: it is the shorter rotation from disc to disc.
     Here the bending of all joints of a segment is summed.
     """
+    check_start(state, 'state')
     each = state.chain.summed(state.joint_angles)
     found: Booleans = np.linalg.norm(each, axis=1) > pi
     return found

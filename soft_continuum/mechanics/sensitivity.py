@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.chain import check_start, Equilibrium
 from soft_continuum.mechanics.orientations import cross_matrices
 from soft_continuum.mechanics.statics import Statics
 
@@ -76,8 +76,9 @@ class Linearisation:
     one-sided, as they are where a jam yields.
     """
 
-    def __new__(cls, statics: Statics, *_: object, **__: object) -> Self:
+    def __new__(cls, statics: Statics, state: Equilibrium, *_: object, **__: object) -> Self:
         """Create the subclass for the statics."""
+        check_start(state, 'state')
         kind: type[Any] = cls
         if cls is Linearisation:
             from soft_continuum.mechanics.plane.sensitivity import PlaneLinearisation

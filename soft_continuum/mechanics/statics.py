@@ -20,13 +20,15 @@ from numpy.typing import ArrayLike, NDArray
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._checks import (
     bending_of,
+    check_pretension,
     finite,
+    listed,
     sliding_signs,
     soft_flags,
     tensions_of,
     whole,
 )
-from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.arm import Arm, Array, check_arm
 from soft_continuum.mechanics.chain import Chain, check_start, Equilibrium, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError
 
@@ -74,6 +76,7 @@ class Statics:
     compliance: of the tendons without friction, (tendons,) m/N.  precision: rad, error at which a
     bending counts as reached, and error accepted when no step reduces it.
     late_imports: modules that are loaded when a solve first needs them.
+    Raises ArmError for what is not an Arm.
     """
 
     chain: Chain
@@ -84,6 +87,7 @@ class Statics:
     def __new__(cls, arm: Arm) -> Self:
         """Create the subclass for the arm."""
         kind: type[Any] = cls
+        check_arm(arm)
         if cls is Statics:
             if arm.planar:
                 from soft_continuum.mechanics.plane.statics import PlaneStatics as kind
@@ -175,13 +179,18 @@ class Statics:
         raise NotImplementedError
 
     def _wanted(self, start: Equilibrium, bending: ArrayLike, soft: Sequence[bool],
-                sliding: Sequence[int]) -> tuple[Array, tuple[bool, ...]]:
+                sliding: Sequence[int], pretensions: Sequence[float]
+                ) -> tuple[Array, tuple[bool, ...]]:
         """Return bending and which segments are soft, for ``hold``; raises ValueError."""
         check_start(start)
         sliding_signs(sliding, len(self.compliance))
         mask = soft_flags(soft, self.chain.segments)
         if not any(mask):
             raise ValueError(f'one segment or more must be soft; given: {soft!r}')
+        if not listed(pretensions):
+            raise ValueError(f'pretensions must be one number (N) or more; given: {pretensions!r}')
+        for pretension in pretensions:
+            check_pretension(pretension)
         return bending_of(bending, self.chain.segments), mask
 
     def sliding_towards(self, change: Array, /) -> tuple[int, ...]:
@@ -202,10 +211,8 @@ class Statics:
 
     def commanded_pulls(self, state: Equilibrium, sliding: Sequence[int] = ()) -> Array:
         """Return the pulls (tendons,) m at the motors that give a state: paths and stretch."""
-        check_start(state, 'state')
-        signs = sliding_signs(sliding, len(self.compliance))
-        pulls: Array = state.pulls + self.stretch_rates(state, signs) * np.nan_to_num(
-            state.tensions)
+        rates = self.stretch_rates(state, sliding)
+        pulls: Array = state.pulls + rates * np.nan_to_num(state.tensions)
         return pulls
 
     def _locked(self, start: Equilibrium, by_force: Booleans, target: Array) -> Equilibrium:
@@ -234,18 +241,19 @@ class Statics:
                 'soften a segment first', start)
 
 
-def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array]:
+def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array, Booleans]:
     """
     Return which tendons have a given force, and tensions (N) of these, pulls (m) of the others.
 
-    pulls, tensions: (…, tendons), as for Statics.solve; both results have this shape.
+    And which never carry.  pulls, tensions: (…, tendons), as for Statics.solve; all results have
+    this shape.
     """
     never = pulls == SLACK
     target = np.where(never, 0.0, pulls)
     if tensions is None:
-        return never, target
+        return never, target, never
     given = ~np.isnan(tensions)
-    return given | never, np.where(given, tensions, target)
+    return given | never, np.where(given, tensions, target), never & ~given
 
 
 def warm_up() -> None:

@@ -8,7 +8,7 @@ fitted tip until it converges.  Where this fails, near or beyond the edge of the
 statics are fitted, which takes longer.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import combinations
@@ -23,7 +23,7 @@ from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import check_start, Equilibrium
-from soft_continuum.mechanics.directions import within_limits
+from soft_continuum.mechanics.directions import own_axes, STRAIGHT, within_limits
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import SAME_BENDING, set_shape
 from soft_continuum.mechanics.statics import Statics
@@ -184,7 +184,8 @@ class _Fit:
         """
         Return initial bendings (m, segments, 2), rad, drawn uniformly within the limits.
 
-        Hinges about y are bent to either side, first to that of the goal.
+        They turn and are mirrored with the arm.  Hinges about y are bent to either side, first to
+        that of the goal.
         """
         if not self.free.any():
             return np.array(self.present[None])
@@ -199,7 +200,7 @@ class _Fit:
         size = np.sqrt(draw.uniform(size=(GUESSES, len(self.limits)))) * self.limits
         way = draw.uniform(0.0, 2.0 * np.pi, size.shape)
         drawn = np.stack([size * np.cos(way), size * np.sin(way)], axis=-1)
-        return np.where(self.free, drawn, self.present)
+        return np.where(self.free, drawn @ own_axes(self.statics.chain.arm), self.present)
 
     def _leant(self) -> float:
         """Return the tilt of the goal towards x as a sine; 0 without an orientation."""
@@ -215,17 +216,34 @@ class _Fit:
         return np.concatenate(
             [away, METRES_PER_RADIAN * turned.as_rotvec().reshape(away.shape)], axis=-1)
 
+    def coordinates(self, near: Array) -> tuple[Array, Callable[[Array], Array]]:
+        """
+        Return the coordinates (k,) of a bending (segments, 2), and the bending of others (..., k).
+
+        Those of a segment are across its bending and along it, and turn and are mirrored with the
+        arm; a hinge has its own axes.  What is not free stays as it is.
+        """
+        own = own_axes(self.statics.chain.arm)
+        sizes = np.linalg.norm(near, axis=1, keepdims=True)
+        along = np.where(sizes > STRAIGHT, near / np.maximum(sizes, STRAIGHT), own[1])
+        across = np.linalg.det(own) * along[:, ::-1] * (1.0, -1.0)
+        axes = np.stack([across, along], axis=1)
+        axes[~self.free.all(axis=1)] = np.eye(2)
+
+        def bent(values: Array) -> Array:
+            given = np.zeros((*values.shape[:-1], *near.shape))
+            given[..., self.free] = values
+            return np.where(self.free, np.einsum('...si,sij->...sj', given, axes), near)
+
+        return np.einsum('sj,sij->si', near, axes)[self.free], bent
+
     def arc(self, guess: Array, goal: Array, turn: Array | None, tolerance: float
             ) -> tuple[Array, float]:
         """Return bending within the limits by constant curvature, and the error, m."""
         some = list(self.segments)
-        unknown = int(self.free.sum())
+        begin, bent = self.coordinates(guess)
+        unknown = len(begin)
         steps = DIFFERENCE * np.concatenate([np.eye(unknown), -np.eye(unknown)])
-
-        def bent(values: Array) -> Array:
-            bending = np.broadcast_to(guess, (*values.shape[:-1], *guess.shape)).copy()
-            bending[..., self.free] = values
-            return bending
 
         def left(values: Array) -> Array:
             bending = bent(values)
@@ -240,9 +258,8 @@ class _Fit:
 
         bending = guess.copy()
         if unknown:
-            bending = bent(least_squares(left, guess[self.free], jacobian, xtol=tolerance,
-                                         ftol=tolerance, gtol=tolerance,
-                                         max_nfev=MAX_EVALUATIONS).x)
+            bending = bent(least_squares(left, begin, jacobian, xtol=tolerance, ftol=tolerance,
+                                         gtol=tolerance, max_nfev=MAX_EVALUATIONS).x)
         bending[some] = within_limits(bending[some], self.limits[some])
         return bending, float(np.linalg.norm(self.missed(bending, goal, turn)))
 
@@ -273,11 +290,11 @@ class _Fit:
     def by_statics(self, near: TipFit) -> TipFit:
         """Return the fit of the statics from a nearby fit, by finite differences of solves."""
         best = near
+        begin, bent = self.coordinates(np.where(self.free, near.bending, self.present))
 
         def left(values: Array) -> Array:
             nonlocal best
-            bending = self.present.copy()
-            bending[self.free] = values
+            bending = bent(values)
             fit = self.set(bending)
             over = np.linalg.norm(bending, axis=1) - self.limits
             if over.max() <= SAME_BENDING and self.allowed(fit) and _error(fit) < _error(best):
@@ -297,8 +314,8 @@ class _Fit:
             return best
         most = np.broadcast_to(self.limits[:, None], self.free.shape)[self.free]
         with suppress(StaticsError):  # what was found before that stays
-            least_squares(left, np.clip(near.bending[self.free], -INSIDE * most, INSIDE * most),
-                          jacobian, bounds=(-most, most), xtol=1e-9, ftol=1e-9, gtol=1e-12,
+            least_squares(left, np.clip(begin, -INSIDE * most, INSIDE * most), jacobian,
+                          bounds=(-most, most), xtol=1e-9, ftol=1e-9, gtol=1e-12,
                           max_nfev=MAX_FITS)
         return best
 

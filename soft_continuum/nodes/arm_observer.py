@@ -14,6 +14,7 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.nodes.entries import subscribe
+from soft_continuum.nodes.node_info import PERIOD
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
@@ -27,6 +28,11 @@ from soft_continuum_interfaces.msg import (
     TendonActuationState,
 )
 
+# What the nodes report, by node and topic.
+POSITIONS = f'{TENDON_ACTUATION} (tendon_states)'
+SHAPES = f'{KINEMATICS} (~/state)'
+PRESSURES = f'{JAMMING_VALVES} (segment_N/pressure)'
+REPORTED = {POSITIONS: 'position', SHAPES: 'shape', PRESSURES: 'pressure'}
 VACUUM_ROUNDING = 1.0  # Pa
 COMPUTING = 4.0
 """
@@ -65,10 +71,9 @@ class ArmObserver(ReportedArm):
         self._moving, self.tendons_heard = False, False
         self._tendon_age = Age()
         self._ros_time = RosTime(node.get_clock())
-        self._ages = {f'{TENDON_ACTUATION} (tendon_states)': self._tendon_age,
-                      f'{KINEMATICS} (~/state)': self.shape_age}
+        self._ages = {POSITIONS: self._tendon_age, SHAPES: self.shape_age}
         if self._jamming:
-            self._ages[f'{JAMMING_VALVES} (segment_N/pressure)'] = self.jamming_age
+            self._ages[PRESSURES] = self.jamming_age
         subscribe(node, JointState, 'tendon_states', self._on_tendons, SENSOR)
         subscribe(node, TendonActuationState, f'{TENDON_ACTUATION}/state',
                   self._on_tendon_actuation, EVERY_STATE)
@@ -173,6 +178,11 @@ class ArmObserver(ReportedArm):
                     'run, and their status')
         stale = {name: timeout for name, age in self._ages.items() if age.seconds > (
             timeout := shape_timeout if age is self.shape_age else self.timeout)}
+        for source, timeout in stale.items():
+            name = source.split()[0]
+            if self._ages[source].seconds - self.conflicts.heartbeat_age(name) > PERIOD:
+                return (f'{name} runs, but has reported no {REPORTED[source]} for {timeout:g} s; '
+                        'its status has the reason')
         return (f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
                 if stale else '')
 

@@ -13,7 +13,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from soft_continuum.nodes.entries import guarded, repeat, subscribe
-from soft_continuum.nodes.node_info import NodeInfo, PERIOD
+from soft_continuum.nodes.node_info import HeartbeatReader, NodeInfo, PERIOD
 from soft_continuum.nodes.parameter_table import DESCRIBED
 from soft_continuum.ros.entry import MAX_BYTES
 from soft_continuum.ros.names import HEARTBEAT, NODES, TELEOP, UNKNOWN_NODE
@@ -80,12 +80,13 @@ class Conflicts:
         self._heartbeats = set[str]()
         for name in self._heard:
             topic = HEARTBEAT if name == self._own_name else HEARTBEAT.replace('~', name)
-            subscribe(node, Heartbeat, topic, partial(self._on_heartbeat, name), SENSOR)
+            subscribe(node, Heartbeat, topic, partial(self._on_heartbeat, name), SENSOR,
+                      convert=HeartbeatReader())
             self._heartbeats.add(node.resolve_topic_name(topic))
         repeat(node, PERIOD, self._check_now)
 
-    def _on_heartbeat(self, name: str, message: Heartbeat) -> None:
-        info, processes = NodeInfo.from_ros(message), self._heard[name]
+    def _on_heartbeat(self, name: str, said: tuple[NodeInfo, float]) -> None:
+        (info, time), processes = said, self._heard[name]
         last, heard = next(reversed(processes), ''), processes.pop(info.process, None)
         if heard is None:
             for process in [one for one, of in processes.items() if of.age.seconds > ENDED_AFTER]:
@@ -98,7 +99,7 @@ class Conflicts:
         processes[info.process] = heard
         heard.info = info
         heard.age.refresh()
-        heard.ahead = heard.ahead[1], info.time - self.node_info.time
+        heard.ahead = heard.ahead[1], time - self.node_info.time
         if last != info.process or any(
                 self._differs(info, attribute) for attribute, *_ in DIFFERENCES):
             self._check_at_first()
@@ -112,10 +113,13 @@ class Conflicts:
         if not self.problem:
             self._check_now()
 
+    def heartbeat_age(self, name: str) -> float:
+        """Return the s since the last heartbeat of another node; inf before the first."""
+        return min((one.age.seconds for one in self._heard[name].values()), default=inf)
+
     def lost(self, name: str, timeout: float) -> bool:
         """Return whether the heartbeat of another node is older than ``timeout`` s."""
-        return timeout < min((one.age.seconds for one in self._heard[name].values()),
-                             default=inf) < inf
+        return timeout < self.heartbeat_age(name) < inf
 
     def _others(self) -> Iterator[tuple[str, Heard]]:
         """Yield name and process of whatever other nodes run."""

@@ -40,9 +40,10 @@ def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def subscribe(node: Any, kind: Any, topic: str, callback: Callable[[Any], None],
-              qos: QoSProfile, max_bytes: int = entry.MAX_BYTES) -> Any:
+              qos: QoSProfile, max_bytes: int = entry.MAX_BYTES, **options: Any) -> Any:
     """Return a guarded subscription; messages that are too long are ignored."""
-    return entry.subscribe(node, kind, topic, guarded(node, callback), qos, max_bytes)
+    return entry.subscribe(
+        node, kind, topic, guarded(node, callback), qos, max_bytes, **options)
 
 
 def serve(node: Any, kind: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
@@ -107,3 +108,9 @@ def repeat(node: Node, period: float, callback: Callable[[], None]) -> Timer:
     """Call ``callback`` every ``period`` s of the steady clock, since ROS time may stand still."""
     return node.create_timer(period, guarded(node, callback), clock=Clock(
         clock_type=ClockType.STEADY_TIME))
+
+
+def wake(timer: Timer) -> None:
+    """Have a timer go on that was canceled because nothing waited for it."""
+    if timer.is_canceled():
+        timer.reset()

@@ -3,6 +3,7 @@
 """The node that computes the shape of the arm from tendons, stiffness, model and measurements."""
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from functools import partial
 from math import inf
 from typing import Any
@@ -28,7 +29,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
-from soft_continuum.nodes.entries import Confirmation, repeat, serve, subscribe
+from soft_continuum.nodes.entries import Confirmation, repeat, serve, subscribe, wake
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measurements import (
     JamVacuum,
@@ -130,6 +131,7 @@ class Kinematics(SuiteNode):
         self._robot = self.create_publisher(String, 'robot_description', LATCHED)
         self._robot.publish(String(data=arm_urdf(self._arm, frame)))
         self._marked = 0.0
+        self._converted: tuple[Any, KinematicsState] = None, KinematicsState()
         self._uncertainties: tuple[float, Array, list[EstimatedParameter]] = (
             -inf, np.zeros((0, 3, 3)), [])
         self._measured_tensions = MeasuredTensions(self._tendons, self.parameters)
@@ -145,9 +147,10 @@ class Kinematics(SuiteNode):
         if jamming:
             subscribe(self, JammingValvesState, f'{JAMMING_VALVES}/state',
                       self._on_jamming_valves, LATCHED)
-        for i in range(segments if jamming else 0):
-            subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
-                      partial(self._on_pressure, i), SENSOR)
+        for i, elastic in enumerate(self._elastic):
+            if jamming and elastic:
+                subscribe(self, FluidPressure, f'segment_{i + 1}/pressure',
+                          partial(self._on_pressure, i), SENSOR)
         self._without = UNKNOWN * np.diag(~self._arm.pose_axes)  # of what there is not
         self._measured = MeasuredPoses(self, self._arm, frame, self._wake)
         self.conflicts = Conflicts(self, segments)
@@ -190,7 +193,7 @@ class Kinematics(SuiteNode):
             or STEADY() - heard > ORDER_TIMEOUT)
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
-        """Follow the vacuum of a jam, which counts with the next pulls if it is not rigid."""
+        """Follow the vacuum of a jam that is not rigid; it counts with the next pulls."""
         self._vacuum.follow(segment, message.fluid_pressure, self._next_stiff.setpoints)
 
     def _on_tendon_actuation(self, state: TendonActuationState) -> None:
@@ -232,7 +235,7 @@ class Kinematics(SuiteNode):
         self._check_alarms()
         if self._shape.state is not None and self._follows:
             measured = dict(zip(message.name, message.effort, strict=False))
-            if self._shape.settings.enabled:
+            if measured and self._shape.settings.enabled:
                 self._measured_tensions.put(self._time, measured)
                 self._wake()
             # The estimate follows what is measured: only the prediction can differ for long.
@@ -255,8 +258,7 @@ class Kinematics(SuiteNode):
 
     def _wake(self) -> None:
         """Have what waits looked at within CHECK_PERIOD."""
-        if self._timer.is_canceled():
-            self._timer.reset()
+        wake(self._timer)
 
     def _check_alarms(self) -> None:
         self.status.alarm('anomaly', '; '.join(one.message for one in self._shape.anomalies))
@@ -326,16 +328,18 @@ class Kinematics(SuiteNode):
         for message in (self._segment_message, self._disc_message, self._predicted_message,
                         self._joint_message, self._tension_message):
             message.header.stamp = stamp
-        discs = poses_to_ros(state.poses, self._disc_message)
-        self._segment_message.poses = discs.poses[2::2]
+        if state is not self._converted[0]:  # at rest it is the last one
+            self._converted = state, equilibrium_to_ros(state)
+            poses_to_ros(state.poses, self._disc_message)
+            self._segment_message.poses = self._disc_message.poses[2::2]
+            self._joint_message.position = state.joint_positions.tolist()
+            self._tension_message.effort = state.tensions.tolist()
         self._segment_poses.publish(self._segment_message)
-        self._disc_poses.publish(discs)
-        self._joint_message.position = state.joint_positions.tolist()
+        self._disc_poses.publish(self._disc_message)
         self._shared_joints.sent(self._joint_message)
         self._joint_states.publish(self._joint_message)
-        self._tension_message.effort = state.tensions.tolist()
         self._tensions.publish(self._tension_message)
-        shape = equilibrium_to_ros(state)
+        shape = copy(self._converted[1])
         shape.stamp = stamp
         if self._shape.estimate is not None:
             estimate_to_ros(self._shape.estimate, *self._uncertainty(stamp), shape)

@@ -258,7 +258,7 @@ class JamVacuum:
         the arm would creep in the model.
         """
         vacuum = self._parameters['ambient_pressure'] - pressure
-        if not isfinite(vacuum) or not self._elastic[segment]:
+        if not isfinite(vacuum):
             return
         wanted = setpoints[segment] if setpoints else nan
         followed = abs(vacuum - wanted) <= self._parameters['vacuum_tolerance']

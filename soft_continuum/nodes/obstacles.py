@@ -12,7 +12,7 @@ from rclpy.node import Node
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.nodes.entries import repeat, subscribe
+from soft_continuum.nodes.entries import repeat, subscribe, wake
 from soft_continuum.obstacles import CollisionScene, Mesh, Obstacle, ObstacleError
 from soft_continuum.obstacles.files import load_obstacles, MAX_OBSTACLES
 from soft_continuum.obstacles.mesh import MAX_TRIANGLES
@@ -68,7 +68,7 @@ class KnownObstacles:
         self._publisher = node.create_publisher(MarkerArray, 'known_obstacles', LATCHED)
         self._publish()
         subscribe(node, MarkerArray, 'obstacles', self._on_markers, OBSTACLES, MAX_MARKER_BYTES)
-        repeat(node, EXPIRY_PERIOD, self._expire)
+        self._expiry = repeat(node, EXPIRY_PERIOD, self._expire)  # only while one has a lifetime
 
     @property
     def scene(self) -> CollisionScene:
@@ -91,6 +91,8 @@ class KnownObstacles:
             if known != self._known:
                 self._set(known)
             self._ends = ends
+            if ends:
+                wake(self._expiry)
         except ObstacleError as error:
             self._refused += 1
             self._refusal = str(error)
@@ -126,6 +128,8 @@ class KnownObstacles:
                                     'some, or give larger shapes around several')
 
     def _expire(self) -> None:
+        if not self._ends:
+            self._expiry.cancel()
         gone = {key for key, end in self._ends.items() if end <= monotonic()}
         if gone:
             self._ends = {key: end for key, end in self._ends.items() if key not in gone}

@@ -14,7 +14,7 @@ from geometry_msgs.msg import PoseArray, PoseWithCovariance
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.entries import guarded, repeat
+from soft_continuum.nodes.entries import guarded, repeat, wake
 from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.model import load_model
@@ -130,7 +130,7 @@ class ShapeSequencer(SuiteNode):
         self._server = SequenceServer(
             self, guarded(self, self._on_request), guarded(self, self._on_accepted))
         self._service = PlanService(self, self._planning, self._busy, self._shapes_now)
-        repeat(self, TICK_PERIOD, self._tick)
+        self._ticks = repeat(self, TICK_PERIOD, self._tick)  # only while there is a goal
         self._report()
 
     def start(self) -> None:
@@ -184,6 +184,7 @@ class ShapeSequencer(SuiteNode):
             self._reject(request, str(error))
             return
         self._check = PendingGoal(request, shapes, Age.now())
+        wake(self._ticks)
         self._go_on_checking(self._check)
 
     def _go_on_checking(self, check: PendingGoal) -> None:
@@ -264,6 +265,7 @@ class ShapeSequencer(SuiteNode):
         if self._runner is not None:
             self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
         self._next, self._next_stops = handle, self._observed.tendons.stops
+        wake(self._ticks)
 
     # The goal that runs.
 
@@ -280,6 +282,8 @@ class ShapeSequencer(SuiteNode):
             self._go_on(self._runner)
         if self._next is not None:
             self._go_on_waiting(self._next)
+        if self._check is None and self._runner is None and self._next is None:
+            self._ticks.cancel()
 
     def _go_on_waiting(self, handle: Any) -> None:
         outcome = None

@@ -37,7 +37,8 @@ class Status:
         self._log_times: dict[bytes, float] = {}  # by level: when, s (steady)
         self._publisher = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
         self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
-        self._own: tuple[bytes, str, list[KeyValue]] = OK, '', []
+        self._own: tuple[bytes, str, dict[str, str]] = OK, '', {}
+        self._shown = self._own
         self._alarms: dict[str, tuple[str, float]] = {}  # by source: text, monotonic s of its end
         repeat(node, 1.0, self._publish_diagnostics)
 
@@ -52,8 +53,7 @@ class Status:
 
         level: OK, WARN or ERROR.  values: shown as printed.
         """
-        self._own = level, message, [
-            KeyValue(key=key, value=str(value)) for key, value in values.items()]
+        self._own = level, message, {key: str(value) for key, value in values.items()}
         self._update()
 
     def alarm(self, source: str, text: str, seconds: float = inf) -> None:
@@ -63,17 +63,18 @@ class Status:
             self._update()
 
     def _update(self) -> None:
-        level, message, pairs = self._own
+        level, message, values = self._own
         alarms = [text for text, end in self._alarms.values() if text and end > time.monotonic()]
         if alarms:
             own = [message] if level != OK else []
             level, message = ERROR, '; '.join([*alarms, *own])
         self._log(level, message)
-        if (self._message.level, self._message.message, self._message.values) == (
-                level, message, pairs):
+        if self._shown == (level, message, values):
             return
+        self._shown = level, message, values
         self._message.level, self._message.message = level, message
-        self._message.values = pairs
+        self._message.values = [
+            KeyValue(key=key, value=value) for key, value in values.items()]
         self._publisher.publish(self._message)
 
     def _log(self, level: bytes, message: str) -> None:

@@ -176,6 +176,8 @@ class TendonControl(DeviceControl):
         if problem := self._guard.refusal(controller.reading, request.pulls, limit):
             raise MotionRefusedError(Reason.TENSION, problem)
         begins = not controller.busy
+        if begins:
+            self._jump()  # what it was at rest does not count
         trajectory, delay = self._trajectory(controller, request)
         controller.accept(*trajectory, self._goes_on(request))
         controller.delay, self._path = delay, (request.stamp, trajectory[3] - delay)
@@ -366,9 +368,10 @@ class TendonControl(DeviceControl):
 
     def cycle(self, late: float) -> None:
         """Send the next set-points to the driver unless an interlock is active; late: s."""
-        controller, jump = self._controller, self._jump()
+        controller = self._controller
         if controller is None:
             return
+        jump = self._jump() if controller.busy else 0.0
         try:
             if not self._ended and (
                     interlock := self._cycle_interlock(controller, late, jump)):

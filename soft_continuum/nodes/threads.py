@@ -118,10 +118,14 @@ class _Request:
         except Exception as error:
             self.future.set_exception(error)
             if self._failed is not None:
-                try:
-                    self._failed(error)
-                except Exception:  # the thread has to go on, to hold if nothing else
-                    traceback.print_exc()
+                _tell(self._failed, error)
+
+
+def _tell(failed: Callable[[Exception], None], error: Exception) -> None:
+    try:
+        failed(error)
+    except Exception:  # the thread has to go on, to hold if nothing else
+        traceback.print_exc()
 
 
 class ControlLoop:
@@ -173,7 +177,10 @@ class ControlLoop:
             now = monotonic()
             if now >= deadline and not self._ending:
                 late, last = now - last - self._period, now
-                _Request(self._cycle, (late,), self._failed).run()
+                try:
+                    self._cycle(late)
+                except Exception as error:
+                    _tell(self._failed, error)
                 deadline += self._period * (1 + (monotonic() - deadline) // self._period)
 
 

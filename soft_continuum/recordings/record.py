@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from soft_continuum.recordings.topics import TopicRecorder
 
 DISCOVERY_TIMEOUT = 5.0  # s
+AFTER_GOAL = 0.5  # s, in which the last state and poses of a goal arrive
 
 
 class TimedRecording:
@@ -65,7 +66,8 @@ class TimedRecording:
             node, self._path, recorded.about(node), pictures=self._pictures)
         try:
             attaching = requests.start(recorded.attach_parameters(requests, topics))
-            await until(self._ended, duration)
+            if await until(self._ended, duration) and not self.interrupted:
+                await until(lambda: self.interrupted, AFTER_GOAL)
             await recorded.end_recording(topics, attaching, requests)
         finally:
             topics.close()

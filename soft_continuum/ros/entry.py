@@ -15,13 +15,18 @@ LOG_PERIOD = 1.0  # s between two log lines of one kind
 
 
 def subscribe(node: Node, kind: Any, topic: str, callback: Callable[[Any], object],
-              qos: QoSProfile | int, max_bytes: int = MAX_BYTES) -> Any:
-    """Return a subscription; messages that are too long or malformed are ignored."""
+              qos: QoSProfile | int, max_bytes: int = MAX_BYTES,
+              convert: Callable[[bytes, Any], Any] = deserialize_message) -> Any:
+    """
+    Return a subscription; messages that are too long or malformed are ignored.
+
+    convert: makes what ``callback`` gets, of a serialized message and its kind.
+    """
     def on_data(data: bytes) -> None:
         problem = f'{len(data)} bytes; allowed: {max_bytes}'
         if len(data) <= max_bytes:
             try:
-                message = deserialize_message(data, kind)
+                message = convert(data, kind)
             except Exception as error:  # whatever the conversion finds wrong
                 problem = str(error)
             else:

@@ -13,6 +13,7 @@ after another about x, y and z, whose names end so.  Where the base frame is cal
 
 from collections.abc import Sequence
 from math import pi
+import re
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -41,14 +42,19 @@ def _names_of_axes(joint: str, axes: Sequence[str]) -> list[str]:
     return [joint] if len(axes) == 1 else [f'{joint}_{axis}' for axis in axes]
 
 
+def are_of_an_arm(joints: Sequence[str]) -> bool:
+    """Return whether joints with these names are those of an arm, base first."""
+    return joints[:1] in (['segment_1_joint_1'], ['segment_1_joint_1_x'])
+
+
 def pose_axes_of(joints: Sequence[str]) -> NDArray[np.bool_]:
     """Return pose_axes of the arm whose joints have these names; of none: of a planar arm."""
     return SPATIAL_AXES if any(name.endswith('_x') for name in joints[:1]) else PLANAR_AXES
 
 
-def pose_axes_in(urdf: str) -> NDArray[np.bool_]:
-    """Return pose_axes of the arm in a robot_description as of arm_urdf."""
-    return SPATIAL_AXES if f'<axis xyz="{AXES["x"]}"' in urdf else PLANAR_AXES
+def first_joint(urdf: str) -> list[str]:
+    """Return the name of the first joint of the arm in a robot_description; none without one."""
+    return re.findall(r'<joint name="(?:[^"]*/)?(segment_1_joint_1(?:_x)?)"', urdf)[:1]
 
 
 def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:

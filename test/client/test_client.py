@@ -10,13 +10,16 @@ from math import inf, nan
 import sys
 from time import monotonic, sleep
 from typing import Any
+from unittest.mock import Mock
 
 import matplotlib
 from matplotlib.figure import Figure
 import numpy as np
 import pytest
 from rclpy.action import ActionClient
+from rclpy.serialization import serialize_message
 from rclpy.service import Service
+from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from soft_continuum.client import (
@@ -31,6 +34,7 @@ from soft_continuum.client import (
     SequenceError,
 )
 from soft_continuum.client.connection import Connection
+from soft_continuum.client.observed import ObservedArm
 from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import MotionRequest
@@ -55,6 +59,30 @@ def moves_or_has_moved(running):
 
 
 # State.
+
+def test_joints_of_a_base_that_carries_the_arm_are_not_taken_for_its_own():
+    node = Mock()
+    observed = ObservedArm(node)
+    send = {call.args[1]: call.args[2]
+            for call in node.create_subscription.call_args_list}['joint_states']
+    send(serialize_message(JointState(name=['wheel_1', 'wheel_2'], position=[0.1, 0.1])))
+    assert observed.message('joint_states') is None
+    assert observed.age('kinematics') == inf
+    for joint in ('segment_1_joint_1', 'segment_1_joint_1_x'):
+        send(serialize_message(JointState(name=[joint], position=[0.2])))
+        assert observed.message('joint_states').name == [joint]
+
+
+def test_the_first_state_waits_for_the_ros_graph(arm, connect, monkeypatch):
+    in_graph, since = ObservedArm.running, []
+
+    def late(observed):
+        since.append(monotonic())
+        return in_graph(observed) | ({} if monotonic() - since[0] > 0.5 else {'kinematics': False})
+
+    monkeypatch.setattr(ObservedArm, 'running', late)
+    assert connect().state.node('kinematics').running
+
 
 def test_a_client_knows_the_state_the_shapes_and_the_description_of_a_new_arm(
         rig, settling, connect):

@@ -80,12 +80,15 @@ def recorder(arm: Rig, here: None, tmp_path: Path) -> Iterator[RecordProcess]:
 
 def test_a_goal_is_recorded_to_its_end_reported_and_played(
         arm: Rig, recorder: RecordProcess) -> None:
-    assert arm.goal('s_form', hold=0.5).result()[0] == 'SUCCEEDED'
+    assert arm.goal('c_form', 's_form').result()[0] == 'SUCCEEDED'
     status, out, err = recorder.end()
     assert (status, err) == (0, '')
     assert f's recorded in {recorder.file}: ' in out
-    held, = read_recording(recorder.directory).held_shapes()
-    assert held.shape == 's_form'
+    recording = read_recording(recorder.directory)
+    assert [text for _, source, text in recording.events if source == 'shape_sequencer'] == [
+        'idle', 'running c_form', 'running s_form', 'idle']
+    first, held = recording.held_shapes()
+    assert (first.shape, held.shape) == ('c_form', 's_form')
     ends = [(p.position.x, p.position.z) for p in arm.segment_poses.last.poses]
     assert held.points[2::2, [0, 2]] == pytest.approx(np.array(ends) * 1e3, abs=0.1)
     assert held.pulls == pytest.approx(np.array(arm.pulls) * 1e3, abs=0.01)

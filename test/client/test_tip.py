@@ -32,6 +32,8 @@ def test_what_the_tip_cannot_do_is_refused(client):
         client.reach(0.12, 0.01, 0.26)
     with pytest.raises(RefusedError, match='out of reach'):
         client.run(Tip((0.5, 0.5)), 'c_form')
+    with pytest.raises(ValueError, match='path'):
+        client.follow([])
     plan = client.plan(Tip((0.5, 0.5)))
     assert not plan.found and 'out of reach' in plan.message
     for wrong in ({'position': (0.1,)}, {'position': (0.1, float('nan'))},

@@ -21,7 +21,7 @@ from soft_continuum.nodes.measurements import (
     UNCHECKED_TIME,
 )
 from soft_continuum_interfaces.msg import TendonActuationState
-from support.true_arm import ARM, only, Session, STIFF, TrueArm
+from support.true_arm import ARM, commands, only, Session, STIFF, TrueArm
 
 HANGING = replace(ARM, gravity=mounted(pi))
 KNOWN = Prior(ratio=0.05, offset=1e-5, payload=1e-3, straight=1e-3)  # all but the stiffness
@@ -156,6 +156,24 @@ def test_tensions_alone_begin_an_estimate_beside_the_prediction():
     off = [abs(one.tensions[0] - truth.state.tensions[0])
            for one in (shape.state, shape.predicted)]
     assert off[0] < 0.8 * off[1]
+
+
+def test_tensions_alone_do_not_bend_what_is_described_as_rigid():
+    truth, shape, time = TrueArm(ratio=inf), ArmShape(ARM, 1e-3), 100.0
+    shape.follow(commands(time, np.zeros(2), STIFF))
+    for segment in range(3):
+        bent = truth.statics.bend(truth.state, segment, 0.6)
+        pulls = np.where(bent.tensions > 0.0, truth.statics.commanded_pulls(bent), -0.05)
+        for soft in (only(segment), STIFF):
+            truth.follow(pulls, soft)
+            for _ in range(15):
+                time += 0.2
+                shape.follow(commands(time, pulls, soft))
+                shape.measure(time, truth.pulled())
+    assert shape.estimate is not None and shape.estimate.measured is None
+    assert shape.state.bending[:, 1] == pytest.approx([0.6] * 3, abs=5e-3)
+    shape.measure(time, truth.seen())  # now they may give
+    assert np.exp(shape.estimate.values[shape.estimate.layout.ratio]).max() < 1000.0
 
 
 def test_tensions_do_not_hide_that_the_shape_is_not_known_any_more():

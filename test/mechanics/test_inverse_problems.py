@@ -14,7 +14,7 @@ from soft_continuum.mechanics import tip as tip_search
 from soft_continuum.mechanics.laws import Jam
 from support.flat_arm import about_y, made_of
 from support.general_arms import paper_like, RIGID
-from support.spatial_arms import three_segments
+from support.spatial_arms import mirrored, three_segments, turned
 
 
 def plane(limit=1.2, gravity=0.0, bodies=3, jam=RIGID):
@@ -98,13 +98,27 @@ def test_from_another_shape_the_segments_that_stay_keep_their_bending(make):
     assert fit.bending == pytest.approx(wanted, abs=1e-5)
 
 
-def test_a_turned_arm_has_the_turned_bending():
-    one, other = (Statics(three_segments(
-        angle, gravity=(0.0, 0.0, 9.0), bodies_per_segment=3)) for angle in (0.0, 0.7))
-    turn, had = Rotation.from_euler('z', 0.7), set_shape(one, IN_SPACE)
-    about_z = turn.as_matrix()
-    fit = bending_for_tip(other, about_z @ had.tip, about_z @ had.rotations[-1] @ about_z.T)
-    assert fit.bending == pytest.approx(IN_SPACE @ about_z[:2, :2].T, abs=1e-4)
+# At the edge of reach: a pose that several shapes have, and a tip that many have.
+@pytest.mark.parametrize(('segments', 'seed', 'size', 'posed'), [
+    (3, 6, 1.0, True), (2, 1, 1.0, False)])
+def test_a_tip_has_one_answer_in_every_frame(segments, seed, size, posed):
+    arm, draw = space(segments, limit=1.0).chain.arm, np.random.default_rng(seed)
+    ways = draw.uniform(0.0, 2.0 * pi, segments)
+    had = set_shape(Statics(arm), size * np.column_stack([np.cos(ways), np.sin(ways)]))
+    turns = np.arange(1, 8) * 2.0 * pi / 9.0 + 0.1
+    answers = []
+    for an_arm, frame in [
+            (arm, np.eye(3)), (mirrored(arm), np.diag([1.0, -1.0, 1.0])),
+            *((turned(arm, turn), Rotation.from_euler('z', turn).as_matrix()) for turn in turns)]:
+        fit = bending_for_tip(Statics(an_arm), frame @ had.poses[-1, :3],
+                              frame @ had.rotations[-1] @ frame.T if posed else None)
+        # A mirror turns rotation vectors the other way.
+        answers.append((fit.reached, fit.softened, np.linalg.det(frame) * fit.bending
+                        @ frame[:2, :2]))
+    for reached, softened, bending in answers:
+        assert reached
+        assert softened == answers[0][1]
+        assert bending == pytest.approx(answers[0][2], abs=1e-6)
 
 
 @pytest.mark.parametrize('jam', [Jam(), Jam(5.0)], ids=['rigid', 'elastic'])

@@ -13,16 +13,25 @@ from soft_continuum.mechanics import (
     _kernel,
     Arm,
     ArmError,
+    bending_directions,
     bending_for_tip,
+    bending_vectors,
+    Chain,
+    constant_curvature,
     Disc,
+    exceeds_pi,
     Jam,
     LawError,
+    LEFT,
+    Linearisation,
     MomentCurvature,
     OverconstrainedError,
     RIGHT,
     Segment,
+    self_intersections,
     set_shape,
     SLACK,
+    solve_batch,
     solve_path,
     Statics,
     StaticsError,
@@ -79,6 +88,42 @@ def test_what_is_no_command_is_refused_alike_in_plane_and_space(statics, given, 
         given = {'pulls': (0.0,) * tendons} | given
     with pytest.raises(ValueError, match=words):
         call(**{'start': statics.chain.straight(), 'soft': (True,) * 3} | given)
+
+
+BENT = np.full((3, 2), (0.0, 0.1))
+
+
+@BOTH
+@pytest.mark.parametrize(('call', 'words'), [
+    *((lambda s, given=given: s.hold(s.chain.straight(), BENT, FIRST, pretensions=given), words)
+      for given, words in (
+          ((), 'one number .N. or more'), (0.0, 'one number .N. or more'), (None, 'one number'),
+          ((0.0, -1.0), '0 N or more'), ((nan,), '0 N or more'), ('a', '0 N or more'))),
+    *((lambda s, given=given: s.sliding_towards(given), 'two numbers .rad.')
+      for given in ((), BENT[:2], BENT[:, :1])),
+    *((lambda s, given=given: bending_vectors(s.chain.arm, *given), 'for each of the 3 segments')
+      for given in (((), ()), ((0.1,), ()), ((0.1,) * 3, (1.0,)), ((0.1,) * 4, ()))),
+    (lambda _: bending_directions(np.zeros((3, 3))), 'two numbers .rad.'),
+    (lambda _: bending_directions([]), 'two numbers .rad.'),
+    *((lambda s, call=call: call(s, None), 'the state must be an Equilibrium') for call in (
+        Linearisation, lambda _, state: self_intersections(state, 0.01),
+        lambda _, state: exceeds_pi(state), lambda s, state: s.stretch_rates(state, ()),
+        lambda s, state: s.commanded_pulls(state))),
+    (lambda s: s.stretch_rates(s.chain.straight(), (1,)), 'sliding must be 1, 0 or -1'),
+    (lambda s: Linearisation(s, s.chain.straight(), None), 'sliding must be 1, 0 or -1'),
+    (lambda _: Statics(None), 'an Arm is needed'), (lambda _: Chain('arm'), 'an Arm is needed'),
+    *((lambda s, given=given: s.chain.arm.with_force(1, given), 'x, y and z in N')
+      for given in ((), 1.0, None, (1.0, 2.0))),
+    (lambda s: s.chain.arm.with_compliant_tendons(0.0), 'stretch is 0 m/N'),
+    (lambda s: s.chain.arm.segments[0].with_stiffness_factor(()), 'factor is'),
+    *((lambda s, call=call: call(s.chain.arm, [1j] * 3), 'bending must be') for call in (
+        constant_curvature.poses, constant_curvature.tips, constant_curvature.pulls)),
+    *((lambda _, given=given: constant_curvature.bending_angle(PLANE.chain.arm, *given),
+       'a segment, 0 to 2, and a number') for given in ((3, 0.0), (-1, 0.0), (0, ()), ((), 0.0)))])
+def test_arguments_of_other_sizes_or_kinds_are_refused_alike_in_plane_and_space(
+        statics, call, words):
+    with pytest.raises(ValueError, match=words):
+        call(statics)
 
 
 @BOTH
@@ -221,9 +266,24 @@ def test_nothing_determines_what_a_tendon_carries_along_a_locked_arm(statics):
     held = statics.solve(state, asked, STIFF)
     assert np.isnan(held.tensions[asked > SLACK]).all()
     assert not held.tensions[asked == SLACK].any()
-    assert statics is SPACE or np.all(held.slack[asked == SLACK] == inf)
+    assert np.all(held.slack[asked == SLACK] == inf)
     again = statics.solve(held, asked, FIRST)
     assert again.points == pytest.approx(state.points, abs=1e-9)
+
+
+@BOTH
+@pytest.mark.parametrize('soft', [ALL, STIFF], ids=['soft', 'locked'])
+def test_a_tendon_that_never_carries_has_slack_without_end_and_one_by_force_has_none(
+        statics, soft):
+    start, count = statics.chain.straight(), len(statics.compliance)
+    pulls = np.where(np.arange(count) == LEFT, SLACK, 0.0)
+    never = statics.solve(start, pulls, soft)
+    assert np.array_equal(np.isinf(never.slack), pulls == SLACK)
+    together = solve_batch(statics, start, [pulls, pulls], soft)
+    assert np.array_equal(together.slack[0], never.slack)
+    by_force = statics.solve(start, pulls, soft, tensions=np.where(pulls == SLACK, 0.0, nan))
+    assert by_force.slack[LEFT] == 0.0
+    assert np.isfinite(statics.solve(never, np.zeros(count), soft).slack).all()
 
 
 def test_tendons_that_stretch_carry_in_a_locked_arm_what_they_are_stretched_by():

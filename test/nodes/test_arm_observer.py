@@ -12,7 +12,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.arm_observer import ArmObserver, REPORTED
+from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import (
@@ -120,6 +121,27 @@ def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: st
     bench.stream(0.2 * TIMEOUT)
     assert bench.observer.fault.startswith('nothing received for 0.5 s from ')
     assert topic.split('/')[-1] in bench.observer.fault
+
+
+@pytest.mark.parametrize(('topic', 'reported'), [
+    ('kinematics/state', 'shape'), ('tendon_states', 'position'),
+    ('segment_1/pressure', 'pressure')])
+def test_a_node_that_runs_and_reports_nothing_is_told_from_one_that_is_gone(
+        bench: Bench, topic: str, reported: str) -> None:
+    source = next(name for name, what in REPORTED.items() if what == reported)
+    name = source.split()[0]
+
+    def beat() -> None:
+        bench.send(f'{name}/heartbeat', NodeInfo('another').to_ros(0.0))
+
+    bench.observer.conflicts.node_info = Mock(own=NodeInfo('own'), time=0.0)
+    beat()
+    bench._callbacks[topic] = Mock()
+    bench.stream(1.2 * TIMEOUT)
+    assert bench.observer.fault == f'nothing received for 0.5 s from {source}'
+    beat()
+    assert bench.observer.fault == (
+        f'{name} runs, but has reported no {reported} for 0.5 s; its status has the reason')
 
 
 @pytest.mark.parametrize('missing', ['tendon_actuation', 'kinematics', 'jamming_valves'])

@@ -71,9 +71,9 @@ def assert_same(node: str, kind: str, on_page: dict[str, str],
 
 @pytest.fixture(scope='module')
 def suite(module_rig: Rig) -> Rig:
-    """Return every node of the suite, with load cells."""
-    module_rig.start_arm(load_cells__enabled=True)
-    module_rig.start(*OTHERS, ready=False)
+    """Return every node of the suite, with load cells, and jams that are not rigid."""
+    module_rig.start_arm(load_cells__enabled=True, arm__stiffness_ratios=(10.0,))
+    module_rig.start(*OTHERS, ready=False, arm__stiffness_ratios=(10.0,))
     return module_rig
 
 

@@ -3,13 +3,15 @@
 
 """Nodes of two versions, or of two descriptions of the arm, are no arm: nothing moves."""
 
+from dataclasses import replace
 import socket
 
 import pytest
+from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from soft_continuum import version
-from soft_continuum.nodes.node_info import NodeInfo
+from soft_continuum.nodes.node_info import HeartbeatReader, NodeInfo
 from soft_continuum.parameters.arm import ARM_PARAMETERS, description_digest
 from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.scalars import read_scalar
@@ -46,6 +48,16 @@ def test_every_parameter_of_the_arm_counts() -> None:
 def test_what_is_said_is_what_is_read() -> None:
     said = NodeInfo('process', '1.0', 'digest', 'host', 2.5, 'a conflict')
     assert NodeInfo.from_ros(said.to_ros(2.5)) == said
+
+
+def test_of_a_heartbeat_like_the_last_one_only_the_time_is_converted() -> None:
+    read, found = HeartbeatReader(), []
+    for time, conflict in ((1.25, ''), (2.5, ''), (3.75, 'a conflict'), (5.0, 'a conflict')):
+        said = NodeInfo('process', '1.0', 'digest', 'host', conflict=conflict)
+        info, at = read(serialize_message(said.to_ros(time)))
+        assert (replace(info, time=0.0), at) == (said, time)
+        found.append(info)
+    assert found[0] is found[1] is not found[2] is found[3]
 
 
 def test_every_node_answers_what_it_is(shared_arm: Rig) -> None:

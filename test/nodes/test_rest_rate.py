@@ -2,9 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What does not change is sent ten times a second; every reading of a motion is sent."""
 
+from typing import Any
+
 import pytest
 
 from soft_continuum.nodes.threads import RestingStream
+from support.ros_rig import DEADLINE, Rig
 from support.steered_tendons import PERIOD, Steered
 
 
@@ -40,3 +43,23 @@ def test_a_slow_drift_is_sent_once_it_is_as_large_as_the_resolution() -> None:
     stream, drift = RestingStream(1.0), [0.3 * k for k in range(10)]
     sent = [stream.due(1e-3 * k, None, (value,)) for k, value in enumerate(drift)]
     assert sent == [True, False, False, False] * 2 + [True, False]
+
+
+def test_an_arm_at_rest_has_no_timer_of_more_than_ten_hertz(rig: Rig) -> None:
+    nodes = rig.start_arm()
+
+    def fast() -> list[Any]:
+        return [(node.get_name(), timer.timer_period_ns) for node in nodes for timer in node.timers
+                if timer.timer_period_ns < 1e8 and not timer.is_canceled()]
+
+    for _ in range(2):  # before the first goal, and after it
+        rig.until(lambda: not fast(), DEADLINE)
+        assert fast() == []
+        rig.goal((0.0, 0.0, 0.0)).assert_ended('SUCCEEDED')
+
+
+def test_kinematics_receives_no_pressures_of_rigid_jams(rig: Rig) -> None:
+    kinematics, = rig.start('kinematics', arm__stiffness_ratios=(10.0, 0.0, 10.0), ready=False)
+    topics = [one.topic_name.removeprefix(f'{rig.namespace}/') for one in kinematics.subscriptions]
+    assert [topic for topic in topics if topic.endswith('/pressure')] == [
+        'segment_1/pressure', 'segment_3/pressure']

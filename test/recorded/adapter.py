@@ -83,11 +83,14 @@ class Model:
         discs = np.array(state.poses[1::2])
         discs[discs[:, 6] < 0.0, 3:] *= -1.0  # of the two quaternions of a rotation, one
         more = {'sliding': sliding} if len(sliding) else {}
+        # With SLACK, what is recorded of spatial arms is 0; since then it is inf as in the plane.
+        endless = np.isinf(state.slack) & (not self.planar)
         found = {
             'discs': discs, 'joints': self._joints(state.coordinates),
             'bending': state.bending, 'paths': state.pulls,
             'motors': self.statics.commanded_pulls(state, **more),
-            'tensions': state.tensions, 'slack': state.slack, 'jumped': bool(state.jumped)}
+            'tensions': state.tensions, 'slack': np.where(endless, 0.0, state.slack),
+            'jumped': bool(state.jumped)}
         if any(state.stiff) and any(not segment.jam.rigid for segment in self.arm.segments):
             found['held'] = self._joints(state.held_coordinates)
         if self.planar:

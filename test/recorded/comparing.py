@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 TOLERANCE = 1e-9
-TIP_TOLERANCE = 1e-7  # of bending for a tip: its search ends within 1e-8 m, beyond reach before
+TIP_TOLERANCE = 1e-6  # of bending for a tip: its search ends within 1e-8 m, beyond reach before
 """In SI units, and relative to the largest number of the same list of numbers."""
 
 

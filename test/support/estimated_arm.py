@@ -25,6 +25,7 @@ from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.names import NODES
+from soft_continuum.ros.urdf import joint_names
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
@@ -172,7 +173,7 @@ class EstimatedArm:
             'tendon_states': JointState(name=list(TENDONS), position=[0.001, -0.001],
                                         velocity=[0.0, 0.0]),
             'tendon_tensions': JointState(name=list(TENDONS), effort=[0.0, 4.0]),
-            'joint_states': JointState(position=joints.tolist()),
+            'joint_states': JointState(name=joint_names(CHAIN), position=joints.tolist()),
             'disc_poses': poses_to_ros(poses, PoseArray()),
             'segment_poses': poses_to_ros(poses[2::2], PoseArray()),
             'kinematics/state': state,

@@ -13,7 +13,15 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.laws import extended, Jam, linear, MomentCurvature, refuse_parts
+from soft_continuum.mechanics.laws import (
+    extended,
+    Jam,
+    linear,
+    MomentCurvature,
+    refuse_parts,
+    scaled,
+    stacked,
+)
 from soft_continuum.mechanics.plane.chain import PlaneChain
 
 SOFT, SOFT_TABLE, JAM, JAM_TABLE, HELD, YIELD, LENGTH = range(7)
@@ -49,38 +57,22 @@ class JointLaws:
                 jam[rows] = segment.jam.ratio - 1.0, len(tables) - 1
         self.soft, self._jam = soft, jam
         """The joints array where no segment is stiff."""
-        self.least_stiffness = np.concatenate(
-            [self._least(s, chain) for s in range(chain.segments)])
+        self.least_stiffness = np.repeat(
+            [(s.soft_law or linear(s.stiffness_y)).slopes.min() for s in self._segments],
+            self._per_segment) / chain.joint_lengths
+        """Smallest tangent stiffness of each joint of soft segments, (bodies,), N m/rad."""
         self.rigid_only = all(s.jam.rigid for s in self._segments)
         """Whether no stiff segment can bend."""
         self.linear = self.rigid_only and not tables
         """Whether moments grow in proportion to angles, whatever is stiff."""
-        rows_needed = max([len(t.curvatures) for t in tables], default=2)
-        # Shorter tables go on with their last slope.
-        self.tables = np.zeros((max(1, len(tables)), 2, rows_needed))
-        for k, table in enumerate(tables):
-            curvatures = list(table.curvatures)
-            while len(curvatures) < rows_needed:
-                curvatures.append(2.0 * curvatures[-1] - curvatures[-2])
-            self.tables[k] = curvatures, [table.moment(c) for c in curvatures]
-
-    def _least(self, segment: int, chain: PlaneChain) -> Array:
-        """Return the smallest tangent stiffness of each joint of a soft segment, N m/rad."""
-        law = self._segments[segment].soft_law
-        if law is None:
-            return chain.joint_stiffness[self._rows(segment)]
-        slope = np.min(np.diff(law.moments) / np.diff(law.curvatures))
-        least: Array = slope / chain.joint_lengths[self._rows(segment)]
-        return least
+        self.tables = stacked([(t.curvatures, t.moments) for t in tables or [linear(1.0)]])
 
     def greatest_stiffness(self, stiff: Sequence[bool]) -> float:
         """Return the largest tangent stiffness of any joint, spring and jam together, N m/rad."""
         greatest = 0.0
         for s, segment in enumerate(self._segments):
             jam = segment.jam if stiff[s] and not segment.jam.rigid else Jam()
-            law, slope = jam.law or segment.soft_law, segment.stiffness_y
-            if law is not None:
-                slope = np.max(np.diff(law.moments) / np.diff(law.curvatures))
+            slope = (jam.law or segment.soft_law or linear(segment.stiffness_y)).slopes.max()
             factor = 1.0 if jam.rigid or jam.law else jam.ratio
             greatest = max(greatest, factor * slope / self.soft[self._rows(s), LENGTH].min())
         return float(greatest)
@@ -126,9 +118,8 @@ class JointLaws:
         """Return the offset (rad) at which the jam bears ``share`` of what it bears at one."""
         if row[JAM_TABLE] < 0:
             return share * offset
-        curvatures, moments = self.tables[int(row[JAM_TABLE])]
-        moment = share * extended(abs(offset) / row[LENGTH], curvatures, moments)
-        return float(np.sign(offset) * extended(moment, moments, curvatures) * row[LENGTH])
+        found = scaled(abs(offset) / row[LENGTH], share, self.tables[int(row[JAM_TABLE])])
+        return float(np.sign(offset) * found * row[LENGTH])
 
     def held(self, angles: Array, joints: Array, stiff: Sequence[bool]) -> Array:
         """Return the angles (joints,) rad held by jams after creep; others are unchanged."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics._checks import (
+    bending_of,
     pulls_of,
     sliding_signs,
     soft_flags,
@@ -119,7 +120,7 @@ class PlaneStatics(Statics):
         used, and all others are stiff.  sliding: as in ``solve``.  pretensions: ignored, since one
         tendon carries.  Raises what ``bend`` raises.
         """
-        wanted, mask = self._wanted(start, bending, soft, sliding)
+        wanted, mask = self._wanted(start, bending, soft, sliding, pretensions)
         segment = mask.index(True)
         found = self.bend(start, segment, float(wanted[segment, 1]), sliding=sliding)
         carries = np.arange(len(found.tensions)) == np.argmax(found.tensions)
@@ -128,11 +129,12 @@ class PlaneStatics(Statics):
 
     def sliding_towards(self, change: Array, /) -> tuple[int, ...]:
         """Return sliding, as for solve, while bending (segments, 2) changes, rad."""
-        turn = int(np.sign(change[:, 1].sum()))
+        turn = int(np.sign(bending_of(change, self.chain.segments)[:, 1].sum()))
         return turn, -turn
 
     def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the compliance (2,) m/N of the tendons for the tension at the base."""
+        check_start(state, 'state')
         return compliances(self.chain, state.configuration, sliding_signs(sliding))
 
     def solve_together(self, problems: 'Problems') -> 'Batch':

@@ -95,7 +95,7 @@ def _follow(problems: Sequence[_Problem], pulls: Array, tensions: Array, rows: I
     for each, start, one in zip(joints, starts, locks, strict=False):
         each[:, HELD] = start.held[one.free]
     compliance = np.array([model.compliance for model in models])
-    by_force, goal = driven(pulls, tensions)
+    by_force, goal, never = driven(pulls, tensions)
 
     tension = np.empty((count, 2, tendons))
     tension[:] = np.nan_to_num(carried)[:, None]
@@ -119,6 +119,7 @@ def _follow(problems: Sequence[_Problem], pulls: Array, tensions: Array, rows: I
     rests &= (done >= 0.0) & (short.max(axis=1, initial=0.0) <= LOCKED_TOLERANCE)
     ends = straight - targets[:, 3]
     loose = slack_of(ends, goal, compliance, tension[:, 0], by_force)
+    loose[never] = np.inf
     for name, array in (('configurations', bodies), ('tensions', tension[:, 0]), ('pulls', ends),
                         ('slack', loose), ('residual', residual), ('jumped', done < 1.0)):
         getattr(batch, name)[rows[rests]] = array[rests]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.directions import own_axes
 from soft_continuum.mechanics.orientations import (
     angles_about_axes,
     rotation_vectors,
@@ -22,7 +23,6 @@ from soft_continuum.mechanics.orientations import (
 from soft_continuum.mechanics.space._rotations import rotate
 from soft_continuum.mechanics.space.joints import SpaceLaws
 
-ONE_LINE = 1e-6  # rad: ways this close to each other are the same, or opposite
 Integers = NDArray[np.int64]
 System = tuple[Any, ...]
 """The arrays of _newton."""
@@ -44,8 +44,9 @@ class SpaceChain(Chain):
         self.guides = [self._guides(t) for t in range(len(arm.tendons))]
         self._spans()
         self.straight_paths = self.paths(np.tile(np.eye(3), (self.bodies, 1, 1)))
+        across, towards = own_axes(arm)
         self.layout = (self.body_lengths, self.forces, self.moments, self._routing,
-                       self.straight_paths, self._nudge())
+                       self.straight_paths, towards - across)
         """As _path.follow takes it."""
 
     def _guides(self, number: int) -> list[tuple[int, Array, bool]]:
@@ -96,25 +97,6 @@ class SpaceChain(Chain):
             self.span_fixed, self.span_tendons,
             np.searchsorted(self.entry_spans, np.arange(len(tendons) + 1)).astype(np.int64),
             self.entry_bodies, self.entry_vectors)  # as _path has it
-
-    def _nudge(self) -> Array:
-        """
-        Return the turn off an unstable balance, about x and y, (2,), of length root 2.
-
-        It follows the symmetry of the arm: towards the first tendon or load beside the axis and,
-        across that, towards the next one, so that a turned or mirrored arm falls alike.
-        """
-        arm = self.arm
-        beside = [np.array(place) for place in (
-            *(arm.places(t, (0.0,))[0, 0] for t in range(len(arm.tendons))),
-            *(wrench.force[:2] for wrench in arm.wrenches),
-            *((wrench.moment[1], -wrench.moment[0]) for wrench in arm.wrenches),
-            arm.gravity[:2])]
-        ways = [way / np.linalg.norm(way) for way in beside if np.linalg.norm(way) > 0.0]
-        x, y = ways[0] if ways else (1.0, 0.0)
-        sides = [side for way in ways if abs(side := x * way[1] - y * way[0]) > ONE_LINE]
-        side = np.copysign(1.0, sides[0]) if sides else -1.0
-        return np.array([-y - side * x, x - side * y])
 
     @property
     def disc_radii(self) -> Array:

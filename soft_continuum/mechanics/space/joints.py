@@ -14,7 +14,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm, Array, Segment
 from soft_continuum.mechanics.chain import joint_lengths_of
-from soft_continuum.mechanics.laws import extended, linear, MomentCurvature
+from soft_continuum.mechanics.laws import linear, MomentCurvature, scaled, stacked
 from soft_continuum.mechanics.space._laws import (
     bend,
     HELD,
@@ -46,10 +46,7 @@ class SpaceLaws:
             parts = joint_lengths_of(segment.length, arm.bodies_per_segment, arm.discretisation)
             for i, part in enumerate(parts, start=s * self._per_segment):
                 self._lay_out(segment, part, self._soft[i], self._jam[i])
-        most = max([len(table[0]) for table in self._tables], default=2)
-        self.tables = np.array([
-            [_continued(column, most) for column in table] for table in self._tables
-        ]).reshape(-1, 2, most)
+        self.tables = stacked(self._tables)
         """(k, 2, rows), as _assembly has them."""
         self.stiffness = self._soft[:, STIFFNESS]
         """Stiffness of the springs about x, y and z, (bodies, 3), N m/rad; initial one of laws."""
@@ -58,7 +55,7 @@ class SpaceLaws:
         """Write the joint of a ``part`` of the spring, m, soft and what a jam adds to that."""
         least = min(segment.stiffness_x, segment.stiffness_y)
         law = segment.soft_law
-        first = least if law is None else _first_slope(law)
+        first = least if law is None else law.slopes[0]
         soft[STIFFNESS] = np.array([
             first * min(segment.stiffness_x / least, RIGID),
             first * min(segment.stiffness_y / least, RIGID),
@@ -75,7 +72,7 @@ class SpaceLaws:
         jam[LAW, JAM_TABLE] = soft[LAW, SPRING_TABLE]
         if segment.jam.law is not None:
             added = segment.jam.law.minus(law or linear(least))
-            more = _first_slope(added) / first
+            more = added.slopes[0] / first
             jam[LAW, JAM_TABLE] = self._table(added, part)
         jam[JAM] = more * soft[STIFFNESS]
         jam[LAW, YIELD] = segment.jam.yield_moment
@@ -83,7 +80,7 @@ class SpaceLaws:
     def _table(self, law: MomentCurvature, part: float) -> float:
         """Note the law of a part of the spring, m; return its number."""
         self._tables.append((np.array(law.curvatures) * part,
-                             np.array(law.moments) * part / _first_slope(law)))
+                             np.array(law.moments) * part / law.slopes[0]))
         return len(self._tables) - 1.0
 
     def joints(self, stiff: Sequence[bool], vacuum: Sequence[float], held: Array) -> Array:
@@ -125,9 +122,7 @@ class SpaceLaws:
             angle = bend(joint[JAM], far, least)
             if (table := int(joint[LAW, JAM_TABLE])) < 0 or angle == 0.0:
                 continue
-            moment = angle * parts_of_law(angle, least, float(table), self.tables, np.inf)[0]
-            angles, moments = self.tables[table]
-            near[:2] = far[:2] * extended(share * moment, moments, angles) / angle
+            near[:2] = far[:2] * scaled(angle, share, self.tables[table]) / angle
         return found
 
 
@@ -144,16 +139,3 @@ def parts_of_laws(stiffness: Array, angles: Array, table: Array, tables: Array, 
         parts[:, i] = parts_of_law(
             bend(stiffness[i], angles[i], least), least, table[i], tables, most[i])
     return parts[0], parts[1]
-
-
-def _first_slope(law: MomentCurvature) -> float:
-    """Return the bending stiffness of the straight spring, N m^2."""
-    return law.moments[1] / law.curvatures[1]
-
-
-def _continued(column: Array, rows: int) -> list[float]:
-    """Return a column of a table with more rows: it goes on with its last slope."""
-    found: list[float] = column.tolist()
-    while len(found) < rows:
-        found.append(2.0 * found[-1] - found[-2])
-    return found

@@ -48,7 +48,8 @@ class SpaceLinearisation(Linearisation):
             tensions, count, optional=True)
         self._statics, self._chain, self._state = statics, chain, state
         self._by_force = ~np.isnan(given)
-        ways = sliding_signs(sliding, count) if any(sliding) else None
+        sliding = sliding_signs(sliding, count)
+        ways = sliding if any(sliding) else None
         tensions = np.nan_to_num(state.tensions)
         rigid = chain.rigid(state.stiff)
         self._link = np.cumsum(~rigid) - 1

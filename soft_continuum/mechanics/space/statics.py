@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._checks import (
+    bending_of,
     pulls_of,
     sliding_signs,
     soft_flags,
@@ -158,10 +159,13 @@ class SpaceStatics(Statics):
         """Return the equilibrium followed from ``start``; all as in Statics."""
         tendons = len(self.compliance)
         begin, locks = self.begin(start, soft, vacuum)
-        by_force, target = driven(pulls_of(pulls, tendons), None if tensions is None else
-                                  tensions_of(tensions, tendons, optional=True))
-        ways = sliding_signs(sliding, tendons)
-        return self._follow(begin, locks, by_force, target, ways)
+        by_force, target, never = driven(
+            pulls_of(pulls, tendons), None if tensions is None else
+            tensions_of(tensions, tendons, optional=True))
+        found = self._follow(begin, locks, by_force, target, sliding_signs(sliding, tendons))
+        if any(never.tolist()):
+            return replace(found, slack=np.where(never, np.inf, found.slack))
+        return found
 
     def bend(self, start: Equilibrium, segment: int, angle: float,
              soft: Sequence[bool] | None = None, *, vacuum: Sequence[float] | None = None,
@@ -179,7 +183,7 @@ class SpaceStatics(Statics):
              ) -> HeldBending:
         """Return the state that pulls_for_bending finds; all as in Statics."""
         from soft_continuum.mechanics.inverse import pulls_for_bending  # needs this
-        given, mask = self._wanted(start, bending, soft, sliding)
+        given, mask = self._wanted(start, bending, soft, sliding, pretensions)
         wanted = np.where(self.chain.arm.bending_axes & np.array(mask)[:, None], given, np.nan)
         errors = []
         for pretension in pretensions:
@@ -190,8 +194,9 @@ class SpaceStatics(Statics):
                 errors.append(error)
         raise errors[0]
 
-    def sliding_towards(self, _: Array, /) -> tuple[int, ...]:
+    def sliding_towards(self, change: Array, /) -> tuple[int, ...]:
         """Return sliding while bending changes: unknown, so 0."""
+        bending_of(change, self.chain.segments)
         return ()
 
     def solve_together(self, problems: 'Problems') -> 'Batch':
@@ -224,8 +229,9 @@ class SpaceStatics(Statics):
 
     def stretch_rates(self, state: Equilibrium, sliding: Sequence[int]) -> Array:
         """Return the compliance (tendons,) m/N of the tendons for the tension at the base."""
-        return self.friction.carried(state.rotations, sliding)[1] if any(sliding) else (
-            self.compliance)
+        check_start(state, 'state')
+        ways = sliding_signs(sliding, len(self.compliance))
+        return self.friction.carried(state.rotations, ways)[1] if any(ways) else self.compliance
 
     def _holding(self, start: Equilibrium, stiff: tuple[bool, ...],
                  vacuum: tuple[float, ...]) -> Equilibrium:
@@ -249,8 +255,11 @@ class SpaceStatics(Statics):
                 angles, held = start.joint_angles, held.copy()
             held[rows] = angles[rows] - self.chain.laws.rescaled(
                 s, angles[rows] - held[rows], share)
-        return Equilibrium(start.configuration, start.tensions, start.pulls, start.slack, 0.0,
-                                  0, stiff, held, vacuum=vacuum, chain=self.chain)
+        slack = start.slack
+        if np.inf in slack.tolist():  # a path begins somewhere
+            slack = np.where(slack == np.inf, 0.0, slack)
+        return Equilibrium(start.configuration, start.tensions, start.pulls, slack, 0.0, 0, stiff,
+                           held, vacuum=vacuum, chain=self.chain)
 
     def _find_locks(self, stiff: tuple[bool, ...], vacuum: tuple[float, ...]) -> ConstraintState:
         chain = self.chain
