@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from soft_continuum.analysis.identification import spread_out
 from soft_continuum.cli.operate import parse_bendings
 from soft_continuum.cli.up import nodes_of
 from soft_continuum.client.sequence import goal
@@ -23,7 +24,11 @@ from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_arm, load_description
+from soft_continuum.parameters.files import (
+    load_arm,
+    load_description,
+    write_parameters,
+)
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import angles_problem, PAPER_SHAPES, shapes_from_parameters
 from support.descriptions import JAMMING, PLANAR, TENDON_ARM
@@ -84,7 +89,25 @@ def test_what_is_left_out_is_that_of_a_planar_arm_or_the_same_for_all_tendons():
     assert [s.torsional_stiffness for s in arm.segments] == [0.1] * 3
 
 
+def test_hinges_may_have_any_number_of_tendons(tmp_path):
+    pairs = {'arm.tendon_names': ('a', 'b', 'c', 'd', 'e', 'f'),
+             'arm.tendon_angles': (0.0, pi) * 3, 'arm.tendon_ends': (1, 1, 2, 2, 3, 3),
+             'arm.torsional_stiffnesses': (0.1,), 'arm.guide_offsets': (0.02,),
+             'arm.jamming': False}
+    hinges = {'arm.lateral_bending_stiffnesses': (inf,)}
+    write_parameters(tmp_path / 'arm.yaml', pairs | hinges, [])
+    arm = load_arm(tmp_path / 'arm.yaml')
+    assert not arm.bending_axes[:, 0].any() and arm.bending_axes[:, 1].all()
+    assert nodes_of([tmp_path / 'arm.yaml'])[-1] == 'shape_sequencer'
+    again = arm_from_parameters(spread_out(pairs | hinges))  # which identify writes
+    assert [s.stiffnesses for s in again.segments] == [s.stiffnesses for s in arm.segments]
+    for wrong in (-inf, nan):
+        with pytest.raises(ParameterError, match='allowed'):
+            arm_from_parameters(pairs | {'arm.lateral_bending_stiffnesses': (wrong,)})
+
+
 @pytest.mark.parametrize('path, nodes', [
+
     (PLANAR, ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer')),
     (JAMMING, ('tendon_actuation', 'jamming_valves', 'kinematics', 'shape_sequencer')),
     (TENDON_ARM, ('tendon_actuation', 'kinematics', 'shape_sequencer'))],

@@ -14,7 +14,7 @@ about y, pushing it along y bends it about x.
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import nan
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -364,7 +364,8 @@ def _run(options: argparse.Namespace) -> None:
     segment = arm.segments[index]
     described = _stiffnesses(arm, index)
     if options.lateral and LATERAL not in described:
-        raise ArmError('--lateral is for spatial arms; a planar arm does not bend to the side')
+        raise ArmError('--lateral is for spatial arms; this segment is a hinge, as all of a '
+                       'planar arm, and does not bend to the side')
     leaf = None if LATERAL in described else _stiffnesses(arm_from_parameters(
         values | {'arm.bending_stiffnesses': (0.0,)}), index)[SOFT]
     files = {state: paths for state, paths in (
@@ -452,7 +453,8 @@ def _question(files: Mapping[str, Sequence[Path]], results: Mapping[str, Charact
 
 def _stiffnesses(arm: Arm, index: int) -> dict[str, float]:
     """Return E I of a soft segment (0-based) about y and, if it bends so, about x, N m^2."""
-    return dict(zip((SOFT, LATERAL), arm.segments[index].stiffnesses, strict=False))
+    named = zip((SOFT, LATERAL), arm.segments[index].stiffnesses, strict=False)
+    return {name: stiffness for name, stiffness in named if stiffness < inf}
 
 
 def _table(states: Sequence[MeasuredState], bodies: int, leaf: float | None, length: float) -> str:

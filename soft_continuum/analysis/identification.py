@@ -77,10 +77,13 @@ class Unknown:
 
 def stiffnesses_of(arm: Arm) -> dict[str, tuple[float, ...]]:
     """Return the stiffnesses of each segment, E I about y first, by parameter, N m^2."""
-    return {name: tuple(0.0 if number == inf else number for number in numbers)
-            for name, numbers in zip(
-                STIFFNESSES, zip(*(s.stiffnesses for s in arm.segments), strict=True),
-                strict=False)}
+    found = {STIFFNESSES[0]: tuple(s.stiffness_y for s in arm.segments)}
+    if all(len(s.stiffnesses) == 1 for s in arm.segments):  # hinges, which nothing else describes
+        return found
+    return found | {
+        STIFFNESSES[1]: tuple(s.stiffness_x for s in arm.segments),
+        STIFFNESSES[2]: tuple(0.0 if s.torsional_stiffness == inf else s.torsional_stiffness
+                              for s in arm.segments)}
 
 
 def spread_out(values: Values) -> Values:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import FluidPressure, JointState
+from std_msgs.msg import String
 
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.sequence import sequence_result
@@ -30,13 +31,14 @@ from soft_continuum.client.state import (
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_directions
 from soft_continuum.mechanics.orientations import bending_between, matrices
+from soft_continuum.ros import urdf
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
     measured_pose_from_ros,
     poses_from_ros,
     seconds,
 )
-from soft_continuum.ros.entries import subscribe_unguarded
+from soft_continuum.ros.entries import MAX_BYTES, subscribe_unguarded
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
@@ -49,9 +51,9 @@ from soft_continuum.ros.names import (
     TELEOP,
     TENDON_ACTUATION,
 )
-from soft_continuum.ros.qos import EVERY_STATE, SENSOR
+from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR
 from soft_continuum.ros.ros_time import Age
-from soft_continuum.ros.urdf import are_of_an_arm, pose_axes_of
+from soft_continuum.ros.urdf import are_of_an_arm, ROBOT_DESCRIPTION
 from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
@@ -133,6 +135,7 @@ TOPICS = {
     PREDICTED_DISCS: ObservedTopic(PoseArray, SENSOR, KINEMATICS, {
         'predicted_disc_poses': all_poses}, optional=True),
     SEQUENCER_STATE: ObservedTopic(ShapeSequencerState, EVERY_STATE, SHAPE_SEQUENCER),
+    ROBOT_DESCRIPTION: ObservedTopic(String, LATCHED, KINEMATICS, optional=True),
     RECORDER_STATE: ObservedTopic(RecorderState, EVERY_STATE, RECORDER, optional=True),
     TELEOP_STATE: ObservedTopic(TeleopState, EVERY_STATE, TELEOP, optional=True),
     FEEDBACK: ObservedTopic(
@@ -153,7 +156,11 @@ class ObservedArm:
     """
 
     def __init__(self, node: Node, *, feedback: bool = True) -> None:
-        """Subscribe on ``node``, with relative names; feedback: also to that of sequences."""
+        """
+        Subscribe on ``node``, with relative names.
+
+        feedback: also to that of sequences, and to the description of the robot.
+        """
         self._node = node
         self._messages: dict[str, Any] = {}
         self._ages: dict[str, Age] = {}  # by topic and by node
@@ -161,12 +168,13 @@ class ObservedArm:
         self._measured: dict[str, tuple[Age, Pose]] = {}  # by disc, the last measurement
         self._segments = self._jams = 0  # with poses; switched
         for topic, one in TOPICS.items():
-            if topic != FEEDBACK or feedback:
+            if feedback or topic not in (FEEDBACK, ROBOT_DESCRIPTION):
                 self._subscribe(topic, one.kind, one.qos, one.source)
         subscribe_unguarded(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
 
     def _subscribe(self, topic: str, kind: Any, qos: Any, source: str) -> None:
-        subscribe_unguarded(self._node, kind, topic, partial(self._on_message, topic, source), qos)
+        subscribe_unguarded(self._node, kind, topic, partial(self._on_message, topic, source), qos,
+                            urdf.MAX_BYTES if topic == ROBOT_DESCRIPTION else MAX_BYTES)
 
     def on_change(self, listener: Callable[[str], object]) -> None:
         """Call ``listener`` with the name of the topic after every message."""
@@ -296,9 +304,10 @@ class ObservedArm:
 
     @property
     def _pose_axes(self) -> NDArray[np.bool_]:
-        """The pose_axes of the arm, by its joints."""
-        joints = self.message(JOINTS)
-        return pose_axes_of(joints.name if joints is not None else ())
+        """The pose_axes of the arm, by its joints or, before its shape is known, its URDF."""
+        described, joints = self.message(ROBOT_DESCRIPTION), self.message(JOINTS)
+        return urdf.pose_axes_of(joints.name if joints is not None else (
+            urdf.first_joint(described.data) if described is not None else ()))
 
     def bending(self) -> Array | None:
         """Return the bending of each segment (segments, 2), rad; None if unknown."""

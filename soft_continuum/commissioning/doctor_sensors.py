@@ -12,20 +12,23 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
+from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import String
 
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
-from soft_continuum.mechanics.arm import PAIR, PLANAR_AXES, SPATIAL_AXES, STANDARD_GRAVITY
+from soft_continuum.mechanics.arm import STANDARD_GRAVITY
+from soft_continuum.ros import urdf
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,
     measured_pose_from_ros,
     seconds,
 )
-from soft_continuum.ros.entries import subscribe_unguarded
+from soft_continuum.ros.entries import MAX_BYTES, subscribe_unguarded
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
-from soft_continuum.ros.qos import EVERY_STATE, SENSOR
+from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR
 from soft_continuum.text import MAX_NAME, printable
 
 LOOK_PERIOD = 0.25  # s between two searches for new topics
@@ -42,6 +45,7 @@ KINDS: dict[str, tuple[Any, Any]] = {
     r'disc_\d{1,3}/imu': (Imu, SENSOR),
     LOAD_CELLS: (JointState, SENSOR),
     'disc_poses': (PoseArray, SENSOR),
+    urdf.ROBOT_DESCRIPTION: (String, LATCHED),
     'tendon_states': (JointState, SENSOR),
     STATUS: (DiagnosticStatus, EVERY_STATE),
 }
@@ -89,7 +93,9 @@ class _Listening:
                 self.heard[topic] = []
                 of_kind = '/'.join((kind.__module__.split('.')[0], 'msg', kind.__name__))
                 if of_kind in kinds:
-                    subscribe_unguarded(self._node, kind, topic, partial(self._note, topic), qos)
+                    most = urdf.MAX_BYTES if topic == urdf.ROBOT_DESCRIPTION else MAX_BYTES
+                    subscribe_unguarded(
+                        self._node, kind, topic, partial(self._note, topic), qos, most)
 
     def _is_taken(self, name: str) -> bool:
         """Whether disc_sensors of this arm subscribes to a topic."""
@@ -116,11 +122,12 @@ def judged(heard: dict[str, Any], sources: dict[str, tuple[str, ...]], space: st
         yield _status(topic.removesuffix('/status'), heard[topic][-1][1])
     frame = next((m.header.frame_id for _, m in heard.get('disc_poses', ())), '')
     tendons = next((list(m.name) for _, m in heard.get('tendon_states', ())), [])
-    spatial = bool(tendons) and tuple(tendons) != PAIR
+    described = heard.get(urdf.ROBOT_DESCRIPTION)
+    axes = urdf.pose_axes_of(urdf.first_joint(described[-1][1].data) if described else ())
     for topic in poses:
         by = ', '.join(printable(name, MAX_NAME) for name in sources.get(topic, ()))
         yield _check(topic.replace('/', ' ').replace('_pose', ' pose').replace('_', ' '),
-                     heard[topic], 'pose', partial(_pose, frame=frame, by=by, spatial=spatial))
+                     heard[topic], 'pose', partial(_pose, frame=frame, by=by, axes=axes))
     for topic in imus:
         step = printable(topic, MAX_NAME) if topic.startswith('/') else (
             topic.replace('/', ' ').replace('_', ' '))
@@ -170,9 +177,8 @@ def _check(step: str, messages: Heard, kind: str,
     return Check(step, status, text)
 
 
-def _pose(messages: Sequence[PoseWithCovarianceStamped], frame: str, by: str, spatial: bool
-          ) -> tuple[str, str]:
-    axes = SPATIAL_AXES if spatial else PLANAR_AXES
+def _pose(messages: Sequence[PoseWithCovarianceStamped], frame: str, by: str,
+          axes: NDArray[np.bool_]) -> tuple[str, str]:
     variances, reason = defaultdict(list), ''
     frame = frame or messages[0].header.frame_id
     for message in messages:

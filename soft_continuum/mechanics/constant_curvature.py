@@ -255,14 +255,16 @@ def fully_actuated(arm: Arm) -> bool:
     """
     Return whether the tendons alone set the bending of each segment while all are soft.
 
-    That is, their lengths determine all bendings.  Two tendons along three segments do not;
-    without jamming such an arm bends as a whole.
+    That is, their lengths determine all bendings; of a segment whose tendons lie in one plane,
+    those in it.  Two tendons along three segments do not; without jamming such an arm bends as a
+    whole.
     """
-    axes = np.argwhere(arm.bending_axes)
-    rates = np.zeros((len(axes), len(arm.tendon_names)))
-    for rate, (segment, axis) in zip(rates, axes, strict=True):
+    rates = np.zeros((len(arm.segments), 2, len(arm.tendon_names)))
+    for segment, axis in np.argwhere(arm.bending_axes):
         bending = np.zeros((len(arm.segments), 2))
         bending[segment, axis] = SMALL
-        rate[:] = (pulls(arm, bending) - pulls(arm, -bending)) / (2.0 * SMALL)
-    rank = np.linalg.matrix_rank(rates, tol=DETERMINED * np.abs(rates).max(initial=0.0))
-    return bool(rank == len(axes))
+        rates[segment, axis] = (pulls(arm, bending) - pulls(arm, -bending)) / (2.0 * SMALL)
+    small = DETERMINED * np.abs(rates).max(initial=0.0)
+    each = np.linalg.matrix_rank(rates, tol=small)
+    together = np.linalg.matrix_rank(rates.reshape(-1, rates.shape[-1]), tol=small)
+    return bool(each.all() and together == each.sum())

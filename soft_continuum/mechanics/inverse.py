@@ -193,9 +193,10 @@ class _Search:
         for _ in range(MAX_STEPS):
             left = (self.wanted - state.bending)[self.chosen]
             most = min(1.0, STEP / max(largest(self.missed(state)), 1e-300))
+            whole = min(part, most) == 1.0
             tensions, pulls, reaches = self.step(state, min(part, most) * left)
-            settled = np.abs(tensions - state.tensions).max() <= SETTLED * (
-                1.0 + np.abs(tensions).max())
+            allowed = SETTLED * (1.0 + np.abs(tensions).max())
+            settled = np.abs(tensions - state.tensions).max() <= allowed
             try:
                 there = self.solve(state, tensions, pulls)
             except StaticsError as error:
@@ -205,6 +206,9 @@ class _Search:
                 if part < LEAST_STEP:
                     raise StaticsError(f'on the way to that bending: {error}', state) from None
                 continue
+            # Tendons side by side may share their tension in any way: it does not settle.
+            settled |= whole and np.abs(there.tensions - state.tensions).max() <= allowed and (
+                largest(there.bending - state.bending) <= SAME_BENDING)
             part, state = min(1.0, 2.0 * part), there
             if settled:
                 break

@@ -30,8 +30,8 @@ from soft_continuum.parameters.parameter import Parameter, ParameterError, sprea
 NO_NAMES = ('',)
 SPATIAL_PER_SEGMENT = (
     Parameter('arm.lateral_bending_stiffnesses', (0.0,),
-              'spatial arm: E I of each segment about x; 0: as about y, for a round spring',
-              0.0, 1e3, unit='N m^2'),
+              'spatial arm: E I of each segment about x; 0: as about y, for a round spring; '
+              '.inf: a hinge about y', 0.0, 1e3, unit='N m^2', infinite=True),
     Parameter('arm.torsional_stiffnesses', (0.0,),
               'G J of each segment of a spatial arm; 0: it does not twist',
               0.0, 1e3, unit='N m^2'),
@@ -216,10 +216,10 @@ def arm_from_parameters(values: Mapping[str, Any]) -> Arm:
 
 def _segment(get: Mapping[str, Any], i: int) -> Segment:
     about_y = get['bending_stiffnesses'][i]
-    planar = get['tendon_names'] in (NO_NAMES, ())
+    unnamed = get['tendon_names'] in (NO_NAMES, ())
     return Segment(
         get['segment_lengths'][i],
-        inf if planar else get['lateral_bending_stiffnesses'][i] or about_y, about_y,
+        inf if unnamed else get['lateral_bending_stiffnesses'][i] or about_y, about_y,
         get['torsional_stiffnesses'][i] or inf, get['segment_masses'][i],
         get['jams'][i], get['outer_diameters'][i], get['bending_angle_limits'][i],
         soft_law=get['soft_laws'][i])

@@ -52,8 +52,8 @@ class Parameter:
     low, high: bounds of a number, or of every number of a list.  choices: the allowed texts.
     read_only: cannot change while the node runs.  is_range: two numbers, the smaller first.
     unit: of the number or numbers; empty where there is none.  form: FRAME_NAME or TOPIC_NAME of
-    a text that is one; it may be empty where its default is.  A default of () is a list of
-    numbers that has to be given.
+    a text that is one; it may be empty where its default is.  infinite: inf is allowed, too.  A
+    default of () is a list of numbers that has to be given.
     """
 
     name: str
@@ -66,6 +66,7 @@ class Parameter:
     is_range: bool = False
     unit: str = ''
     form: str = ''
+    infinite: bool = False
 
     @property
     def description(self) -> str:
@@ -120,6 +121,8 @@ class Parameter:
                     text.isprintable() and FORMS[self.form].fullmatch(text)):
                 raise self._error(given, self.allowed)
             return item
+        if self.infinite and item == inf:
+            return inf
         if kind is int and (isinstance(item, bool) or not isinstance(item, int)):
             raise self._error(given, 'a whole number')
         if isinstance(item, bool) or not isinstance(item, int | float) or not (

@@ -75,6 +75,8 @@ def as_yaml(value: Value, digits: int = 8) -> str:
         return f'[{", ".join(as_yaml(item, digits) for item in value)}]'
     if isinstance(value, bool):
         return str(value).lower()
+    if value == inf:
+        return '.inf'
     if isinstance(value, float):
         value = 0.0 if abs(value) < sys.float_info.min else value
         mantissa, e, exponent = f'{value:.{digits}g}'.partition('e')

@@ -13,6 +13,7 @@ after another about x, y and z, whose names end so.  Where the base frame is cal
 
 from collections.abc import Sequence
 from math import pi
+import re
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -24,6 +25,8 @@ from soft_continuum.mechanics.chain import Chain
 
 MATERIALS = {'disc': '0.75 0.78 0.82 1', 'skin': '0.35 0.30 0.25 1'}
 AXES = {'x': '1 0 0', 'y': '0 1 0', 'z': '0 0 1'}
+ROBOT_DESCRIPTION, MAX_BYTES = 'robot_description', 10**7
+"""The topic with the URDF of the arm, and what subscribers accept."""
 SKIN = 0.9  # of the outer diameter, so that discs stand out
 EFFORT, SPEED = 1e3, 1e2  # N m, rad/s: URDF asks for limits; nothing drives these joints
 
@@ -47,6 +50,11 @@ def are_of_an_arm(joints: Sequence[str]) -> bool:
 def pose_axes_of(joints: Sequence[str]) -> NDArray[np.bool_]:
     """Return pose_axes of the arm whose joints have these names; of none: of a planar arm."""
     return SPATIAL_AXES if any(name.endswith('_x') for name in joints[:1]) else PLANAR_AXES
+
+
+def first_joint(urdf: str) -> list[str]:
+    """Return the name of the first joint of the arm in a robot_description; none without one."""
+    return re.findall(r'<joint name="(?:[^"]*/)?(segment_1_joint_1(?:_x)?)"', urdf)[:1]
 
 
 def arm_urdf(arm: Arm, base_frame: str = 'base_link') -> str:

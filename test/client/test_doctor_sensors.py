@@ -11,10 +11,14 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import Imu, JointState
+from std_msgs.msg import String
 
 from soft_continuum.commissioning import doctor
 from soft_continuum.commissioning.doctor_sensors import judged
+from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import tracked_pose_to_ros
+from soft_continuum.ros.urdf import arm_urdf
+from support.descriptions import JAMMING
 from support.planar import measured_pose_to_ros
 from support.ros_rig import STREAM
 
@@ -123,7 +127,8 @@ def test_the_status_of_the_camera_is_repeated_with_what_fits_badly():
 def test_discs_in_space_are_seen_by_several_cameras():
     message = tracked_pose_to_ros(np.array([0.1, 0.1, 0.1, 0.0, 0.6, 0.8, 0.0]),
                                   np.diag([1e-6] * 3 + [1e-4] * 3))
-    spatial = {'tendon_states': [(NOW, cells(['tip_1', 'tip_2', 'tip_3'], []))]}
+    spatial = {'tendon_states': [(NOW, cells(['right_tendon', 'left_tendon'], []))],
+               'robot_description': [(NOW, String(data=arm_urdf(load_arm(JAMMING))))]}
     found = only('disc_1/measured_pose', heard(message), **spatial)
     assert found.status == 'OK'
     assert found.message.startswith('by camera, in base_link, 1.00 mm, 0.57 degrees')

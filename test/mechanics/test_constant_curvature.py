@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.mechanics import ArmError, constant_curvature, Disc, Segment
+from soft_continuum.mechanics import ArmError, constant_curvature, Disc, Segment, Tendon
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.files import load_arm
@@ -204,15 +204,25 @@ PAPER = load_arm(description_file())
 TENDON_ARM = load_arm(description_file().with_name('tendon_arm.yaml'))
 
 
+def with_pairs(*ends):
+    """Return the shipped tendon arm with opposite tendons in one plane that end at discs."""
+    return replace(TENDON_ARM, tendons=tuple(
+        Tendon(f'{side}_{k}', angle, 0.008, end) for k, end in enumerate(ends)
+        for side, angle in (('right', 0.5), ('left', 0.5 + pi))))
+
+
 @pytest.mark.parametrize(('arm', 'each_bends'), [
     (PAPER, False), (of_segments(PAPER, [0]), True), (TENDON_ARM, True),
     (replace(TENDON_ARM, segments=tuple(
         replace(s, stiffness_x=inf) for s in TENDON_ARM.segments)), True),
     (replace(TENDON_ARM, tendons=TENDON_ARM.tendons[-3:]), False),
     (three_segments(tendons=3), False),
-    (replace(TENDON_ARM, tendons=TENDON_ARM.tendons[:5]), False)],
+    (replace(TENDON_ARM, tendons=TENDON_ARM.tendons[:5]), False),
+    (with_pairs(1, 2, 3), True), (with_pairs(3, 3, 3), False), (with_pairs(2, 3), False)],
     ids=['two tendons along three segments bend them together', 'two bend one planar segment',
          'three for each segment bend each', 'those of hinges too', 'the tendons of one disc',
-         'all end at the tip', 'one tendon less than bendings is too few'])
+         'all end at the tip', 'one tendon less than bendings is too few',
+         'a pair for each bends it in one plane', 'pairs to the tip do not',
+         'a pair less than segments is too few'])
 def test_tendons_alone_bend_each_segment_if_there_is_one_for_every_bending(arm, each_bends):
     assert fully_actuated(arm) == each_bends

@@ -5,6 +5,7 @@
 from dataclasses import replace
 from itertools import permutations
 from math import cos, nan, sin
+from unittest import mock
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -51,6 +52,19 @@ def test_a_segment_takes_its_bending(tendons, bend, gravity):
     assert again.points == pytest.approx(fit.state.points, abs=1e-8)
     assert again.tensions == pytest.approx(fit.state.tensions, abs=1e-6)
     assert np.isnan(fit.error[[0, 2]]).all()
+
+
+def test_tendons_side_by_side_that_do_not_stretch_share_their_tension_in_any_way():
+    flat = paper.build(bodies_per_segment=6)
+    short = tuple(replace(t, name=f'short_{t.name}', end=1, offset=t.offset[:2])
+                  for t in flat.tendons)
+    statics = SpaceStatics(replace(flat, tendons=flat.tendons + short))
+    wanted = np.full((3, 2), nan)
+    wanted[0] = 0.0, 0.2
+    with mock.patch.object(statics, 'solve', wraps=statics.solve) as solve:
+        fit = pulls_for_bending(statics, statics.chain.straight(), wanted, [True, False, False])
+    assert fit.state.bending[0] == pytest.approx((0.0, 0.2), abs=1e-9)
+    assert solve.call_count < 20  # the search ends, although their tensions do not settle
 
 
 @pytest.mark.parametrize('angle', [-0.9, 0.4, 1.1])

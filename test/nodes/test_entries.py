@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 from std_srvs.srv import Trigger
 
 from soft_continuum.client.observed import ObservedArm, TOPICS
@@ -21,11 +21,18 @@ from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.nodes.threads import Newest
-from soft_continuum.ros.conversions import equilibrium_from_ros, equilibrium_to_ros
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.conversions import (
+    equilibrium_from_ros,
+    equilibrium_to_ros,
+    tracked_pose_to_ros,
+)
 from soft_continuum.ros.entries import MAX_BYTES, serve, subscribe
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
+from soft_continuum.ros.urdf import arm_urdf
 from soft_continuum.text import plain
-from soft_continuum_interfaces.msg import Heartbeat
+from soft_continuum_interfaces.msg import Heartbeat, JammingValvesState
+from support.descriptions import JAMMING
 from support.ros_rig import assert_declined
 
 
@@ -48,6 +55,24 @@ def test_an_observer_takes_no_message_that_is_too_long():
     assert node.create_subscription.call_count == len(TOPICS) + 1
     for call in node.create_subscription.call_args_list:
         assert call.kwargs == {'raw': True}  # so that its size is seen before it is converted
+
+
+def test_discs_of_a_spatial_arm_are_seen_in_space_before_its_shape_is_known():
+    node = Mock()
+    node.get_node_names_and_namespaces.return_value = []
+    arm = ObservedArm(node)
+
+    def receive(topic, message):
+        on_data, = (call.args[2] for call in node.create_subscription.call_args_list
+                    if call.args[1] == topic)
+        on_data(serialize_message(message))
+
+    receive('robot_description', String(data=arm_urdf(load_arm(JAMMING))))
+    receive('jamming_valves/state', JammingValvesState(stiffness=[JammingValvesState.STIFF]))
+    receive('disc_1/measured_pose', tracked_pose_to_ros(
+        np.array([0.0, 0.02, 0.1, 0.6, 0.0, 0.0, 0.8]), 1e-6 * np.eye(6)))
+    seen = arm.snapshot().measured_discs[1]
+    assert seen is not None and seen.position[1] == 0.02
 
 
 def test_a_callback_that_fails_is_reported_to_its_node_and_answered():
