@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.contenders import Goal, Outcome
 from benchmarks.lab import Lab, LabError
-from soft_continuum.estimation.commands import ActuatorState
+from soft_continuum.estimation.measuring import ActuatorState
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium

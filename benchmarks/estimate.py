@@ -16,11 +16,7 @@ from benchmarks.lab import Description, Lab
 from benchmarks.loop import ANGLE
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.estimation.commands import ActuatorState
-from soft_continuum.estimation.measuring import (
-    DiscMeasurement,
-    Measurement,
-)
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, Measurement
 from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError

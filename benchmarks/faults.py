@@ -24,9 +24,8 @@ from benchmarks.lab import Description
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.anomalies import Anomaly
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.hypotheses import Cause
-from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Arm

@@ -13,8 +13,7 @@ from benchmarks.loop import HOLDING, random_goal
 from benchmarks.spatial_loop import ARM
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.estimation.commands import ActuatorState
-from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Array

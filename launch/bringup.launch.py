@@ -14,7 +14,7 @@ from launch import LaunchDescription
 from soft_continuum.cli.up import (
     ALL,
     asked_file,
-    check_start,
+    check_launch,
     COMPUTER_HELP,
     COMPUTERS,
     nodes_of,
@@ -72,8 +72,8 @@ def start(context):
              for path in (given['params_file'], given['more_params_file']) if path]
     steering = STEERING * (given['teleop'] == 'true')
     try:
-        check_start(namespace, files, ('robot_state_publisher', 'rviz2') if with_rviz else (),
-                    nodes_on(given['computer'], (*NODES, *steering)))
+        check_launch(namespace, files, ('robot_state_publisher', 'rviz2') if with_rviz else (),
+                     nodes_on(given['computer'], (*NODES, *steering)))
         names = nodes_on(given['computer'], (*nodes_of(files, namespace), *steering))
     except ParameterError as error:
         raise RuntimeError(f'nothing was started: {error}') from None

@@ -85,8 +85,7 @@ def test_the_arm_is_that_of_the_paper(arm):
     springs = [13 * s.stiffness_y / s.length for s in arm.segments]
     assert springs == pytest.approx([4.91, 1.69, 0.61], abs=0.01)
     # The tendons run through the outer loops.
-    assert guides_of(arm) == [
-        (0.025, 0.025), (0.02125, 0.02125), (0.0175, 0.0175)]
+    assert guides_of(arm) == [(0.025, 0.025), (0.02125, 0.02125), (0.0175, 0.0175)]
     assert arm.bodies_per_segment == 12
     assert arm.mounting_angle == 0.0  # upright
     assert arm.gravity == pytest.approx((0.0, 0.0, -9.81), abs=0.01)
@@ -133,8 +132,7 @@ def test_a_measured_stiffness_takes_the_place_of_the_leaf_spring(changed):
 
 def test_guides_can_be_given_at_each_end_of_each_segment(changed):
     arm = load_arm(changed({'arm.guide_offsets': [0.03, 0.02, 0.0, 0.0, 0.015, 0.01]}))
-    assert guides_of(arm) == [
-        (0.03, 0.02), (0.02125, 0.02125), (0.015, 0.01)]
+    assert guides_of(arm) == [(0.03, 0.02), (0.02125, 0.02125), (0.015, 0.01)]
 
 
 def test_measured_tables_take_the_place_of_stiffness_and_ratio(changed):
@@ -182,8 +180,7 @@ def of_segments(count):
 
 @pytest.mark.parametrize('count', [1, 2, 5, 12])
 def test_the_number_of_segments_is_data(changed, count):
-    path = changed(of_segments(count) | {
-        'shape_names': ['bow'], 'shapes': {'bow': [0.1] * count}})
+    path = changed(of_segments(count) | {'shape_names': ['bow'], 'shapes': {'bow': [0.1] * count}})
     assert len(load_arm(path).segments) == count
     assert shapes_of(path) == {'bow': (0.1,) * count}
 

@@ -24,7 +24,7 @@ def test_the_mechanics_example_solves_prints_and_draws(tmp_path, monkeypatch, ca
 def test_every_cell_of_the_notebook_runs_and_says_what_the_notebook_says(monkeypatch, capsys):
     monkeypatch.chdir(EXAMPLES)
     cells = json.loads((EXAMPLES / 'statics.ipynb').read_text(encoding='utf-8'))['cells']
-    names: dict[str, object] = {}
+    names = {}
     printed = []
     pyplot.close('all')  # those of other tests
     for cell in cells:

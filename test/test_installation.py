@@ -25,7 +25,7 @@ import sys
 import numba
 
 from soft_continuum import version
-from soft_continuum.analysis.workspace import reach
+from soft_continuum.analysis.workspace import sample_workspace
 from soft_continuum.mechanics import Arm, Disc, Segment, set_shape, Statics, tendon_pair
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import pages
@@ -37,7 +37,7 @@ bent = set_shape(statics, [0.3])
 paper = load_arm(Path(sys.prefix, 'share/soft_continuum/config/manipulator.yaml'))
 print(json.dumps({
     'bending_angle': float(bent.bending_angles[0]),
-    'tips': len(reach(arm, [0], 3).tips),
+    'tips': len(sample_workspace(arm, [0], 3).tips),
     'segments': len(paper.segments),
     'version': version(),
     'pages': (pages() / 'docs/how_to/install.md').is_file(),
@@ -46,7 +46,7 @@ print(json.dumps({
 """
 
 
-def uv(*arguments: str) -> subprocess.CompletedProcess[str]:
+def uv(*arguments):
     command = shutil.which('uv', path=os.pathsep.join((str(Path(sys.executable).parent),
                                                        os.environ.get('PATH', ''))))
     assert command, 'uv is missing; requirements/tools.txt names it'
@@ -54,13 +54,12 @@ def uv(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.fixture(scope='module')
-def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def python(tmp_path_factory):
     """Return the Python of an environment in which nothing but the package is installed."""
     folder = tmp_path_factory.mktemp('installation')
     sources = folder / 'sources'  # setuptools builds in place, where colcon has its build/
     for name in SOURCES:
-        shutil.copytree(ROOT / name, sources / name,
-                        ignore=shutil.ignore_patterns('__pycache__'))
+        shutil.copytree(ROOT / name, sources / name, ignore=shutil.ignore_patterns('__pycache__'))
     for name in ('package.xml', 'setup.cfg', 'setup.py'):
         shutil.copy(ROOT / name, sources)
     assert uv('venv', '--python', sys.executable, str(folder / 'empty')).returncode == 0
@@ -75,7 +74,7 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return python
 
 
-def test_an_installed_package_solves_and_analyses_without_ros(python: Path) -> None:
+def test_an_installed_package_solves_and_analyses_without_ros(python):
     # -I: nothing of this environment.  Compiling takes longer than all the rest.
     done = subprocess.run((python, '-I', '-c', SOLVE), capture_output=True, text=True,
                           env={**os.environ, 'NUMBA_DISABLE_JIT': '1'})

@@ -140,8 +140,7 @@ def test_answers_that_do_not_fit_together_are_refused(typed, words):
 # The verb.
 
 
-@pytest.mark.parametrize(('kind', 'nodes'), [
-    ('planar', 4), ('spatial', 3), ('tendons', 2)])
+@pytest.mark.parametrize(('kind', 'nodes'), [('planar', 4), ('spatial', 3), ('tendons', 2)])
 def test_without_questions_all_is_assumed_and_marked(run, tmp_path, kind, nodes):
     status, output, _ = run('arm', '--yes', '--kind', kind, '--segments', 2, drawn=True)
     assert status == 0

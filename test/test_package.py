@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import ast
-from collections.abc import Iterator
 from configparser import ConfigParser
 from importlib import import_module
 from pathlib import Path
@@ -11,7 +10,6 @@ import runpy
 import shutil
 import subprocess
 import sys
-from typing import Any
 from xml.etree import ElementTree
 
 from catkin_pkg.changelog import get_changelog_from_path
@@ -31,21 +29,20 @@ TEXTS = ('', '.py', '.html', '.yaml', '.msg', '.srv', '.action')
 MANIFESTS = ('package.xml', 'soft_continuum_interfaces/package.xml')
 
 
-def manifest(path: str) -> ElementTree.Element:
+def manifest(path):
     return ElementTree.parse(ROOT / path).getroot()
 
 
 @pytest.fixture
-def setup_arguments(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    arguments: dict[str, Any] = {}
+def setup_arguments(monkeypatch):
+    arguments = {}
     monkeypatch.setattr(setuptools, 'setup', arguments.update)
     monkeypatch.chdir(ROOT)
     runpy.run_path('setup.py')
     return arguments
 
 
-def test_both_packages_and_the_citation_say_what_setup_py_says(
-        setup_arguments: dict[str, Any]) -> None:
+def test_both_packages_and_the_citation_say_what_setup_py_says(setup_arguments):
     for found in map(manifest, MANIFESTS):
         assert found.get('format') == '3'
         for name in ('version', 'maintainer', 'license'):
@@ -60,7 +57,7 @@ def test_both_packages_and_the_citation_say_what_setup_py_says(
     assert citation['version'] == setup_arguments['version']
 
 
-def test_both_packages_have_the_license_and_a_changelog_of_the_same_releases() -> None:
+def test_both_packages_have_the_license_and_a_changelog_of_the_same_releases():
     folders = [(ROOT / path).parent for path in MANIFESTS]
     licenses = {(folder / 'LICENSE').read_bytes() for folder in folders}
     assert len(licenses) == 1
@@ -70,7 +67,7 @@ def test_both_packages_have_the_license_and_a_changelog_of_the_same_releases() -
     assert releases[0]
 
 
-def test_the_build_farm_finds_both_packages_in_a_release_tree(tmp_path: Path) -> None:
+def test_the_build_farm_finds_both_packages_in_a_release_tree(tmp_path):
     if not (ROOT / '.git').exists():
         pytest.skip('no clone of git')
     assert {one.name for one in find_packages(str(ROOT)).values()} == {'soft_continuum'}
@@ -92,7 +89,7 @@ def test_the_build_farm_finds_both_packages_in_a_release_tree(tmp_path: Path) ->
                        for name in listed}
 
 
-def test_a_release_tree_takes_the_place_of_nothing(tmp_path: Path) -> None:
+def test_a_release_tree_takes_the_place_of_nothing(tmp_path):
     (tmp_path / 'mine').touch()
     done = subprocess.run([ROOT / 'run', 'release', tmp_path], capture_output=True, text=True)
     assert done.returncode == 1
@@ -100,9 +97,7 @@ def test_a_release_tree_takes_the_place_of_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ['mine']
 
 
-def test_pages_that_the_product_names_exist_and_are_installed(
-    setup_arguments: dict[str, Any],
-) -> None:
+def test_pages_that_the_product_names_exist_and_are_installed(setup_arguments):
     named = {page for folder in ('soft_continuum', 'soft_continuum_interfaces', 'config', 'launch',
                                  'bin')
              for path in (ROOT / folder).rglob('*') if path.is_file() and path.suffix in TEXTS
@@ -115,7 +110,7 @@ def test_pages_that_the_product_names_exist_and_are_installed(
     assert not named - installed
 
 
-def test_a_version_differs_where_the_sources_do_and_nowhere_else(tmp_path: Path) -> None:
+def test_a_version_differs_where_the_sources_do_and_nowhere_else(tmp_path):
     ignored = shutil.ignore_patterns('__pycache__')
     shutil.copytree(ROOT / 'soft_continuum', tmp_path / 'a', ignore=ignored)
     assert version_in(tmp_path / 'a') == version()
@@ -136,12 +131,12 @@ def test_a_version_differs_where_the_sources_do_and_nowhere_else(tmp_path: Path)
     assert len(found) == 5
 
 
-def version_in(folder: Path) -> str:
+def version_in(folder):
     """Return what the package in a folder says."""
     return str(runpy.run_path(str(folder / '__init__.py'))['version']())
 
 
-def test_every_console_script_names_a_main_that_exists(setup_arguments: dict[str, Any]) -> None:
+def test_every_console_script_names_a_main_that_exists(setup_arguments):
     scripts = setup_arguments['entry_points']['console_scripts']
     assert scripts
     for script in scripts:
@@ -150,15 +145,13 @@ def test_every_console_script_names_a_main_that_exists(setup_arguments: dict[str
         assert callable(getattr(import_module(module), function)), f'{name}: {target}'
 
 
-def test_every_package_of_the_tree_is_installed_and_no_other(
-    setup_arguments: dict[str, Any],
-) -> None:
+def test_every_package_of_the_tree_is_installed_and_no_other(setup_arguments):
     folders = {path.parent for path in (ROOT / 'soft_continuum').rglob('*.py')}
     modules = {'.'.join(folder.relative_to(ROOT).parts) for folder in folders}
     assert set(setup_arguments['packages']) == modules
 
 
-def test_every_package_that_is_imported_is_declared() -> None:
+def test_every_package_that_is_imported_is_declared():
     config = ConfigParser()
     config.read(ROOT / 'setup.cfg')
     declared = '\n'.join((config['options']['install_requires'],
@@ -174,7 +167,7 @@ def test_every_package_that_is_imported_is_declared() -> None:
     assert not missing
 
 
-def test_rosdep_is_told_of_both_packages() -> None:
+def test_rosdep_is_told_of_both_packages():
     # It does not look for packages inside a package.
     pages = (ROOT / 'README.md', *ROOT.glob('docs/**/*.md'), *ROOT.glob('.github/**/*.yaml'))
     commands = [line for page in pages for line in page.read_text(encoding='utf-8').splitlines()
@@ -186,8 +179,7 @@ def test_rosdep_is_told_of_both_packages() -> None:
 
 @pytest.mark.parametrize(('nodes', 'more'), [
     (('jamming_valves',), {'scipy'}), (('tendon_actuation', 'shape_sequencer'), set())])
-def test_a_node_loads_no_solver_no_compiler_and_no_driver_that_it_has_not(
-        nodes: tuple[str, ...], more: set[str]) -> None:
+def test_a_node_loads_no_solver_no_compiler_and_no_driver_that_it_has_not(nodes, more):
     # They take 90 MB and seconds of every start.
     modules = ', '.join(f'soft_continuum.nodes.{node}' for node in nodes)
     done = subprocess.run([sys.executable, '-c', f'import sys, {modules}; print(*sys.modules)'],
@@ -197,8 +189,8 @@ def test_a_node_loads_no_solver_no_compiler_and_no_driver_that_it_has_not(
     assert not (heavy | more) & set(done.stdout.split())
 
 
-def imports(path: Path) -> Iterator[str]:
-    waiting: list[ast.AST] = [ast.parse(path.read_text(encoding='utf-8'))]
+def imports(path):
+    waiting = [ast.parse(path.read_text(encoding='utf-8'))]
     while waiting:  # statements only: they are a tenth of all
         node = waiting.pop()
         if isinstance(node, ast.Import):

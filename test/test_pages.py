@@ -4,7 +4,6 @@
 
 import ast
 from importlib import import_module
-from pathlib import Path
 import re
 from textwrap import dedent
 
@@ -27,19 +26,19 @@ UNUSUAL = re.compile(r"""
 CALLS = re.compile(r'(\./run|soft_continuum|ros2|python|colcon) ')
 
 
-def prose(page: Path) -> str:
+def prose(page):
     """Return a page without its blocks of code."""
     return FENCE.sub('', page.read_text(encoding='utf-8'))
 
 
-def anchors(page: Path) -> set[str]:
+def anchors(page):
     """Return the anchors of the headings of a page, as GitHub and MyST make them."""
     return {re.sub(r'[^\w\- ]', '', heading.lower()).replace(' ', '-')
             for heading in HEADING.findall(prose(page))}
 
 
 @pytest.mark.parametrize('page', PAGES)
-def test_the_links_of_a_page_lead_somewhere(page: str) -> None:
+def test_the_links_of_a_page_lead_somewhere(page):
     for link in LINK.findall(prose(PAGES[page])):
         if link.startswith(('http:', 'https:', 'mailto:')):
             continue
@@ -50,7 +49,7 @@ def test_the_links_of_a_page_lead_somewhere(page: str) -> None:
             assert anchor in anchors(target), link
 
 
-def test_the_contents_list_every_page_once() -> None:
+def test_the_contents_list_every_page_once():
     index = ROOT / 'docs' / 'index.md'
     listed = [(index.parent / line).with_suffix('.md').resolve()
               for language, text in blocks(index) if language == '{toctree}'
@@ -60,12 +59,12 @@ def test_the_contents_list_every_page_once() -> None:
 
 
 @pytest.mark.parametrize('page', PAGES)
-def test_a_page_is_in_plain_english(page: str) -> None:
+def test_a_page_is_in_plain_english(page):
     text = re.sub('`[^`]*`', '', GENERATED.sub('', prose(PAGES[page])))
     assert not UNUSUAL.findall(text)
 
 
-def test_texts_in_the_code_are_in_plain_english() -> None:
+def test_texts_in_the_code_are_in_plain_english():
     for path in (ROOT / 'soft_continuum').rglob('*.py'):
         for node in ast.walk(ast.parse(path.read_text(encoding='utf-8'))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -74,7 +73,7 @@ def test_texts_in_the_code_are_in_plain_english() -> None:
 
 
 @pytest.mark.parametrize('page', LINES)
-def test_every_line_of_a_page_fits_its_verb(page: str) -> None:
+def test_every_line_of_a_page_fits_its_verb(page):
     checker = Checker()
     for line in LINES[page]:
         if not is_ros2(line):
@@ -85,7 +84,7 @@ def test_every_line_of_a_page_fits_its_verb(page: str) -> None:
 
 
 @pytest.mark.parametrize('page', PAGES)
-def test_a_block_of_a_page_is_what_its_language_says(page: str, tmp_path: Path) -> None:
+def test_a_block_of_a_page_is_what_its_language_says(page, tmp_path):
     for language, text in blocks(PAGES[page]):
         assert language in LANGUAGES
         if language != 'sh':
@@ -100,6 +99,6 @@ def test_a_block_of_a_page_is_what_its_language_says(page: str, tmp_path: Path) 
             load_description(tmp_path / 'file.yaml')
 
 
-def test_lines_of_other_programs_are_still_in_the_pages() -> None:
+def test_lines_of_other_programs_are_still_in_the_pages():
     lines = {line for page in LINES.values() for line in page}
     assert not NOT_OURS - lines

@@ -17,11 +17,7 @@ from soft_continuum.cli.reference import (
     parameter_tables,
     table,
 )
-from soft_continuum.hardware.drivers import (
-    driver_parameters,
-    JAMMING_DRIVERS,
-    TENDON_DRIVERS,
-)
+from soft_continuum.hardware.drivers import driver_parameters, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.nodes.parameter_table import ALL_PARAMETERS, NODE_PARAMETERS
 from soft_continuum.parameters import files
 from soft_continuum.parameters.arm import ARM_PARAMETERS

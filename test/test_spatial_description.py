@@ -24,17 +24,9 @@ from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import (
-    load_arm,
-    load_description,
-    write_parameters,
-)
+from soft_continuum.parameters.files import load_arm, load_description, write_parameters
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.parameters.shapes import (
-    angles_problem,
-    PAPER_SHAPES,
-    shapes_from_parameters,
-)
+from soft_continuum.parameters.shapes import angles_problem, PAPER_SHAPES, shapes_from_parameters
 from support.descriptions import JAMMING, PLANAR, TENDON_ARM
 from support.spatial_arms import in_space
 
@@ -68,8 +60,7 @@ def test_the_shipped_tendon_arm_has_three_tendons_for_each_segment():
     assert arm.segments[0].torsional_stiffness == pytest.approx(rod / 1.33, 1e-2)
     assert arm.gravity == pytest.approx((0.0, 0.0, 9.80665), abs=1e-6)  # hanging
     # Stretch: segments and discs that it passes, and what is between stepper and base.
-    assert arm.compliance == pytest.approx(
-        (np.repeat([0.095, 0.18, 0.265], 3) + 0.3) / 5000.0)
+    assert arm.compliance == pytest.approx((np.repeat([0.095, 0.18, 0.265], 3) + 0.3) / 5000.0)
 
 
 def test_the_shipped_jamming_arm_is_that_of_the_paper_with_round_springs():

@@ -10,8 +10,7 @@ from math import degrees, isfinite, nan
 from soft_continuum.client.state import ArmState
 from soft_continuum.colours import Colour, UNKNOWN
 
-INTERVAL = 0.2  # s between two samples
-LENGTH = 301  # samples: a minute
+LENGTH = 301  # samples, one every 0.2 s: a minute
 HEIGHT = 24  # px
 ERROR_ENDS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)  # mm or degrees
 AXIS_ENDS = (10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # possible ends of an axis
@@ -35,7 +34,7 @@ class History:
         self.error_is_angle = True
 
     def sample(self, state: ArmState) -> None:
-        """Take a sample; call it once every INTERVAL."""
+        """Take a sample, one every 0.2 s."""
         vacuum = [None if p is None else (self._ambient - p) * 1e-3 for p in state.pressures]
         _append(self.vacuum, vacuum)
         _append(self.tensions, state.tensions or ())

@@ -75,7 +75,7 @@ class View:
         description = self._session.description
         if description is not None and description != self._description:
             self._description = description
-            self._panel.remove()
+            self._server.gui.reset()
             self._server.scene.reset()
             self._scene = Scene(self._server, description)
             self._panel = Panel(self._server, self._session, self._playback)

@@ -161,10 +161,6 @@ class Panel:
                         lambda state: not runs(state),
                         hint='Assumes a straight arm, when its shape was unknown')
 
-    def remove(self) -> None:
-        """Remove the controls, to make room for those of another arm."""
-        self._server.gui.reset()
-
     async def _look(self, event: Any) -> None:
         """Move the camera of the requesting browser only."""
         description, view = self._description, event.target.value

@@ -38,7 +38,7 @@ from soft_continuum.client.tasks import until
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.obstacles import Obstacle
-from soft_continuum.ros.entry import subscribe
+from soft_continuum.ros.entries import subscribe_unguarded
 from soft_continuum.ros.names import KINEMATICS, NODES, OVERLAY
 from soft_continuum.ros.obstacles import Key, known_from_ros, MAX_KNOWN_BYTES
 from soft_continuum.ros.qos import LATCHED, SENSOR
@@ -95,8 +95,8 @@ class CameraPicture:
     def look(self, on: bool) -> None:
         """Start or stop the subscription; on the thread that spins the node."""
         if on and self._subscription is None:
-            self._subscription = subscribe(self._node, CompressedImage, OVERLAY, self._on_picture,
-                                           SENSOR, MAX_PICTURE)
+            self._subscription = subscribe_unguarded(
+                self._node, CompressedImage, OVERLAY, self._on_picture, SENSOR, MAX_PICTURE)
         elif not on and self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
             self._subscription = None
@@ -266,9 +266,9 @@ class PageSession:
         self.closed_loop: bool | None = None  # None: not known, or shape_sequencer has none
         self._anomalies: frozenset[tuple[str, int, int, str]] = frozenset()  # that were reported
         self.observed.on_change(self._on_change)
-        subscribe(requests.node, MarkerArray, 'target_markers', self._on_target, LATCHED)
-        subscribe(requests.node, MarkerArray, 'known_obstacles', self._on_obstacles, LATCHED,
-                  MAX_KNOWN_BYTES)
+        subscribe_unguarded(requests.node, MarkerArray, 'target_markers', self._on_target, LATCHED)
+        subscribe_unguarded(requests.node, MarkerArray, 'known_obstacles', self._on_obstacles,
+                            LATCHED, MAX_KNOWN_BYTES)
 
     def notify(self, title: str, text: str, *, is_problem: bool = False, in_bar: bool = True
                ) -> None:

@@ -152,7 +152,7 @@ class _Screen:
     def __init__(self, connection: 'Connection', pad: Pad) -> None:
         from sensor_msgs.msg import Joy
 
-        from soft_continuum.ros.entry import subscribe
+        from soft_continuum.ros.entries import subscribe_unguarded
         from soft_continuum.ros.qos import EVERY_STATE, STREAM
         from soft_continuum_interfaces.msg import TeleopState
         self._connection, self._pad, self._keyboard = connection, pad, Keyboard()
@@ -162,7 +162,7 @@ class _Screen:
 
         async def join() -> Any:
             node = connection.node
-            subscribe(node, TeleopState, f'{TELEOP}/state', self._on_state, EVERY_STATE)
+            subscribe_unguarded(node, TeleopState, f'{TELEOP}/state', self._on_state, EVERY_STATE)
             return node.create_publisher(Joy, 'joy', STREAM)
 
         self._joy = connection.requests.start(join()).result()

@@ -114,9 +114,9 @@ class ParameterText:
     stddev: str
     unit: str
 
-    def amount(self, between: str = '+-') -> str:
+    def amount(self) -> str:
         """Return value and deviation with the unit."""
-        return f'{self.value} {between} {self.stddev} {self.unit}'.rstrip()
+        return f'{self.value} +- {self.stddev} {self.unit}'.rstrip()
 
 
 def parameter_text(parameter: LearnedParameter) -> ParameterText:

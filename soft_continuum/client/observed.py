@@ -38,7 +38,7 @@ from soft_continuum.ros.conversions import (
     poses_from_ros,
     seconds,
 )
-from soft_continuum.ros.entry import MAX_BYTES, subscribe
+from soft_continuum.ros.entries import MAX_BYTES, subscribe_unguarded
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
@@ -170,11 +170,11 @@ class ObservedArm:
         for topic, one in TOPICS.items():
             if feedback or topic not in (FEEDBACK, ROBOT_DESCRIPTION):
                 self._subscribe(topic, one.kind, one.qos, one.source)
-        subscribe(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        subscribe_unguarded(node, DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
 
     def _subscribe(self, topic: str, kind: Any, qos: Any, source: str) -> None:
-        subscribe(self._node, kind, topic, partial(self._on_message, topic, source), qos,
-                  urdf.MAX_BYTES if topic == ROBOT_DESCRIPTION else MAX_BYTES)
+        subscribe_unguarded(self._node, kind, topic, partial(self._on_message, topic, source), qos,
+                            urdf.MAX_BYTES if topic == ROBOT_DESCRIPTION else MAX_BYTES)
 
     def on_change(self, listener: Callable[[str], object]) -> None:
         """Call ``listener`` with the name of the topic after every message."""

@@ -14,7 +14,7 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.obstacles import Obstacle, ObstacleError
 from soft_continuum.obstacles.files import load_obstacles, UNITS
-from soft_continuum.ros.entry import subscribe
+from soft_continuum.ros.entries import subscribe_unguarded
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.obstacles import (
     Key,
@@ -131,8 +131,8 @@ class ArmObstacles:
             requests.observed  # noqa: B018  (this subscribes to its status)
             node = requests.node
             self._publisher = node.create_publisher(MarkerArray, 'obstacles', OBSTACLES)
-            subscribe(node, MarkerArray, 'known_obstacles', self._on_known, LATCHED,
-                      MAX_KNOWN_BYTES)
+            subscribe_unguarded(node, MarkerArray, 'known_obstacles', self._on_known, LATCHED,
+                                MAX_KNOWN_BYTES)
         if not self._frame:
             values = await requests.parameters(SHAPE_SEQUENCER, ['frame_id'])
             self._frame = str(values.get('frame_id', 'base_link'))

@@ -21,7 +21,7 @@ from soft_continuum.nodes.node_info import NodeInfo, PERIOD
 from soft_continuum.nodes.parameter_table import AUTOSTART, NODE_PARAMETERS
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.ros.conversions import seconds
-from soft_continuum.ros.entry import subscribe
+from soft_continuum.ros.entries import subscribe_unguarded
 from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT, NODES
 from soft_continuum.ros.network import PROFILES, RANGE, reachable_addresses
 from soft_continuum.ros.qos import SENSOR
@@ -104,7 +104,8 @@ async def _ask_all(requests: Requests) -> dict[str, NodeReplies]:
     await until(look, DISCOVERY)
     clients = {name: node.create_client(GetNodeInfo, f'{name}{ending}') for name in found}
     for name, answers in found.items():
-        subscribe(node, Heartbeat, HEARTBEAT.replace('~', name), partial(_note, answers), SENSOR)
+        subscribe_unguarded(node, Heartbeat, HEARTBEAT.replace('~', name),
+                            partial(_note, answers), SENSOR)
     await until(lambda: all(client.service_is_ready() for client in clients.values()), DISCOVERY)
     for _ in range(CALLS):
         for future in [_call(node, clients[name], answers) for name, answers in found.items()]:

@@ -26,7 +26,7 @@ from soft_continuum.ros.conversions import (
     measured_pose_from_ros,
     seconds,
 )
-from soft_continuum.ros.entry import MAX_BYTES, subscribe
+from soft_continuum.ros.entries import MAX_BYTES, subscribe_unguarded
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR
 from soft_continuum.text import MAX_NAME, printable
@@ -93,8 +93,9 @@ class _Listening:
                 self.heard[topic] = []
                 of_kind = '/'.join((kind.__module__.split('.')[0], 'msg', kind.__name__))
                 if of_kind in kinds:
-                    subscribe(self._node, kind, topic, partial(self._note, topic), qos,
-                              urdf.MAX_BYTES if topic == urdf.ROBOT_DESCRIPTION else MAX_BYTES)
+                    subscribe_unguarded(
+                        self._node, kind, topic, partial(self._note, topic), qos,
+                        urdf.MAX_BYTES if topic == urdf.ROBOT_DESCRIPTION else MAX_BYTES)
 
     def _is_taken(self, name: str) -> bool:
         """Whether disc_sensors of this arm subscribes to a topic."""

@@ -78,8 +78,9 @@ def _crc_table() -> tuple[int, ...]:
 _TABLE = _crc_table()
 
 
-def crc(data: bytes, remainder: int = 0) -> int:
-    """Return the CRC-16 (polynomial 0x8005, no reflection) of data that follow a remainder."""
+def crc(data: bytes) -> int:
+    """Return the CRC-16 of data (polynomial 0x8005, no reflection)."""
+    remainder = 0
     for byte in data:
         remainder = (remainder << 8 & 0xFFFF) ^ _TABLE[remainder >> 8 ^ byte]
     return remainder

@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.discs import camera_moved
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.hypotheses import (
@@ -29,6 +28,7 @@ from soft_continuum.estimation.hypotheses import (
     Verdict,
 )
 from soft_continuum.estimation.measuring import (
+    ActuatorState,
     DiscMeasurement,
     LinearisationPoint,
     relative_distance,

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 import scipy
 
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.discs import MODEL_ERROR, pose_error
 from soft_continuum.estimation.measuring import (
+    ActuatorState,
     DiscMeasurement,
     Innovation,
     LinearisationPoint,

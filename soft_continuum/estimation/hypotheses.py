@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import scipy
 
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.discs import bent_evenly, camera_moved, pose_error
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import (
+    ActuatorState,
     DiscMeasurement,
     LinearisationPoint,
     predicted,

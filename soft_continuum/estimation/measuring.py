@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Measurements of an arm, and their derivatives by the unknowns."""
+"""State of motors and valves, measurements of an arm, and their derivatives by the unknowns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +22,30 @@ ALONG_AXIS = 1.0 - 1e-9  # cosine of a direction to an axis that it is along
 CARRIES = 3.0  # deviations of a tension, beyond which the tendon is not slack
 LINEARITY_TOLERANCE = 1e-6
 """Squared distance over its expected value, permitted as an error of linearisation."""
+
+
+@dataclass(frozen=True, eq=False)
+class ActuatorState:
+    """
+    State of tendons and valves at one time.
+
+    time: s on the clock of the measurements.  pulls: (tendons,) m of the motors.  stiff: per
+    segment.  vacuum: fraction of full vacuum per segment, None for full.  sliding: as in
+    Statics.solve.  yielding: whether a stiff segment has so little vacuum that the tendons may
+    bend it.
+    """
+
+    time: float
+    pulls: Array
+    stiff: tuple[bool, ...]
+    vacuum: tuple[float, ...] | None = None
+    sliding: tuple[int, ...] = ()
+    yielding: bool = False
+
+    @property
+    def soft(self) -> list[bool]:
+        """Which segments are soft."""
+        return [not stiff for stiff in self.stiff]
 
 
 @dataclass(frozen=True, eq=False)

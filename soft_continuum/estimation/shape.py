@@ -14,15 +14,19 @@ from typing import Any
 import numpy as np
 
 from soft_continuum.estimation.anomalies import Anomaly, AnomalyDetector
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator, HISTORY
-from soft_continuum.estimation.measuring import DiscMeasurement, Innovation, Measurement
+from soft_continuum.estimation.measuring import (
+    ActuatorState,
+    DiscMeasurement,
+    Innovation,
+    Measurement,
+)
 from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings, Prior
 from soft_continuum.estimation.unknowns import MAX_OFFSET, MAX_RATIO
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.orientations import bending_between, matrices
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.sensing.rigid import IDENTITY
 
 STRAIGHT_PULLS = 1e-5
@@ -66,7 +70,6 @@ class ArmShape:
         self._watch = AnomalyDetector()
         self._tolerance = straight_tolerance
         self._arm = arm
-        self._stretches = bool(self.statics.compliance.any())
         self._commands: ActuatorState | None = None
         self._solved: tuple[object, ...] = ()
         self._stood: Array | None = None
@@ -195,29 +198,8 @@ class ArmShape:
                                  short=short)
             # A locked arm does not yield to the last step of a stepper.
             pulls = np.minimum(pulls, stood)
-        return self._equilibrium(start, pulls, commands)
-
-    def _equilibrium(self, start: Any, pulls: Array, commands: ActuatorState) -> Any:
-        """
-        Return the state for pulls (tendons,) m; raises StaticsError.
-
-        With inextensible tendons that are all a micrometre too short, by rounding of steppers,
-        the arm would buckle.  Up to SLACK_ALLOWANCE one is slackened, if possible the one that
-        carries least.
-        """
-        def solve(wanted: Array) -> Any:
-            return self.statics.solve(start, wanted, commands.soft, vacuum=commands.vacuum,
-                                      sliding=commands.sliding)
-
-        state = solve(pulls)
-        if np.all(state.tensions > 0.0) and not self._stretches:
-            for tendon in np.argsort(state.tensions):
-                eased = np.array(pulls)
-                eased[tendon] -= SLACK_ALLOWANCE
-                other = solve(eased)
-                if not other.tensions[tendon] > 0.0:
-                    return other
-        return state
+        return self.statics.solve_eased(
+            start, pulls, commands.soft, vacuum=commands.vacuum, sliding=commands.sliding)
 
     def set_straight(self) -> None:
         """Set the shape to straight."""

@@ -118,6 +118,26 @@ class Statics:
         """
         raise NotImplementedError
 
+    def solve_eased(self, start: Equilibrium, pulls: ArrayLike, soft: Sequence[bool], *,
+                    vacuum: Sequence[float] | None = None, sliding: Sequence[int] = ()
+                    ) -> Equilibrium:
+        """
+        Return the equilibrium of ``solve`` for pulls that a motor has rounded.
+
+        With inextensible tendons that are all a micrometre too short, by rounding of steppers,
+        the arm would buckle.  Up to SLACK_ALLOWANCE one is slackened, if possible the one that
+        carries least.
+        """
+        state = self.solve(start, pulls, soft, vacuum=vacuum, sliding=sliding)
+        if np.all(state.tensions > 0.0) and not self.compliance.any():
+            for tendon in np.argsort(state.tensions):
+                eased = np.array(pulls)
+                eased[tendon] -= SLACK_ALLOWANCE
+                other = self.solve(start, eased, soft, vacuum=vacuum, sliding=sliding)
+                if not other.tensions[tendon] > 0.0:
+                    return other
+        return state
+
     def solve_tensions(self, start: Equilibrium, tensions: ArrayLike, soft: Sequence[bool], *,
                        vacuum: Sequence[float] | None = None, sliding: Sequence[int] = ()
                        ) -> Equilibrium:

@@ -13,10 +13,10 @@ from sensor_msgs.msg import JointState
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
-from soft_continuum.nodes.entries import subscribe
 from soft_continuum.nodes.node_info import PERIOD
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
+from soft_continuum.ros.entries import subscribe
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age, RosTime
@@ -178,13 +178,15 @@ class ArmObserver(ReportedArm):
                     'run, and their status')
         stale = {name: timeout for name, age in self._ages.items() if age.seconds > (
             timeout := shape_timeout if age is self.shape_age else self.timeout)}
-        for source, timeout in stale.items():
-            name = source.split()[0]
-            if self._ages[source].seconds - self.conflicts.heartbeat_age(name) > PERIOD:
-                return (f'{name} runs, but has reported no {REPORTED[source]} for {timeout:g} s; '
-                        'its status has the reason')
-        return (f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
-                if stale else '')
+        if not stale:
+            return ''
+        # A node that is gone, or is so in a moment, may be why others, which run, report nothing.
+        if all(age.seconds - self.conflicts.heartbeat_age(source.split()[0]) > PERIOD
+               for source, age in self._ages.items() if age.seconds > 0.5 * self.timeout):
+            source, timeout = next(iter(stale.items()))
+            return (f'{source.split()[0]} runs, but has reported no {REPORTED[source]} for '
+                    f'{timeout:g} s; its status has the reason')
+        return f'nothing received for {min(stale.values()):g} s from {", ".join(stale)}'
 
     @property
     def missing_sources(self) -> list[str]:

@@ -18,7 +18,6 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
 from soft_continuum.extras import require
-from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.status import ERROR, OK, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
@@ -30,6 +29,7 @@ from soft_continuum.ros.conversions import (
     seconds,
     tracked_pose_to_ros,
 )
+from soft_continuum.ros.entries import repeat, serve, subscribe
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age

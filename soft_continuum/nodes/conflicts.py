@@ -12,10 +12,9 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from soft_continuum.nodes.entries import guarded, repeat, subscribe
 from soft_continuum.nodes.node_info import HeartbeatReader, NodeInfo, PERIOD
 from soft_continuum.nodes.parameter_table import DESCRIBED
-from soft_continuum.ros.entry import MAX_BYTES
+from soft_continuum.ros.entries import guarded, MAX_BYTES, repeat, subscribe
 from soft_continuum.ros.names import HEARTBEAT, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.ros_time import Age

@@ -14,12 +14,12 @@ import numpy as np
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from soft_continuum.nodes.entries import repeat, serve, subscribe
 from soft_continuum.nodes.status import ERROR, OK, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_to_ros
+from soft_continuum.ros.entries import repeat, serve, subscribe
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age

@@ -10,8 +10,7 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 
-from soft_continuum.nodes.entries import repeat, subscribe
-from soft_continuum.ros.entry import LOG_PERIOD
+from soft_continuum.ros.entries import LOG_PERIOD, repeat, subscribe
 from soft_continuum.ros.names import TELEOP
 from soft_continuum.text import plain
 

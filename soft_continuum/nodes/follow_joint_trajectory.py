@@ -24,9 +24,9 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.protocols import TendonReading
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.entries import guarded
 from soft_continuum.nodes.tendon_control import MAX_POINTS, Report
 from soft_continuum.ros.conversions import seconds, trajectory_from_ros
+from soft_continuum.ros.entries import guarded
 from soft_continuum.ros.motion_tracker import MotionTracker
 from soft_continuum.ros.ros_time import duration_to_ros, RosTime
 from soft_continuum.text import plain

@@ -15,8 +15,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.estimation.commands import ActuatorState
-from soft_continuum.estimation.measuring import Innovation, Measurement
+from soft_continuum.estimation.measuring import ActuatorState, Innovation, Measurement
 from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import (
     ArmShape,
@@ -29,7 +28,6 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
-from soft_continuum.nodes.entries import Confirmation, repeat, serve, subscribe, wake
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measurements import (
     JamVacuum,
@@ -51,6 +49,7 @@ from soft_continuum.ros.conversions import (
     stiffness_from_ros,
     tracked_pose_to_ros,
 )
+from soft_continuum.ros.entries import Confirmation, repeat, serve, subscribe, wake
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM

@@ -9,8 +9,8 @@ from typing import Any
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from soft_continuum.nodes.entries import subscribe
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.entries import subscribe
 from soft_continuum.ros.names import LOAD_CELLS
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.ros_time import Age

@@ -14,12 +14,12 @@ from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurem
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.conversions import (
     accuracy_from_ros,
     measured_pose_from_ros,
     seconds,
 )
+from soft_continuum.ros.entries import subscribe
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum_interfaces.msg import TendonActuationState

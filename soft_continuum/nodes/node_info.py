@@ -12,9 +12,9 @@ from uuid import uuid4
 from rclpy.serialization import deserialize_message
 
 from soft_continuum import version
-from soft_continuum.nodes.entries import guarded, repeat
 from soft_continuum.parameters.arm import description_digest
 from soft_continuum.ros.conversions import seconds
+from soft_continuum.ros.entries import guarded, repeat
 from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import stamp_of

@@ -23,14 +23,13 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.entries import serve_later
 from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.obstacles import CollisionScene
 from soft_continuum.ros.conversions import poses_to_ros
+from soft_continuum.ros.entries import serve_later
 from soft_continuum.sequencing.aiming import Aim, AimStep, next_step, segments_worth_correcting
 from soft_continuum.sequencing.closed_loop import Loop
-from soft_continuum.sequencing.kept_plans import KeptPlans
-from soft_continuum.sequencing.plan_watch import PlanWatch
+from soft_continuum.sequencing.plan_watch import KeptPlans, PlanWatch
 from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.plans import (
     failure_text,
@@ -65,7 +64,8 @@ class Planning:
         warn: called when a search ended early, on the planning thread.
         """
         self._arm, self._parameters, self._observed = arm, parameters, observed
-        self._scene, self._warn, self._kept = scene, warn, KeptPlans()
+        self._scene, self._warn = scene, warn
+        self._explained, self._checked = KeptPlans(), KeptPlans()
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='planner')
         self._abandoned = Event()
 
@@ -83,17 +83,23 @@ class Planning:
         Begin to plan shapes one after the other; the future raises PlanError if one has none.
 
         Plans of ``explain`` are reused while nothing has changed.  first: take the first plan
-        found.
+        found, to check a goal; if the first shape is given by angles, its plan is the one to run.
         """
-        around = self._scene()
-        if kept := self._shown(shapes, take=not first):
+        around, situation = self._scene(), self._situation
+        if kept := self._planned_before(situation, shapes, first):
             self.abandon()
             shown: Future[list[ShapePlan]] = Future()
             shown.set_result(kept)
             return shown
         settings = reach_from_parameters(self._parameters)
-        return self._start(lambda planner, state, pulls: plans_of(shapes, self._searched(
-            planner, state, pulls, shapes, around, settings, first)))
+
+        def planned(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[ShapePlan]:
+            found = list(self._searched(planner, state, pulls, shapes, around, settings, first))
+            if first and not shapes[0].tips:
+                self._checked.keep(situation, state, pulls, shapes[:1], found)
+            return plans_of(shapes, found)
+
+        return self._start(planned)
 
     def explain(self, shapes: Sequence[Shape], time_limit: float, states: int
                 ) -> 'Future[list[PlanResult]]':
@@ -105,7 +111,7 @@ class Planning:
 
         def explained(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[PlanResult]:
             found = list(self._searched(planner, state, pulls, shapes, around, settings))
-            self._kept.keep(situation, state, pulls, shapes, found)
+            self._explained.keep(situation, state, pulls, shapes, found)
             return found
 
         return self._start(explained)
@@ -116,13 +122,19 @@ class Planning:
         return (self._observed.tendons.stops, self._scene(),
                 PlanSettings.of(self._parameters), reach_from_parameters(self._parameters))
 
-    def _shown(self, shapes: Sequence[Shape], take: bool) -> list[ShapePlan]:
-        """Return what ``explain`` answered for shapes; none if it did not, or all has changed."""
+    def _planned_before(self, situation: object, shapes: Sequence[Shape], first: bool
+                        ) -> list[ShapePlan]:
+        """Return what ``explain`` or a check found for shapes; none if anything has changed."""
         state, observed = self._observed.shape, self._observed.observation(None, '')
-        return [] if state is None else self._kept.find(
-            self._situation, state.bending,
-            lambda pulls: observed.rests_at(pulls, self._parameters['settle_tolerance']),
-            shapes, self._parameters['angle_tolerance'], take)
+        if state is None:
+            return []
+        for kept in (self._explained,) if first else (self._explained, self._checked):
+            if plans := kept.find(
+                    situation, state.bending,
+                    lambda pulls: observed.rests_at(pulls, self._parameters['settle_tolerance']),
+                    shapes, self._parameters['angle_tolerance'], take=not first):
+                return plans
+        return []
 
     def _searched(self, planner: Any, state: Any, pulls: Sequence[float], shapes: Sequence[Shape],
                   around: CollisionScene, settings: ReachSettings, first: bool = False

@@ -13,13 +13,13 @@ from sensor_msgs.msg import FluidPressure
 from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.nodes.conflicts import Conflicts
-from soft_continuum.nodes.entries import subscribe
 from soft_continuum.ros.conversions import (
     equilibrium_from_ros,
     SHAPE_FIELDS,
     Stiffness,
     stiffness_from_ros,
 )
+from soft_continuum.ros.entries import subscribe
 from soft_continuum.ros.estimates import Model, model_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR

@@ -14,7 +14,6 @@ from geometry_msgs.msg import PoseArray, PoseWithCovariance
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.entries import guarded, repeat, wake
 from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.model import load_model
@@ -37,7 +36,7 @@ from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.ros.conversions import poses_to_ros
-from soft_continuum.ros.entry import LOG_PERIOD
+from soft_continuum.ros.entries import guarded, LOG_PERIOD, repeat, wake
 from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
@@ -106,7 +105,9 @@ class ShapeSequencer(SuiteNode):
         check_actuation(self._arm, self.parameters)
         self._library = shape_library(self.parameters, self._arm)
         self._check: PendingGoal | None = None
+        self._accepted: Sequence[Shape] = ()  # of the goal that is accepted last
         self._next: Any = None  # the goal that waits for the running one to be wound down
+        self._next_shapes: Sequence[Shape] = ()
         self._next_stops = 0  # how many stops there had been before it
         self._handle: Any = None  # the goal that runs
         self._runner: Runner | None = None
@@ -210,7 +211,7 @@ class ShapeSequencer(SuiteNode):
             self._planning.abandon()
             self._reject(check.request, problem)
         else:
-            self._rejected = ''
+            self._rejected, self._accepted = '', check.shapes
             check.request.answer(True)
 
     def _waits(self, check: PendingGoal) -> bool:
@@ -264,7 +265,8 @@ class ShapeSequencer(SuiteNode):
                 Code.PREEMPTED, 'superseded by a newer goal before it started', 0))
         if self._runner is not None:
             self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
-        self._next, self._next_stops = handle, self._observed.tendons.stops
+        self._next, self._next_shapes = handle, self._accepted
+        self._next_stops = self._observed.tendons.stops
         wake(self._ticks)
 
     # The goal that runs.
@@ -305,7 +307,7 @@ class ShapeSequencer(SuiteNode):
     def _begin(self, handle: Any) -> None:
         self._handle, self._failed = handle, False
         self._commander.begin()
-        shapes = self._shapes = self._shapes_of(handle.request.shapes)
+        shapes = self._shapes = self._next_shapes
         settings = RunnerSettings(
             jamming=self.parameters['arm.jamming'],
             piece_period=PIECE_PERIOD,

@@ -12,8 +12,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
-from soft_continuum.nodes.entries import repeat
-from soft_continuum.ros.entry import LOG_PERIOD
+from soft_continuum.ros.entries import LOG_PERIOD, repeat
 from soft_continuum.ros.qos import LATCHED
 
 REPEAT_PERIOD = 1.0  # s between two states that are the same

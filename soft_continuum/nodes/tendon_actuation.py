@@ -25,7 +25,6 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.entries import guarded, serve
 from soft_continuum.nodes.load_cells import LoadCells
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.model import load_model, loading
@@ -36,7 +35,7 @@ from soft_continuum.nodes.tendon_control import MAX_POINTS, Report, Request, Ten
 from soft_continuum.nodes.threads import Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
-from soft_continuum.ros.entry import LOG_PERIOD, MAX_BYTES
+from soft_continuum.ros.entries import guarded, LOG_PERIOD, MAX_BYTES, serve
 from soft_continuum.ros.names import TENDON_ACTUATION
 from soft_continuum.ros.qos import STREAM
 from soft_continuum.ros.ros_time import Age

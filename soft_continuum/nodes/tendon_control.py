@@ -11,14 +11,14 @@ from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
     Reason,
     TendonController,
+    TensionGuard,
 )
-from soft_continuum.hardware.tension_guard import TensionGuard
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.entries import Confirmation
 from soft_continuum.nodes.managed_node import DeviceControl
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
 from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
+from soft_continuum.ros.entries import Confirmation
 from soft_continuum.ros.motion_tracker import replaced_by
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 

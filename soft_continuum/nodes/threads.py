@@ -15,7 +15,7 @@ from typing import Any
 from rclpy.node import Node
 
 from soft_continuum.hardware.real_time import ask_for_real_time
-from soft_continuum.nodes.entries import guarded
+from soft_continuum.ros.entries import guarded
 
 CALL_TIMEOUT = 3.0
 """Time (s) that a caller waits for a thread; drivers must be much faster."""

@@ -11,7 +11,6 @@ from typing import Any
 from std_srvs.srv import SetBool
 
 from soft_continuum.client.requests import Requests
-from soft_continuum.nodes.entries import repeat, serve_later
 from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.recordings.bag import BagError
@@ -21,6 +20,7 @@ from soft_continuum.recordings.topics import (
     end_recording,
     TopicRecorder,
 )
+from soft_continuum.ros.entries import repeat, serve_later
 from soft_continuum.ros.names import RECORDER
 from soft_continuum_interfaces.msg import RecorderState
 
@@ -48,7 +48,7 @@ class Recorder(SuiteNode):
         repeat(self, REPORT_PERIOD, self._report)
 
     def start(self) -> None:
-        """Create the service."""
+        """Report that nothing is recorded yet."""
         self._report()
 
     def quit(self) -> None:

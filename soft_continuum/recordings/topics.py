@@ -29,7 +29,7 @@ from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import parameters_text
 from soft_continuum.recordings.bag import BagWriter, PARAMETERS, PICTURES, Topic
 from soft_continuum.ros.definitions import definition, message_class
-from soft_continuum.ros.entry import LOG_PERIOD
+from soft_continuum.ros.entries import LOG_PERIOD
 from soft_continuum.ros.names import (
     CAMERA,
     DISC_SENSORS,

@@ -68,12 +68,12 @@ def is_up() -> bool:
     return True
 
 
-def wait_until_up(period: float = 0.5) -> None:
-    """Wait for 127.0.0.1, which DDS only looks for once; report on stderr; period: s."""
+def wait_until_up() -> None:
+    """Wait for 127.0.0.1, which DDS only looks for once; report on stderr."""
     if not is_up():
         print(NOT_UP, file=sys.stderr, flush=True)
         while not is_up():
-            sleep(period)
+            sleep(0.5)
 
 
 def given_network(environment: Mapping[str, str]) -> dict[str, str]:

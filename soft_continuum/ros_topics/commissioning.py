@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import threading
 from typing import Any
 
-from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import Check, Drive, OK, WARN
 from soft_continuum.hardware.protocols import HardwareError
 
@@ -22,7 +22,7 @@ MAX_LAG = 0.3
 """Difference of a stamp from this computer's time beyond which the clocks differ, s."""
 
 
-def checks_opened(driver: Any, clock: Clock = STEADY) -> Iterator[Check]:
+def checks_opened(driver: Any) -> Iterator[Check]:
     """
     Yield publishers, rates and delays of the topics, from LISTENING s in which they are read.
 
@@ -32,16 +32,16 @@ def checks_opened(driver: Any, clock: Clock = STEADY) -> Iterator[Check]:
     link = driver.link
     topics = link.topics
     listeners = [topic for topic in topics if isinstance(topic, Listener)]
-    before, begin = [listener.number for listener in listeners], clock()
+    before, begin = [listener.number for listener in listeners], STEADY()
     try:
-        while clock() < begin + LISTENING:
+        while STEADY() < begin + LISTENING:
             driver.read()
-            clock.sleep(READ_INTERVAL)
+            STEADY.sleep(READ_INTERVAL)
     except HardwareError as error:  # such as for another publisher
-        problem = link.wait_for_names(clock() + NAMES_TIMEOUT, threading.Event())
+        problem = link.wait_for_names(STEADY() + NAMES_TIMEOUT, threading.Event())
         raise HardwareError(problem or str(error)) from None
-    passed = clock() - begin
-    link.wait_for_names(clock() + NAMES_TIMEOUT, threading.Event())
+    passed = STEADY() - begin
+    link.wait_for_names(STEADY() + NAMES_TIMEOUT, threading.Event())
     for listener, number in zip(listeners, before, strict=True):
         rate = (listener.number - number) / passed
         warnings = []

@@ -26,7 +26,7 @@ from rclpy.serialization import deserialize_message
 
 from soft_continuum.hardware.clock import Clock, Looks
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.ros.entry import MAX_BYTES
+from soft_continuum.ros.entries import MAX_BYTES
 from soft_continuum.ros.names import UNKNOWN_NODE
 from soft_continuum.text import plain
 

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plans of shapes one after the other, given by angles or by the tip, among obstacles."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -65,7 +65,7 @@ def plan_shapes(planner: Planner, state: Any, pulls: Sequence[float] | Array,
             state = planner.jammed(state, pulls)
 
 
-def plans_of(shapes: Sequence[Shape], found: Iterator[PlanResult]) -> list[ShapePlan]:
+def plans_of(shapes: Sequence[Shape], found: Iterable[PlanResult]) -> list[ShapePlan]:
     """Return the plans of shapes; raises PlanError or ObstructedError if one has none."""
     plans = []
     for shape, one in zip(shapes, found, strict=False):

@@ -27,7 +27,7 @@ from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
-from soft_continuum.nodes.entries import subscribe
+from soft_continuum.ros.entries import subscribe
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     running_nodes,

@@ -7,7 +7,7 @@ import numpy as np
 from sensor_msgs.msg import CameraInfo, Image
 
 from soft_continuum.ros.conversions import grey_message, poses_from_ros, seconds
-from soft_continuum.ros.entry import subscribe
+from soft_continuum.ros.entries import subscribe_unguarded
 from soft_continuum.ros.names import CAMERA, TWIN
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.twin.camera import TwinCamera
@@ -34,7 +34,7 @@ class Pictures(Publisher):
         node = self._node
         self._images = node.create_publisher(Image, f'{self._name}/image_raw', STREAM)
         self._infos = node.create_publisher(CameraInfo, f'{self._name}/camera_info', STREAM)
-        subscribe(node, PoseArray, DISC_POSES, self._on_discs, SENSOR)
+        subscribe_unguarded(node, PoseArray, DISC_POSES, self._on_discs, SENSOR)
         node.create_timer(1.0 / self._rate, self._publish)
 
     def _on_discs(self, message: PoseArray) -> None:

@@ -14,15 +14,7 @@ from soft_continuum.analysis.figures import shapes_figure
 from soft_continuum.mechanics import Chain
 from soft_continuum.mechanics.drawing import draw_arm
 from soft_continuum.mechanics.space.chain import SpaceChain
-from soft_continuum.obstacles import (
-    Box,
-    Capsule,
-    Cylinder,
-    Mesh,
-    Obstacle,
-    Sphere,
-    turned_by,
-)
+from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
 from soft_continuum.obstacles.drawing import draw_obstacles, faces, outlines
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES

@@ -10,9 +10,8 @@ import pytest
 
 from soft_continuum.analysis.identification import find_unknowns, identify, spread_out
 from soft_continuum.analysis.measured_shapes import MeasuredShape, Step
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator
-from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import SECOND_ORDER

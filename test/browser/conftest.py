@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The view as a process, a real Chromium that shows it, and nodes as in test/nodes."""
 
-from collections.abc import Iterator
 import shutil
 import subprocess
 
@@ -12,7 +10,7 @@ import pytest
 from std_srvs.srv import SetBool
 
 from soft_continuum.browser import log
-from support.page import address_of, DEADLINE, OpenPage, Page, SLOW, start_view
+from support.page import address_of, DEADLINE, Page, SLOW, start_view
 from support.processes import Processes
 from support.rig_fixtures import (
     _compiled,
@@ -58,13 +56,13 @@ for (const name of ['drawArrays', 'drawElements', 'drawArraysInstanced',
 """
 
 
-def runs(browser: str) -> bool:
+def runs(browser):
     """Tell whether it is there, and not only the script of Ubuntu that asks for a snap."""
     return subprocess.run([browser, '--version'], capture_output=True).returncode == 0
 
 
 @pytest.fixture(autouse=True)
-def _long_log(monkeypatch: pytest.MonkeyPatch) -> None:
+def _long_log(monkeypatch):
     """Let each test log what it has to, however much those before it did."""
     monkeypatch.setattr(log, 'LINES', 1000)
     for each in (log.LOG, log.SERVER_LOG):
@@ -72,7 +70,7 @@ def _long_log(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope='module')
-def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
+def open_page(tmp_path_factory):
     """Return an opener of pages, each in a profile of its own."""
     from playwright.sync_api import sync_playwright
 
@@ -87,7 +85,7 @@ def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
         # Playwright gives it a user data directory of its own.
         chromium = driver.chromium.launch(executable_path=nice, headless=True, args=list(FLAGS))
 
-        def open_at(address: str, drawing: bool = True) -> Page:
+        def open_at(address, drawing=True):
             # A quarter of the pixels: they are rendered in software.
             context = chromium.new_context(viewport={'width': 900, 'height': 600},
                                            device_scale_factor=0.5)
@@ -101,8 +99,7 @@ def open_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenPage]:
 
 
 @pytest.fixture(scope='module')
-def shared(open_page: OpenPage, tmp_path_factory: pytest.TempPathFactory
-           ) -> Iterator[tuple[Rig, Page, str]]:
+def shared(open_page, tmp_path_factory):
     """Return an arm, a page that shows it, and the address of that page, for a module."""
     with domains() as take:
         domain = take()
@@ -119,7 +116,7 @@ def shared(open_page: OpenPage, tmp_path_factory: pytest.TempPathFactory
 
 
 @pytest.fixture
-def rig(shared: tuple[Rig, Page, str]) -> Iterator[Rig]:
+def rig(shared):
     """Return the arm of the module; after the test it is idle, stiff and may move."""
     rig = shared[0]
     yield rig
@@ -133,6 +130,6 @@ def rig(shared: tuple[Rig, Page, str]) -> Iterator[Rig]:
 
 
 @pytest.fixture
-def page(shared: tuple[Rig, Page, str]) -> Page:
+def page(shared):
     """Return the page of the module."""
     return shared[1]

@@ -1,15 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Who may open the view, over real connections."""
 
-from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from http.client import HTTPConnection, HTTPResponse
+from http.client import HTTPConnection
 import socket
 import sys
 import time
-from typing import Any
 
 import pytest
 import viser
@@ -24,10 +21,10 @@ PROTOCOL = f'viser-v{viser.__version__}'
 
 
 @pytest.fixture
-def make_server() -> Iterator[Callable[..., viser.ViserServer]]:
+def make_server():
     servers = []
 
-    def make(token: str = '', host: str = '127.0.0.1') -> viser.ViserServer:
+    def make(token='', host='127.0.0.1'):
         servers.append(open_server(host, 0, token))
         return servers[-1]
 
@@ -36,28 +33,27 @@ def make_server() -> Iterator[Callable[..., viser.ViserServer]]:
         server.stop()
 
 
-def get(server: viser.ViserServer, path: str = '/', **headers: str) -> HTTPResponse:
+def get(server, path='/', **headers):
     connection = HTTPConnection('127.0.0.1', server.get_port(), timeout=30)
     connection.request('GET', path, headers=headers)
     response = connection.getresponse()
-    response.text = response.read().decode(errors='replace')  # type: ignore[attr-defined]
+    response.text = response.read().decode(errors='replace')
     connection.close()
     return response
 
 
-def websocket(server: viser.ViserServer, **headers: str) -> Any:
+def websocket(server, **headers):
     return connect(f'ws://127.0.0.1:{server.get_port()}', subprotocols=[PROTOCOL],
                    additional_headers=headers, open_timeout=30)
 
 
-def assert_refused(server: viser.ViserServer, status: int, **headers: str) -> None:
+def assert_refused(server, status, **headers):
     with pytest.raises(InvalidStatus) as refusal:
         websocket(server, **headers)
     assert refusal.value.response.status_code == status
 
 
-def test_on_loopback_the_page_and_its_connection_are_open_to_no_other_site(
-        make_server: Any) -> None:
+def test_on_loopback_the_page_and_its_connection_are_open_to_no_other_site(make_server):
     server = make_server()
     page = get(server)
     assert page.status == 200
@@ -72,7 +68,7 @@ def test_on_loopback_the_page_and_its_connection_are_open_to_no_other_site(
     assert server.request_share_url() is None  # no browser can put the arm on the internet
 
 
-def test_with_a_token_nothing_is_served_without_it(make_server: Any) -> None:
+def test_with_a_token_nothing_is_served_without_it(make_server):
     server = make_server(TOKEN)
     for path in ('/', '/?token=another-token', '/?token=', '/index.html'):
         page = get(server, path)
@@ -82,7 +78,7 @@ def test_with_a_token_nothing_is_served_without_it(make_server: Any) -> None:
     assert_refused(server, 401, Cookie=f'soft_continuum_{server.get_port()}=another-token')
 
 
-def test_who_shows_the_token_is_let_in_from_then_on(make_server: Any) -> None:
+def test_who_shows_the_token_is_let_in_from_then_on(make_server):
     server = make_server(TOKEN, host='0.0.0.0')
     assert page_address(server, TOKEN).endswith(f':{server.get_port()}/?token={TOKEN}')
     first = get(server, f'/?token={TOKEN}')
@@ -97,9 +93,7 @@ def test_who_shows_the_token_is_let_in_from_then_on(make_server: Any) -> None:
     assert_refused(server, 403, Cookie=shown, Origin='https://example.org')
 
 
-def test_wrong_tokens_are_logged_and_wait_for_each_other(
-        make_server: Any, caplog: pytest.LogCaptureFixture,
-        monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_tokens_are_logged_and_wait_for_each_other(make_server, caplog, monkeypatch):
     monkeypatch.setattr('soft_continuum.browser.access.WRONG_TOKEN_DELAY', 0.2)
     server, start = make_server(TOKEN), time.monotonic()
     with ThreadPoolExecutor(8) as guessers:
@@ -130,8 +124,7 @@ def test_wrong_tokens_are_logged_and_wait_for_each_other(
     b'POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n',
 ])
 def test_what_is_no_request_of_a_browser_is_refused_without_a_traceback(
-        make_server: Any, lines: bytes, caplog: pytest.LogCaptureFixture,
-        capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+        make_server, lines, caplog, capfd, monkeypatch):
     monkeypatch.setattr('soft_continuum.browser.access.WRONG_TOKEN_DELAY', 0.0)
     for token in ('', TOKEN):
         with socket.create_connection(('127.0.0.1', make_server(token).get_port()), 30) as sender:
@@ -147,19 +140,19 @@ def test_what_is_no_request_of_a_browser_is_refused_without_a_traceback(
     ('no.such.host.invalid', 0, TOKEN, 'cannot listen on'),
     ('127.0.0.1', 99999, '', 'cannot listen on'), ('127.0.0.1', 99999, TOKEN, 'cannot listen on')])
 def test_an_address_that_is_not_to_be_had_without_a_token_or_at_all_is_named(
-        host: str, port: int, token: str, reason: str) -> None:
+        host, port, token, reason):
     with pytest.raises(AccessError, match=reason):
         open_server(host, port, token)
 
 
-def test_a_port_that_is_taken_is_named() -> None:
+def test_a_port_that_is_taken_is_named():
     with socket.create_server(('127.0.0.1', 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(AccessError, match=f'port {port}.*--port'):
             open_server('127.0.0.1', port)
 
 
-def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch):
     # As if a later viser started its server in another way than the one that is guarded.
     from websockets.asyncio import server as real
 
@@ -177,9 +170,7 @@ def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch: pytest.Monk
     (('--port', 'x'), '--port'),
     (('--tendon-driver', 'gbrl'), 'gbrl'),
 ])
-def test_bad_arguments_are_named(arguments: tuple[str, ...], reason: str,
-                                 monkeypatch: pytest.MonkeyPatch,
-                                 capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_arguments_are_named(arguments, reason, monkeypatch, capsys):
     monkeypatch.setattr(sys, 'argv', ['soft_continuum', '--port', '0', *arguments])
     with pytest.raises(SystemExit) as end:
         sys.exit(ui())

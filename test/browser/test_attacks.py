@@ -1,11 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The view under attack, over real sockets: who may not get in, and that STOP works meanwhile."""
 
-from collections.abc import Iterator
 from contextlib import ExitStack, suppress
-from http.client import HTTPConnection, HTTPResponse
+from http.client import HTTPConnection
 import json
 import logging
 import os
@@ -16,7 +14,7 @@ import threading
 import pytest
 import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 
 from soft_continuum.browser import access, connection_limiter
 from soft_continuum.browser.access import open_server
@@ -31,7 +29,7 @@ TIMEOUT = 30.0  # s
 class View:
     """A served view with a token, and a page of it that can stop."""
 
-    def __init__(self, port: int = 0) -> None:
+    def __init__(self, port=0):
         self.stopped, self.resumed = threading.Semaphore(0), threading.Semaphore(0)
         bar = Bar()
         bar.commands = {'stop': self.stopped.release, 'resume': self.resumed.release}
@@ -43,13 +41,13 @@ class View:
         self.state = ''  # as the page has it
         threading.Thread(target=self._follow, daemon=True).start()
 
-    def _follow(self) -> None:
+    def _follow(self):
         """Take what the bar is sent, as a page does: who takes nothing is disconnected."""
         with suppress(ConnectionClosed):
             while True:
                 self.state = json.loads(self.bar.recv())['kind']
 
-    def get(self, path: str = '/', **headers: str) -> HTTPResponse:
+    def get(self, path='/', **headers):
         connection = HTTPConnection('127.0.0.1', self.port, timeout=TIMEOUT)
         connection.request('GET', path, headers=headers)
         response = connection.getresponse()
@@ -57,56 +55,56 @@ class View:
         connection.close()
         return response
 
-    def open_bar(self) -> ClientConnection:
+    def open_bar(self):
         return connect(f'ws://127.0.0.1:{self.port}{PATH}', open_timeout=TIMEOUT,
                        additional_headers={'Cookie': self.cookie})
 
-    def open_page(self) -> ClientConnection:
+    def open_page(self):
         return connect(f'ws://127.0.0.1:{self.port}', open_timeout=TIMEOUT,
-                       subprotocols=[PROTOCOL],  # type: ignore[list-item]
+                       subprotocols=[PROTOCOL],
                        additional_headers={'Cookie': self.cookie})
 
-    def attacker(self, data: bytes = b'') -> socket.socket:
+    def attacker(self, data=b''):
         """Return a connection that has sent something, and reads nothing."""
         sender = socket.create_connection(('127.0.0.1', self.port), TIMEOUT)
         sender.sendall(data)
         return sender
 
-    def request(self, path: str = '/', *lines: str) -> bytes:
+    def request(self, path='/', *lines):
         """Return a request as a browser sends it."""
         return '\r\n'.join([f'GET {path} HTTP/1.1', f'Host: 127.0.0.1:{self.port}', *lines,
                             '', '']).encode()
 
-    def handshake(self, path: str = '/', cookie: str = '') -> bytes:
+    def handshake(self, path='/', cookie=''):
         """Return what opens a WebSocket."""
         return self.request(
             path, 'Upgrade: websocket', 'Connection: Upgrade', 'Sec-WebSocket-Version: 13',
             'Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==', f'Cookie: {cookie}',
             f'Sec-WebSocket-Protocol: {PROTOCOL}')
 
-    def assert_stops(self) -> None:
+    def assert_stops(self):
         """Claim that the page that is open can stop, and that another one opens."""
         self.bar.send('stop')
         assert self.stopped.acquire(timeout=TIMEOUT), 'STOP has no effect'
         assert self.get(Cookie=self.cookie).status == 200
 
-    def close(self) -> None:
+    def close(self):
         self.bar.close()
         self.server.stop()
 
 
 @pytest.fixture(scope='module')
-def view() -> Iterator[View]:
+def view():
     view = View()
     yield view
     view.close()
 
 
-def status_of(answer: bytes) -> int:
+def status_of(answer):
     return int(answer.split(b' ', 2)[1])
 
 
-def test_what_an_earlier_run_gave_is_worth_nothing_even_with_its_token() -> None:
+def test_what_an_earlier_run_gave_is_worth_nothing_even_with_its_token():
     first = View()
     captured = first.handshake(PATH, first.cookie)
     with first.attacker(captured) as same:  # who can read the network is in: there is no secret
@@ -125,15 +123,14 @@ def test_what_an_earlier_run_gave_is_worth_nothing_even_with_its_token() -> None
 
 
 @pytest.mark.parametrize('host', ['example.org:8080', 'example.org', '127.0.0.1.example.org'])
-def test_a_name_that_leads_to_this_machine_has_no_cookie_of_it(view: View, host: str) -> None:
+def test_a_name_that_leads_to_this_machine_has_no_cookie_of_it(view, host):
     # A page of that site sends its own name as Host and Origin, and cookies of that name only.
     for path in ('/', PATH):
         assert view.get(path, Host=host, Origin=f'http://{host}').status == 401
     assert view.get(Cookie=view.cookie, Origin=f'http://{host}').status == 403
 
 
-def test_wrong_tokens_keep_nobody_out_who_is_in_and_few_of_them_wait(
-        view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_tokens_keep_nobody_out_who_is_in_and_few_of_them_wait(view, monkeypatch):
     monkeypatch.setattr(access, 'WRONG_TOKEN_DELAY', 2.0)
     with ExitStack() as opened:
         guesses = [opened.enter_context(view.attacker(view.request(f'/?token=guess{n}')))
@@ -151,8 +148,7 @@ def test_wrong_tokens_keep_nobody_out_who_is_in_and_few_of_them_wait(
 
 
 @pytest.mark.parametrize('data', [b'', b'GET / HT', b'GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX: '])
-def test_connections_that_never_finish_their_request_are_dropped_for_new_ones(
-        view: View, data: bytes) -> None:
+def test_connections_that_never_finish_their_request_are_dropped_for_new_ones(view, data):
     with ExitStack() as opened:
         slow = [opened.enter_context(view.attacker(data)) for _ in range(100)]
         view.assert_stops()
@@ -166,7 +162,7 @@ def test_connections_that_never_finish_their_request_are_dropped_for_new_ones(
         assert dropped == 100 - MAX_REQUESTS
 
 
-def test_who_asks_for_files_and_does_not_take_them_takes_no_memory_for_ever(view: View) -> None:
+def test_who_asks_for_files_and_does_not_take_them_takes_no_memory_for_ever(view):
     with ExitStack() as opened:
         before = resident()
         for _ in range(200):
@@ -177,13 +173,13 @@ def test_who_asks_for_files_and_does_not_take_them_takes_no_memory_for_ever(view
         assert resident() - before < 100e6  # 200 times the page would be 160 MB
 
 
-def resident() -> float:
+def resident():
     """Return the memory of this process, bytes."""
     with open('/proc/self/statm', encoding='ascii') as statm:
         return float(statm.read().split()[1]) * os.sysconf('SC_PAGE_SIZE')
 
 
-def test_a_hundred_pages_are_more_than_are_served_and_those_that_are_open_stop(view: View) -> None:
+def test_a_hundred_pages_are_more_than_are_served_and_those_that_are_open_stop(view):
     with ExitStack() as opened:
         with pytest.raises(InvalidStatus) as refusal:
             for _ in range(100):
@@ -194,8 +190,7 @@ def test_a_hundred_pages_are_more_than_are_served_and_those_that_are_open_stop(v
         assert page.recv(timeout=TIMEOUT)
 
 
-def test_a_page_that_sends_without_end_holds_up_only_itself(
-        view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_that_sends_without_end_holds_up_only_itself(view, monkeypatch):
     monkeypatch.setattr(connection_limiter, 'RATE', 1.0)
     monkeypatch.setattr(connection_limiter, 'BURST', 20.0)
     with view.attacker(view.handshake(PATH, view.cookie)) as flood:
@@ -211,7 +206,7 @@ def test_a_page_that_sends_without_end_holds_up_only_itself(
     assert taken < 500, 'the rest waits with who sent it'
 
 
-def frame(opcode: int, data: bytes = b'', *, fin: int = 0x80, mask: int = 0x80) -> bytes:
+def frame(opcode, data=b'', *, fin=0x80, mask=0x80):
     """Return a frame of a WebSocket, masked with zeros."""
     length = (bytes([mask | len(data)]) if len(data) < 126 else
               bytes([mask | 126]) + struct.pack('>H', len(data)))
@@ -234,9 +229,7 @@ def frame(opcode: int, data: bytes = b'', *, fin: int = 0x80, mask: int = 0x80) 
     frame(2, b'x' * 9000, fin=0) + 2 * frame(0, b'x' * 9000, fin=0),  # too long in parts
     os.urandom(2000),
 ], ids=range(17))
-def test_what_is_no_frame_costs_only_its_sender_the_connection(
-        view: View, path: str, data: bytes, caplog: pytest.LogCaptureFixture,
-        capfd: pytest.CaptureFixture[str]) -> None:
+def test_what_is_no_frame_costs_only_its_sender_the_connection(view, path, data, caplog, capfd):
     caplog.set_level(logging.DEBUG, 'soft_continuum.browser')
     with view.attacker(view.handshake(path, view.cookie)) as attacker:
         assert status_of(attacker.recv(12, socket.MSG_WAITALL)) == 101
@@ -252,6 +245,6 @@ def test_what_is_no_frame_costs_only_its_sender_the_connection(
     assert 'Traceback' not in caplog.text + ''.join(capfd.readouterr())
 
 
-def test_the_page_that_was_open_all_the_time_still_knows_the_state(view: View) -> None:
+def test_the_page_that_was_open_all_the_time_still_knows_the_state(view):
     assert view.state == 'lost'  # no arm is shown here
     view.assert_stops()

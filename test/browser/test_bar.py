@@ -1,22 +1,19 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The bar with STOP, over its own connection, and what is written in it and in the panel."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 import json
 from math import inf, isfinite, nan, pi
 import threading
-from typing import Any
 from unittest.mock import Mock
 
 import pytest
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 
 from soft_continuum.browser import html
 from soft_continuum.browser.access import open_server
-from soft_continuum.browser.bar import Bar, bar_state, BarState, LOST, PAGE, PATH
+from soft_continuum.browser.bar import Bar, bar_state, LOST, PAGE, PATH
 from soft_continuum.browser.charts import chart, History, LENGTH
 from soft_continuum.browser.session import Description, notice_text, PageSession
 from soft_continuum.browser.session import MAX_TEXT as TEXT_LENGTH
@@ -37,12 +34,12 @@ ABSENT = replace(READY, stopped=None, nodes=tuple(
 
 
 @pytest.fixture
-def bar() -> Bar:
+def bar():
     return Bar()
 
 
 @pytest.fixture
-def page(bar: Bar) -> Iterator[ClientConnection]:
+def page(bar):
     """Return the connection of the bar on a page."""
     server = open_server('127.0.0.1', 0, bar=bar)
     with connect(f'ws://127.0.0.1:{server.get_port()}{PATH}', open_timeout=30) as connection:
@@ -50,13 +47,12 @@ def page(bar: Bar) -> Iterator[ClientConnection]:
     server.stop()
 
 
-def wait_for(page: ClientConnection, wanted: BarState) -> None:
+def wait_for(page, wanted):
     while json.loads(page.recv(timeout=30)) != vars(wanted):
         pass
 
 
-def test_every_page_sees_the_state_and_that_the_view_no_longer_knows_it(
-        bar: Bar, page: ClientConnection) -> None:
+def test_every_page_sees_the_state_and_that_the_view_no_longer_knows_it(bar, page):
     assert '<title>soft_continuum</title>' in PAGE and 'Viser' not in PAGE
     wait_for(page, LOST)
     bar.show(bar_state(READY))
@@ -64,7 +60,7 @@ def test_every_page_sees_the_state_and_that_the_view_no_longer_knows_it(
     wait_for(page, LOST)  # nothing new for a while
 
 
-def test_stop_and_resume_are_all_that_a_page_can_say(bar: Bar, page: ClientConnection) -> None:
+def test_stop_and_resume_are_all_that_a_page_can_say(bar, page):
     said, done = [], threading.Event()
     bar.commands = {'stop': lambda: said.append('stop'), 'resume': done.set}
     for word in ('jog', 'STOP', b'stop', '', '\x1b[2J\n' * 1000, '{}', 'commands', 'stop',
@@ -74,7 +70,7 @@ def test_stop_and_resume_are_all_that_a_page_can_say(bar: Bar, page: ClientConne
     assert said == ['stop']
 
 
-def test_a_stopped_arm_is_called_so_in_the_words_of_the_page() -> None:
+def test_a_stopped_arm_is_called_so_in_the_words_of_the_page():
     shown = bar_state(STOPPED)
     assert (shown.kind, shown.headline) == ('stopped', 'STOPPED')
     assert 'stop was called' in shown.text and 'press Resume' in shown.text
@@ -102,12 +98,11 @@ def test_a_stopped_arm_is_called_so_in_the_words_of_the_page() -> None:
     ('\x1b[31mred\nline\u202e\x00', ' [31mred line  '),
     ('x' * 5_000_000, 'x' * (TEXT_LENGTH - 1) + '…'),
 ])
-def test_texts_of_nodes_are_cut_cleaned_and_in_the_words_of_the_page(text: str, shown: str
-                                                                     ) -> None:
+def test_texts_of_nodes_are_cut_cleaned_and_in_the_words_of_the_page(text, shown):
     assert notice_text(text) == shown
 
 
-def test_messages_merge_expire_and_are_kept_short(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_messages_merge_expire_and_are_kept_short(monkeypatch):
     session = PageSession(Mock())
     for title in ('Jog: refused', 'Jog: refused', 'Jog: refused', 'Stop', 'Jog: refused'):
         session.notify(title, 'why', is_problem=True)
@@ -128,7 +123,7 @@ def test_messages_merge_expire_and_are_kept_short(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.fixture(scope='module')
-def description() -> Description:
+def description():
     return Description(arm_from_parameters(load_description(description_file())))
 
 
@@ -147,8 +142,7 @@ def description() -> Description:
         * 500)},
     {'progress': Progress(0, 'c', 1, Phase.MEASURING, 0.5, 2**31, 1e308, 'tip')},
 ])
-def test_no_message_of_a_node_breaks_the_readings(
-        description: Description, change: dict[str, Any]) -> None:
+def test_no_message_of_a_node_breaks_the_readings(description, change):
     state = replace(READY, **change)
     history = History(3, 2, 101325.0)
     history.sample(state)
@@ -162,7 +156,7 @@ def test_no_message_of_a_node_breaks_the_readings(
     assert len(bar_state(state, ()).text) < 2 * TEXT_LENGTH
 
 
-def test_bendings_in_space_have_a_direction_and_nine_tendons_a_short_table() -> None:
+def test_bendings_in_space_have_a_direction_and_nine_tendons_a_short_table():
     values = load_description(description_file().with_name('tendon_arm.yaml'))
     described = Description(arm_from_parameters(values), values['arm.jamming'])
     names = described.arm.tendon_names
@@ -183,15 +177,15 @@ def test_bendings_in_space_have_a_direction_and_nine_tendons_a_short_table() -> 
     assert 'Soften' not in html.jog_hint_html(state, described)
 
 
-def gaps(svg: str) -> int:
+def gaps(svg):
     return svg.partition('class="gap" d="')[2].partition('"')[0].count('M')
 
 
-def lines(svg: str) -> str:
+def lines(svg):
     return svg.partition('class="line" d="')[2].partition('"')[0]
 
 
-def test_lost_data_is_a_gap_in_the_chart_and_no_fall_to_zero() -> None:
+def test_lost_data_is_a_gap_in_the_chart_and_no_fall_to_zero():
     history = History(3, 2, 101325.0)
     for state in (READY, ABSENT, READY):
         for _ in range(LENGTH // 3 + 1):
@@ -211,15 +205,15 @@ def test_lost_data_is_a_gap_in_the_chart_and_no_fall_to_zero() -> None:
 @pytest.mark.parametrize(('values', 'parts', 'missing'), [
     ([nan] * LENGTH, 0, 1), ([1.0] * LENGTH, 1, 0), ([nan, 1.0] * 150 + [nan], 150, 151),
     ([0.0] * 300 + [nan], 1, 1), ([inf, 1.0, -inf], 1, 2)])
-def test_any_pattern_of_loss_is_drawn(values: list[float], parts: int, missing: int) -> None:
+def test_any_pattern_of_loss_is_drawn(values, parts, missing):
     svg = chart(values, 1.0, (0, 0, 0))
     assert (lines(svg).count('M'), gaps(svg)) == (parts, missing)
 
 
-def test_one_colour_has_one_meaning() -> None:
+def test_one_colour_has_one_meaning():
     from soft_continuum import colours
 
-    meanings: dict[tuple[int, ...], str] = {}
+    meanings = {}
     named = {'stiff': colours.STIFF, 'soft': colours.SOFT, 'unknown': colours.UNKNOWN,
              'disc': colours.DISC, 'target': colours.GHOST, 'held': colours.LOCKED,
              'predicted': colours.PREDICTED, 'axes': colours.AXES,
@@ -232,7 +226,7 @@ def test_one_colour_has_one_meaning() -> None:
         meanings[colour] = name
 
 
-def test_alarms_are_not_said_twice_in_the_bar_and_not_again_while_their_size_changes() -> None:
+def test_alarms_are_not_said_twice_in_the_bar_and_not_again_while_their_size_changes():
     message = KinematicsState(anomalies=[
         AnomalyMessage(cause=AnomalyMessage.LOAD, segment=2, message=text)
         for text in ('0.1 kg', '0.2 kg')])
@@ -251,7 +245,7 @@ def test_alarms_are_not_said_twice_in_the_bar_and_not_again_while_their_size_cha
     assert last == '2 more under Measured shape'
 
 
-def test_one_axis_of_the_error_has_one_unit() -> None:
+def test_one_axis_of_the_error_has_one_unit():
     history = History(3, 2, 101325.0)
     for error, aim in ((0.01, 'angles'), (None, ''), (0.002, 'tip')):
         history.sample(replace(READY, progress=Progress(error=error, aim=aim)))

@@ -1,18 +1,15 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What a browser may send, tried by one that sends what it likes; see also test_bar.py."""
 
-from collections.abc import Iterator
 import logging
 import threading
-from typing import Any
 
 import msgspec
 import pytest
 import viser
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
 
 from soft_continuum.browser.access import open_server
 from soft_continuum.browser.inbound import MAX_TEXT, TIP_HANDLE
@@ -25,7 +22,7 @@ CAMERA = {'type': 'ViewerCameraMessage', 'wxyz': [1, 0, 0, 0], 'position': [0, 0
 class Controls:
     """A served button and text, and a browser that speaks to them."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(self, server):
         self.server = server
         self.clicked = threading.Semaphore(0)
         self.button = server.gui.add_button('press')
@@ -33,27 +30,27 @@ class Controls:
         self.button.on_click(lambda _: self.clicked.release())
         self.browser = self.connect()
 
-    def connect(self) -> ClientConnection:
+    def connect(self):
         """Open a page's connection; viser counts it from its first camera on."""
         browser = connect(f'ws://127.0.0.1:{self.server.get_port()}', open_timeout=30,
                           subprotocols=[f'viser-v{viser.__version__}'])
         browser.send(msgspec.msgpack.encode(CAMERA))
         return browser
 
-    def update(self, control: Any, **updates: Any) -> None:
+    def update(self, control, **updates):
         self.send({'type': 'GuiUpdateMessage', 'uuid': control._impl.uuid, 'updates': updates})
 
-    def send(self, message: dict[str, Any]) -> None:
+    def send(self, message):
         self.browser.send(msgspec.msgpack.encode(message))
 
-    def assert_click_works(self) -> None:
+    def assert_click_works(self):
         """All that was sent before was taken, too, when this click is."""
         self.update(self.button, value=True)
         assert self.clicked.acquire(timeout=30), 'a click has no effect'
 
 
 @pytest.fixture(scope='module')
-def controls() -> Iterator[Controls]:
+def controls():
     server = open_server('127.0.0.1', 0)
     controls = Controls(server)
     yield controls
@@ -65,8 +62,7 @@ def controls() -> Iterator[Controls]:
     ('update_cb', []), ('removed', True), ('sync_cb', None), ('is_button', False),
     ('props', {}), ('uuid', 'x'), ('gui_api', 0), ('__class__', 0), ('no_such', 1),
 ])
-def test_only_the_value_of_a_control_can_be_set(controls: Controls, name: str, value: Any,
-                                                caplog: pytest.LogCaptureFixture) -> None:
+def test_only_the_value_of_a_control_can_be_set(controls, name, value, caplog):
     for updates in ({name: value}, {'value': True, name: value}):
         controls.update(controls.button, **updates)
     controls.assert_click_works()
@@ -75,7 +71,7 @@ def test_only_the_value_of_a_control_can_be_set(controls: Controls, name: str, v
     assert caplog.text.count('dropped a message') == 2
 
 
-def test_a_text_is_taken_up_to_a_length_and_nothing_else_for_it(controls: Controls) -> None:
+def test_a_text_is_taken_up_to_a_length_and_nothing_else_for_it(controls):
     controls.update(controls.text, value='after')
     for value in ('x' * (MAX_TEXT + 1), 1e300, float('nan'), None, ['a'], {'a': 1}, b'a', 2**63):
         controls.update(controls.text, value=value)
@@ -83,8 +79,7 @@ def test_a_text_is_taken_up_to_a_length_and_nothing_else_for_it(controls: Contro
     assert controls.text.value == 'after'
 
 
-def test_only_the_handle_of_the_tip_can_be_dragged_and_only_to_a_place(
-        controls: Controls, caplog: pytest.LogCaptureFixture) -> None:
+def test_only_the_handle_of_the_tip_can_be_dragged_and_only_to_a_place(controls, caplog):
     handle, other = (controls.server.scene.add_transform_controls(name)
                      for name in (TIP_HANDLE, '/other'))
     turned = {'type': 'TransformControlsUpdateMessage', 'owner': '', 'wxyz': [1.0, 0.0, 0.0, 0.0]}
@@ -98,7 +93,7 @@ def test_only_the_handle_of_the_tip_can_be_dragged_and_only_to_a_place(
     assert caplog.text.count('dropped a message') == 7
 
 
-def test_no_upload_is_kept(controls: Controls) -> None:
+def test_no_upload_is_kept(controls):
     controls.send({'type': 'FileTransferStartUpload', 'transfer_uuid': 't', 'filename': 'f',
                    'source_component_uuid': controls.button._impl.uuid, 'mime_type': '',
                    'part_count': 10**6, 'size_bytes': 10**9})
@@ -108,8 +103,7 @@ def test_no_upload_is_kept(controls: Controls) -> None:
     assert not controls.server.gui._current_file_upload_states
 
 
-def test_what_is_no_message_ends_no_connection_and_writes_no_traceback(
-        controls: Controls, caplog: pytest.LogCaptureFixture) -> None:
+def test_what_is_no_message_ends_no_connection_and_writes_no_traceback(controls, caplog):
     caplog.set_level(logging.DEBUG, 'soft_continuum.browser')
     uuid = controls.text._impl.uuid.encode()
     # The same key twice: of which one reader takes the first, another the last.
@@ -130,8 +124,7 @@ def test_what_is_no_message_ends_no_connection_and_writes_no_traceback(
     assert max(map(len, caplog.messages)) < 300
 
 
-def test_a_message_that_is_too_long_costs_only_its_sender_the_connection(
-        controls: Controls) -> None:
+def test_a_message_that_is_too_long_costs_only_its_sender_the_connection(controls):
     other = controls.connect()
     other.send(b'x' * 10**6)
     with pytest.raises(ConnectionClosed):
@@ -140,8 +133,7 @@ def test_a_message_that_is_too_long_costs_only_its_sender_the_connection(
     controls.assert_click_works()
 
 
-def test_the_log_stays_short_whatever_is_sent(controls: Controls, caplog: pytest.LogCaptureFixture,
-                                              monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_log_stays_short_whatever_is_sent(controls, caplog, monkeypatch):
     monkeypatch.setattr('soft_continuum.browser.log.LINES', 20)
     for _ in range(200):
         controls.browser.send(b'\xc1')

@@ -1,12 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What measurements say of the arm is seen in a real browser, beside what the model predicts."""
 
-from collections.abc import Iterator
 from math import radians, sin
 from pathlib import Path
-from typing import Any
 
 from geometry_msgs.msg import Point, Pose
 from playwright.sync_api import expect
@@ -16,15 +13,8 @@ from soft_continuum.client.own_file import read_saved
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, KinematicsState, PlanStep, TipGoal
 from soft_continuum_interfaces.srv import PlanShapes
-from support.estimated_arm import (
-    CHAIN,
-    EstimatedArm,
-    joint_angles,
-    learned,
-    tip,
-    tip_covariance,
-)
-from support.page import address_of, DEADLINE, green, OpenPage, Page, start_view
+from support.estimated_arm import CHAIN, EstimatedArm, joint_angles, learned, tip, tip_covariance
+from support.page import address_of, DEADLINE, green, start_view
 from support.processes import Processes
 
 pytestmark = pytest.mark.timeout(600)
@@ -38,19 +28,19 @@ ESTIMATED = {
         learned('payload', 0.02, 0.03, determined=False)]}
 
 
-def brown(colours: Any) -> Any:
+def brown(colours):
     """Whether pixels are as brown as the outline of the prediction."""
     return ((colours[..., 0] > colours[..., 1] + 25) & (colours[..., 1] > colours[..., 2] + 20)
             & (colours[..., 0] < 190))
 
 
-def pink(colours: Any) -> Any:
+def pink(colours):
     """Whether pixels are as pink as the axis x of the handle."""
     red, greens, blue = (colours[..., c] for c in range(3))
     return (red > 200) & (greens < 100) & (blue > 60) & (blue < 150)
 
 
-def planned_to(angles: tuple[float, ...]) -> PlanShapes.Response:
+def planned_to(angles):
     """Return a plan of two steps, of which one ends in a shape, rad."""
     return PlanShapes.Response(success=True, tip_errors=[4e-4], steps=[PlanStep(
         segment=number, bending_angles=angles, duration=4.4, largest_tension=10.0 + 1.25 * number,
@@ -59,13 +49,13 @@ def planned_to(angles: tuple[float, ...]) -> PlanShapes.Response:
         for number in (1, 2)])
 
 
-def place(request: PlanShapes.Request) -> tuple[float, float, float]:
+def place(request):
     """Return where the tip shall be, m."""
     position = request.shapes[0].tips[0].pose.position
     return position.x, position.y, position.z
 
 
-def choose_own_shape(page: Page) -> None:
+def choose_own_shape(page):
     """Choose 30 and -45 degrees."""
     page.open_folder('Own shape', 'Angle 1')
     expect(page.button('Set own shape')).to_be_enabled(timeout=DEADLINE * 1e3)
@@ -74,8 +64,7 @@ def choose_own_shape(page: Page) -> None:
 
 
 @pytest.fixture(scope='module')
-def shown(open_page: OpenPage, tmp_path_factory: pytest.TempPathFactory, module_domain: int
-          ) -> Iterator[tuple[EstimatedArm, Page]]:
+def shown(open_page, tmp_path_factory, module_domain):
     """Return an arm of stand-ins and a page that shows it, for the module."""
     arm, processes = EstimatedArm(module_domain), Processes(
         module_domain, tmp_path_factory.mktemp('view'))
@@ -89,17 +78,16 @@ def shown(open_page: OpenPage, tmp_path_factory: pytest.TempPathFactory, module_
 
 
 @pytest.fixture
-def arm(shown: tuple[EstimatedArm, Page]) -> EstimatedArm:
+def arm(shown):
     return shown[0]
 
 
 @pytest.fixture
-def page(shown: tuple[EstimatedArm, Page]) -> Page:
+def page(shown):
     return shown[1]
 
 
-def test_without_measurements_the_page_says_that_it_shows_a_prediction(
-        page: Page, arm: EstimatedArm) -> None:
+def test_without_measurements_the_page_says_that_it_shows_a_prediction(page, arm):
     page.wait_for_text('PREDICTED')
     page.wait_for_text('never measured')
     page.wait_for_text('nothing is estimated without a sensor')
@@ -107,8 +95,7 @@ def test_without_measurements_the_page_says_that_it_shows_a_prediction(
     expect(page.page.locator('#alarm')).to_be_hidden()
 
 
-def test_the_prediction_is_drawn_beside_the_estimate_and_its_distance_is_said(
-        page: Page, arm: EstimatedArm) -> None:
+def test_the_prediction_is_drawn_beside_the_estimate_and_its_distance_is_said(page, arm):
     arm.age, arm.predicted = 0.05, (0.0, 0.2, -0.3)
     arm.state = KinematicsState(**ESTIMATED)
     page.wait_for_text('ESTIMATED')
@@ -118,8 +105,7 @@ def test_the_prediction_is_drawn_beside_the_estimate_and_its_distance_is_said(
     page.wait_for_text('+17.2° ±0.1°')  # the angle of segment 1
 
 
-def test_learned_parameters_have_a_deviation_or_are_not_determined(
-        page: Page, arm: EstimatedArm) -> None:
+def test_learned_parameters_have_a_deviation_or_are_not_determined(page, arm):
     for text in ('stiffness factor, segment 1', '1.25', '0.05', '-1.20', 'less than 5',
                  'not plausible'):
         page.wait_for_text(text)
@@ -127,8 +113,7 @@ def test_learned_parameters_have_a_deviation_or_are_not_determined(
     expect(row).to_contain_text('not determined')
 
 
-def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(
-        page: Page, arm: EstimatedArm) -> None:
+def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(page, arm):
     page.choose('Aim', 'tip')
     page.click('c_form')
     page.wait_for_bar('Setting c_form')
@@ -143,8 +128,7 @@ def test_the_measured_error_of_a_run_is_said_in_the_unit_of_its_aim(
     page.wait_for_bar('reached: tip 0.6 mm from its aim (measured, ±0.5 mm)')
 
 
-def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(
-        page: Page, arm: EstimatedArm) -> None:
+def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(page, arm):
     choose_own_shape(page)
     before = len(arm.goals)
     page.click('Set own shape')
@@ -156,8 +140,7 @@ def test_a_shape_of_its_own_is_sent_with_the_angles_of_the_page(
     page.wait_for_bar('shapes reached: 1')
 
 
-def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(
-        page: Page, arm: EstimatedArm) -> None:
+def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(page, arm):
     choose_own_shape(page)
     page.open_folder('Saved', 'Name')
     page.fill('Name', 'c_form')
@@ -197,8 +180,7 @@ def test_shapes_and_sequences_are_saved_run_in_rounds_renamed_and_deleted(
     assert len(arm.goals) == before + 2
 
 
-def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
-        page: Page, arm: EstimatedArm) -> None:
+def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(page, arm):
     arm.plan = planned_to((-0.3, -0.4, -0.2))
     page.open_folder('Reach', 'Drag the tip')
     page.switch('Drag the tip', True)
@@ -248,8 +230,7 @@ def test_the_tip_is_dragged_and_what_it_would_take_is_seen_before_it_goes(
     page.wait_for_pixels((green, 0, 5, 'green, though no tip is dragged'))
 
 
-def test_the_loop_is_switched_and_another_client_is_followed(
-        page: Page, arm: EstimatedArm) -> None:
+def test_the_loop_is_switched_and_another_client_is_followed(page, arm):
     switch = page.view.get_by_label('Closed loop').first
     expect(switch).to_be_checked(timeout=DEADLINE * 1e3)
     switch.click()
@@ -260,7 +241,7 @@ def test_the_loop_is_switched_and_another_client_is_followed(
     expect(switch).to_be_checked(timeout=DEADLINE * 1e3)
 
 
-def test_alarms_are_prominent_and_never_cover_stop(page: Page, arm: EstimatedArm) -> None:
+def test_alarms_are_prominent_and_never_cover_stop(page, arm):
     usual = page.page.viewport_size
     arm.state = KinematicsState(**ESTIMATED, anomalies=[
         Anomaly(cause=Anomaly.TENDON_SLIPPED, tendon='left_tendon', message='look at it ' * 50)
@@ -272,7 +253,7 @@ def test_alarms_are_prominent_and_never_cover_stop(page: Page, arm: EstimatedArm
         page.page.set_viewport_size({'width': width, 'height': height})
         page.wait_for(lambda: page.is_on_top('stop') and page.is_on_top('resume'), 'on top')
 
-        def is_below() -> bool:
+        def is_below():
             box, stop = alarm.bounding_box(), page.button('STOP').bounding_box()
             return bool(box) and (  # it is away while the page waits for the view
                 box['y'] >= stop['y'] + stop['height'] and box['height'] <= 120)

@@ -2,21 +2,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./run ui`` starts the nodes and the view, and ends them."""
 
-from collections.abc import Callable
 import json
 import signal
-from typing import Any
 
 from websockets.sync.client import connect
 
 from support.page import address_of, DEADLINE, start_view
-from support.processes import Processes
-from support.ros_rig import ALL, Rig
+from support.ros_rig import ALL
 
 
-def test_nodes_and_view_start_and_end_together(
-        make_rig: Callable[..., Rig], processes: Processes) -> None:
-    rig: Any = make_rig(namespace='/left')
+def test_nodes_and_view_start_and_end_together(make_rig, processes):
+    rig = make_rig(namespace='/left')
     process = start_view(processes, 'ui', '--namespace', 'left')
     rig.wait_until_ready(*ALL)
     address = address_of(process)

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 What a person sees and does in a real browser, and what the arm does then.
 
@@ -29,21 +28,7 @@ from soft_continuum.ros.obstacles import obstacle_to_ros
 from soft_continuum.ros.qos import LATCHED, OBSTACLES, STREAM
 from soft_continuum.user_files import description_file
 from support.descriptions import given_in
-from support.page import (
-    address_of,
-    dark,
-    DEADLINE,
-    green,
-    olive,
-    OpenPage,
-    orange,
-    Page,
-    SLOW,
-    start_view,
-    teal,
-)
-from support.processes import Processes
-from support.ros_rig import Rig
+from support.page import address_of, dark, DEADLINE, green, olive, orange, SLOW, start_view, teal
 
 pytestmark = pytest.mark.timeout(600)
 ARTEFACT = Path(__file__).resolve().parents[2] / 'log' / 'browser' / 'view.png'
@@ -55,8 +40,7 @@ NOTHING = [(orange, 0, 0, 'orange, though no segment is soft'),
            (olive, 0, 5, 'olive, though there is no obstacle')]
 
 
-def test_what_is_known_of_the_arm_and_around_it_is_drawn_as_long_as_it_is_known(
-        page: Page, rig: Rig) -> None:
+def test_what_is_known_of_the_arm_and_around_it_is_drawn_as_long_as_it_is_known(page, rig):
     page.wait_for_text('no sensor measures the discs')
     page.wait_for_pixels((dark, 180, MANY, 'dark, as stiff skins are'), *NOTHING)
 
@@ -72,7 +56,7 @@ def test_what_is_known_of_the_arm_and_around_it_is_drawn_as_long_as_it_is_known(
     picture = page.view.get_by_alt_text('The arm as the camera sees it')
     expect(picture).to_have_count(0)
 
-    def publish() -> None:
+    def publish():
         sender.publish(message)
         pictures.publish(CompressedImage(data=array('B', seen.getvalue())))
         pictures.publish(CompressedImage(data=array('B', b'<script>')))
@@ -103,7 +87,7 @@ def test_what_is_known_of_the_arm_and_around_it_is_drawn_as_long_as_it_is_known(
     page.wait_for_pixels(*NOTHING)
 
 
-def test_the_arm_is_looked_at_from_above_and_from_the_side(page: Page) -> None:
+def test_the_arm_is_looked_at_from_above_and_from_the_side(page):
     page.click('above')
     page.wait_for_pixels((dark, 0, 170, 'dark, as an arm that points at whoever looks'))
     page.picture(ARTEFACT.with_name('above.png'))
@@ -111,7 +95,7 @@ def test_the_arm_is_looked_at_from_above_and_from_the_side(page: Page) -> None:
     page.wait_for_pixels((dark, 180, MANY, 'dark, as the whole arm'))
 
 
-def test_tendons_are_jogged_by_steps_and_a_refusal_says_why(page: Page, rig: Rig) -> None:
+def test_tendons_are_jogged_by_steps_and_a_refusal_says_why(page, rig):
     expect(page.button('-5')).to_be_disabled()  # no jogging while all is stiff
     page.click('soften', 2)
     page.click('-5', 1)
@@ -128,7 +112,7 @@ def test_tendons_are_jogged_by_steps_and_a_refusal_says_why(page: Page, rig: Rig
 
 
 def test_a_button_begins_and_ends_a_recording_which_is_replayed(
-        page: Page, rig: Rig, open_page: OpenPage, processes: Processes, tmp_path: Path) -> None:
+        page, rig, open_page, processes, tmp_path):
     page.wait_for_text('ros2 run soft_continuum recorder')
     expect(page.button('Record')).to_be_disabled()
     node, = rig.start('recorder', ready=False, recorder__directory=str(tmp_path))
@@ -160,7 +144,7 @@ def test_a_button_begins_and_ends_a_recording_which_is_replayed(
 
 
 def test_any_browser_starts_and_stops_a_sequence_and_resume_is_needed_to_go_on(
-        page: Page, rig: Rig, shared: tuple[Rig, Page, str], open_page: OpenPage) -> None:
+        page, rig, shared, open_page):
     other = open_page(shared[2], drawing=False)
     other.click('c_form')
     page.wait_for_bar('Setting c_form')
@@ -195,7 +179,7 @@ def test_any_browser_starts_and_stops_a_sequence_and_resume_is_needed_to_go_on(
     rig.assert_rests(5)
 
 
-def test_an_emergency_stop_greys_what_it_refuses_until_it_is_off(page: Page, rig: Rig) -> None:
+def test_an_emergency_stop_greys_what_it_refuses_until_it_is_off(page, rig):
     button = rig.publisher(Bool, 'emergency_stop', LATCHED)
     refused = [page.button('soften', 2), page.button('Stiffen all'), page.button('Resume')]
     button.publish(Bool(data=True))
@@ -209,8 +193,7 @@ def test_an_emergency_stop_greys_what_it_refuses_until_it_is_off(page: Page, rig
     page.wait_for_bar('Ready')
 
 
-def test_nothing_covers_stop_and_no_panel_covers_the_arm_at_any_size(
-        page: Page, rig: Rig) -> None:
+def test_nothing_covers_stop_and_no_panel_covers_the_arm_at_any_size(page, rig):
     page.fill('Sequence', 'nonsense' * 100)
     page.click('Run sequence')
     page.wait_for_bar('Sequence: refused')
@@ -219,7 +202,7 @@ def test_nothing_covers_stop_and_no_panel_covers_the_arm_at_any_size(
         page.page.set_viewport_size({'width': width, 'height': height})
         page.wait_for(lambda: page.is_on_top('stop') and page.is_on_top('resume'), 'on top')
 
-        def is_free(width: int = width) -> bool:
+        def is_free(width=width):
             canvas = page.view.locator('canvas').first.bounding_box()
             controls = page.view.get_by_text('Shapes', exact=True).first.bounding_box()
             return (canvas['width'] > 0.4 * width and canvas['height'] > 200
@@ -232,7 +215,7 @@ def test_nothing_covers_stop_and_no_panel_covers_the_arm_at_any_size(
     page.page.set_viewport_size(usual)
 
 
-def test_a_sequence_is_run_as_it_is_written_and_its_end_is_reported(page: Page, rig: Rig) -> None:
+def test_a_sequence_is_run_as_it_is_written_and_its_end_is_reported(page, rig):
     page.fill('Sequence', 'nonsense')
     page.click('Run sequence')
     page.wait_for_bar("unknown shape 'nonsense'")
@@ -245,7 +228,7 @@ def test_a_sequence_is_run_as_it_is_written_and_its_end_is_reported(page: Page, 
     page.wait_for_no_text('-36.0°')
 
 
-def test_the_tip_goes_where_it_was_planned_to(page: Page, rig: Rig) -> None:
+def test_the_tip_goes_where_it_was_planned_to(page, rig):
     for name, value in (('tendon_speed', 0.1), ('reach.states', 1000)):
         rig.set_parameter('shape_sequencer', name, value)
     page.open_folder('Reach', 'Drag the tip')
@@ -263,8 +246,7 @@ def test_the_tip_goes_where_it_was_planned_to(page: Page, rig: Rig) -> None:
     page.switch('Drag the tip', False)
 
 
-def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_run(
-        page: Page, rig: Rig) -> None:
+def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_run(page, rig):
     rig.end(rig._groups[0].nodes[0])
     page.wait_for_bar('No node is running')
     page.wait_for_bar('./run up')
@@ -273,7 +255,7 @@ def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_ru
     page.wait_for_bar('Stop: failed')
     rig.start_arm(**SLOW)
 
-    def is_ready() -> bool:
+    def is_ready():
         # The STOP of the released button may still have waited for nodes.
         if rig.states['tendon_actuation'].last.stopped:
             rig.trigger('tendon_actuation/resume')
@@ -283,8 +265,7 @@ def test_when_the_nodes_end_it_says_how_to_start_them_and_continues_when_they_ru
     rig.wait_for(lambda: rig.soft_segments() == [1], 'segment 1 soft')
 
 
-def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(
-        page: Page, rig: Rig) -> None:
+def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(page, rig):
     rig.end(rig._groups[0].nodes[0])
     rig.start_arm(**given_in(description_file().with_name('spatial_jamming.yaml')), **SLOW)
     page.wait_for_text('tendon_3')
@@ -301,7 +282,7 @@ def test_another_arm_is_followed_into_space_where_a_bending_has_a_direction(
     page.open_folder('Own shape', 'Angle 1')
     page.fill('Angle 1', '30')
 
-    def is_drawn() -> bool:
+    def is_drawn():
         for degrees in (0, -90):  # chosen again, as it is shown for 10 s only
             page.fill('Direction 1', str(degrees))
         return int(green(page.picture()).sum()) >= 25

@@ -2,11 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The rigs of nodes, and clients of them."""
 
-from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 import faulthandler
 import sys
-from typing import Any
 
 from action_msgs.srv import CancelGoal
 import pytest
@@ -41,20 +39,20 @@ QUICK = {'tendon_speed': 0.03, 'tendon_acceleration': 0.3, 'tendon_rate': 10.0,
 
 
 @pytest.fixture(scope='module')
-def arm_of_module(module_rig: Any) -> Any:
+def arm_of_module(module_rig):
     """Return the four nodes of a quick arm that the tests of a module share."""
     module_rig.start_arm(**QUICK)
     return module_rig
 
 
 @pytest.fixture
-def settling(monkeypatch: pytest.MonkeyPatch) -> None:
+def settling(monkeypatch):
     """Let clients in this process wait longer for topics of which a busy machine is late."""
     monkeypatch.setattr(requests, 'SETTLING_TIMEOUT', 5.0)
 
 
 @pytest.fixture
-def arm(arm_of_module: Any, settling: None) -> Any:
+def arm(arm_of_module, settling):
     """Return the shared arm at rest, stiff and without a goal, in whatever shape it was left."""
     rig = arm_of_module
     rig.call(CancelGoal, 'run_shape_sequence/_action/cancel_goal')
@@ -66,7 +64,7 @@ def arm(arm_of_module: Any, settling: None) -> Any:
 
 
 @pytest.fixture(scope='module')
-def estimated_of_module(module_domain: int) -> Iterator[EstimatedArm]:
+def estimated_of_module(module_domain):
     """Return a stand-in for an arm that is estimated, which the tests of a module share."""
     arm = EstimatedArm(module_domain)
     yield arm
@@ -74,7 +72,7 @@ def estimated_of_module(module_domain: int) -> Iterator[EstimatedArm]:
 
 
 @pytest.fixture
-def straight(arm: Any) -> Any:
+def straight(arm):
     """Return the shared arm, whose present pulls count as those of the straight arm."""
     for service in ('tendon_actuation/reference', 'kinematics/reset'):  # which may ask back
         arm.wait_for(lambda service=service: arm.trigger(service).success, service)
@@ -84,7 +82,7 @@ def straight(arm: Any) -> Any:
 
 
 @pytest.fixture
-def here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+def here(request, monkeypatch):
     """Let clients look in the domain of this test, or of its module where that shares an arm."""
     shares = 'arm' in request.fixturenames
     domain = request.getfixturevalue('module_domain' if shares else 'domain')
@@ -92,16 +90,16 @@ def here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.fixture
-def connect(here: None) -> Iterator[Callable[..., Arm]]:
+def connect(here):
     """Return a maker of clients."""
     with ExitStack() as stack:
-        def make(namespace: str = NAMESPACE, timeout: float = TIMEOUT) -> Arm:
+        def make(namespace=NAMESPACE, timeout=TIMEOUT):
             return stack.enter_context(Arm(namespace, timeout=timeout))
         yield make
 
 
 @pytest.fixture(scope='module')
-def client_of_module(arm_of_module: Any, module_domain: int) -> Iterator[Arm]:
+def client_of_module(arm_of_module, module_domain):
     """Return a client that the tests of a module share: to find an arm may take 3 s."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv('ROS_DOMAIN_ID', str(module_domain))
@@ -111,7 +109,7 @@ def client_of_module(arm_of_module: Any, module_domain: int) -> Iterator[Arm]:
 
 
 @pytest.fixture
-def client(arm: Any, here: None, client_of_module: Arm) -> Arm:
+def client(arm, here, client_of_module):
     """Return a client of the shared arm, which knows that it rests."""
     client_of_module.wait_for(lambda state: (
         all(state.stiff) and state.pulls == arm.pulls and not any(state.speeds)
@@ -120,23 +118,21 @@ def client(arm: Any, here: None, client_of_module: Arm) -> Arm:
 
 
 @pytest.fixture
-def straight_client(straight: Any, client: Arm) -> Arm:
+def straight_client(straight, client):
     """Return a client of the shared arm, which knows that it counts as straight."""
     client.wait_for(lambda state: state.pulls == (0.0, 0.0) and not any(state.joint_angles))
     return client
 
 
 @pytest.fixture
-def call(here: None, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
-         tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[int, str, str]]:
+def call(here, capsys, monkeypatch, tmp_path_factory):
     """Return a function that runs a verb in this process: exit status, stdout, stderr."""
     monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
     # The events executor calls it with a stderr that has no file descriptor here.
     monkeypatch.setattr(faulthandler, 'enable', lambda: None)
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path_factory.mktemp('cache')))
 
-    def run(*words: str, namespace: str = NAMESPACE, timeout: float | None = TIMEOUT
-            ) -> tuple[int, str, str]:
+    def run(*words, namespace=NAMESPACE, timeout=TIMEOUT):
         patience = [] if timeout is None else ['--timeout', str(timeout)]
         with kept_signal_handlers():
             status = main([*words, '--namespace', namespace, *patience])
@@ -146,12 +142,11 @@ def call(here: None, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Mon
 
 
 @pytest.fixture
-def command(here: None) -> Iterator[Callable[..., Command]]:
+def command(here):
     """Return a starter of the command line as a process, with the arguments given."""
-    started: list[Command] = []
+    started = []
 
-    def start(*arguments: str, namespace: str = NAMESPACE, timeout: float = TIMEOUT,
-              terminal: bool = False) -> Command:
+    def start(*arguments, namespace=NAMESPACE, timeout=TIMEOUT, terminal=False):
         words = [*arguments, '--namespace', namespace, '--timeout', str(timeout)]
         started.append(Command(words, terminal))
         return started[-1]

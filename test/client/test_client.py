@@ -4,12 +4,12 @@
 
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from io import StringIO
 from itertools import pairwise
 from math import inf, nan
 import sys
-from time import monotonic, sleep
-from typing import Any
+from time import monotonic
 from unittest.mock import Mock
 
 import matplotlib
@@ -35,22 +35,17 @@ from soft_continuum.client import (
 )
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.observed import ObservedArm
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import MotionRequest
-from support.ros_rig import Rig
+from support.driver_waits import until
 
 matplotlib.use('Agg')
 DEADLINE = 60.0  # s
 LEAN = (0.2, 0.1, -0.1)  # rad
 STRAIGHT = (0.0, 0.0, 0.0)
-
-
-def wait_until(condition):
-    deadline = monotonic() + DEADLINE
-    while not condition():
-        assert monotonic() < deadline
-        sleep(0.01)
+wait_until = partial(until, STEADY, step=0.01)
 
 
 def moves_or_has_moved(running):
@@ -238,19 +233,18 @@ def test_leaving_cancels_what_was_started(arm, here):
         client.stop()
 
 
-def test_nothing_spins_an_action_client_that_is_taken_down(
-        here: None, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_spins_an_action_client_that_is_taken_down(here, monkeypatch):
     connection = Connection('asker', 'deaf', timeout=DEADLINE)
-    spun: list[bool] = []
+    spun = []
     destroy = ActionClient.destroy
 
-    def note_and_destroy(client: ActionClient) -> None:
+    def note_and_destroy(client):
         spun.append(connection._thread.is_alive())
         destroy(client)
 
     monkeypatch.setattr(ActionClient, 'destroy', note_and_destroy)
 
-    async def watch() -> None:  # the action client is made when it is first needed
+    async def watch():  # the action client is made when it is first needed
         assert not connection.requests._action.server_is_ready()
     try:
         connection.requests.start(watch()).result()
@@ -429,17 +423,16 @@ def test_what_no_arm_can_have_is_named(here):
         Arm('a b')
 
 
-def test_a_stop_that_gets_no_answer_is_asked_for_again(
-        arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stop_that_gets_no_answer_is_asked_for_again(arm, monkeypatch):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(arm.domain))
-    asked: list[float] = []
+    asked = []
 
-    def stop(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def stop(_, response):
         asked.append(monotonic())
         response.success = True
         return response
 
-    def send(*answer: Any) -> None:
+    def send(*answer):
         if len(asked) > 1:  # else it is lost
             Service.send_response(service, *answer)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soft_continuum.client import Arm, ClientError, RefusedError
+from soft_continuum.client import ClientError, RefusedError
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
 from soft_continuum.obstacles.files import load_obstacles
 
@@ -33,7 +33,7 @@ def client(arm, connect):
     return client
 
 
-def test_obstacles_are_known_as_they_were_added_until_they_are_removed(client: Arm) -> None:
+def test_obstacles_are_known_as_they_were_added_until_they_are_removed(client):
     assert client.obstacles.known == ()
     client.obstacles.add(SHELF, PIPE, Obstacle('part', TETRAHEDRON))
     shelf, pipe, part = client.obstacles.known
@@ -48,12 +48,12 @@ def test_obstacles_are_known_as_they_were_added_until_they_are_removed(client: A
     assert client.obstacles.known == (PIPE,)
 
 
-def test_a_file_is_loaded_by_the_client(client: Arm) -> None:
+def test_a_file_is_loaded_by_the_client(client):
     loaded = client.obstacles.load(EXAMPLE)
     assert loaded == load_obstacles(EXAMPLE) == client.obstacles.known
 
 
-def test_what_the_sequencer_refuses_is_refused_with_its_reason(client: Arm) -> None:
+def test_what_the_sequencer_refuses_is_refused_with_its_reason(client):
     client.obstacles.add(SHELF)
     for _ in range(2):  # the second time, its reason is the same
         with pytest.raises(RefusedError, match='obstacle ball is in the base disc'):
@@ -61,14 +61,14 @@ def test_what_the_sequencer_refuses_is_refused_with_its_reason(client: Arm) -> N
     assert client.obstacles.known == (SHELF,)
 
 
-def test_what_cannot_be_is_an_error_before_anything_is_sent(client: Arm, tmp_path: Path) -> None:
+def test_what_cannot_be_is_an_error_before_anything_is_sent(client, tmp_path):
     with pytest.raises(ClientError, match=r'none.yaml: cannot be read'):
         client.obstacles.load(tmp_path / 'none.yaml')
     with pytest.raises(ClientError, match='there is no obstacle ball; known: none'):
         client.obstacles.remove('ball')
 
 
-def test_the_command_line_adds_lists_and_removes(client: Arm, call, tmp_path: Path) -> None:
+def test_the_command_line_adds_lists_and_removes(client, call, tmp_path):
     status, output, errors = call('obstacles', str(EXAMPLE), '--clear', '--unit', 'mm')
     assert (status, errors) == (0, '')
     lines = output.splitlines()

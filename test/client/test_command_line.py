@@ -13,7 +13,9 @@ import pytest
 
 from soft_continuum.cli.operate import cached_shapes
 from soft_continuum.client.own_file import save_sequence, save_shape
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.user_files import saved_shapes
+from support.driver_waits import until
 
 DONE, FAILED, NO_NODES, INTERRUPTED = 0, 1, 3, 130
 REACHED = 1e-2  # rad
@@ -142,15 +144,8 @@ def test_segments_and_tendons_are_operated_by_hand(straight, call, documents):
         DONE, 'pulls: right_tendon +1.00 mm, left_tendon -1.50 mm\n')
     assert call('jog', 'left=-0.5', 'right_tendon=0.5')[:2] == (
         DONE, 'pulls: right_tendon +1.50 mm, left_tendon -2.00 mm\n')
-    status, _, errors = call('jog', 'middle=1')
-    assert status == FAILED
-    assert 'there is no tendon middle; the tendons are right_tendon, left_tendon' in errors
     assert call('stiffen', '3')[:2] == (DONE, 'segment 3 is stiff\n')
-    assert documents('stiffen', 'all') == [
-        {'result': 'done', 'message': 'all segments are stiff'}]
-    status, _, errors = call('soften', '4')
-    assert status == FAILED
-    assert 'there is no segment 4; the segments are 1 to 3' in errors
+    assert documents('stiffen', 'all') == [{'result': 'done', 'message': 'all segments are stiff'}]
 
 
 def test_an_interrupted_jog_holds_the_tendons(straight, command):
@@ -208,9 +203,7 @@ def test_without_nodes_every_verb_says_how_to_start_them(call, words):
 def test_an_interrupt_while_nodes_are_looked_for_ends_quietly(command):
     run = command('run', 'c_form', timeout=600.0)
     maps = Path(f'/proc/{run.process.pid}/maps')
-    deadline = monotonic() + TIMEOUT
-    while 'librmw' not in maps.read_text(encoding='utf-8'):  # it has begun to connect
-        assert monotonic() < deadline
+    until(STEADY, lambda: 'librmw' in maps.read_text(encoding='utf-8'), 'it begins to connect')
     run.process.send_signal(signal.SIGINT)
     assert run.end() == (INTERRUPTED, '', '')
 

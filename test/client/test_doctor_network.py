@@ -1,9 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """``doctor --network`` says what is wrong between the computers of an arm, and what to do."""
-
-from typing import Any
 
 from builtin_interfaces.msg import Time
 import pytest
@@ -15,8 +12,7 @@ from soft_continuum_interfaces.srv import GetNodeInfo
 DIGEST = '0123456789abcdef'
 
 
-def answers(host: str = 'rig', trip: float = 0.01, offset: float = 0.0, calls: int = 50,
-            answered: int = 50, of: str = '', arm: str = DIGEST, lost: int = 0) -> NodeReplies:
+def answers(host='rig', trip=0.01, offset=0.0, calls=50, answered=50, of='', arm=DIGEST, lost=0):
     """Return what a node answered; the slower half of the answers tells its time badly."""
     said = [GetNodeInfo.Response(host=host, version=of or version(), description=arm,
                            stamp=Time(sec=1))] * answered
@@ -26,8 +22,7 @@ def answers(host: str = 'rig', trip: float = 0.01, offset: float = 0.0, calls: i
         [0.2 * i for i in range(51) if not 0 < i <= lost])
 
 
-def steps(values: dict[str, dict[str, Any]] | None = None, **found: NodeReplies
-          ) -> dict[str, tuple[str, str]]:
+def steps(values=None, **found):
     """Return status and message by step."""
     complete = {name: answers('ws' if name in ('kinematics', 'shape_sequencer') else 'rig')
                 for name in ('tendon_actuation', 'jamming_valves', 'kinematics',
@@ -36,7 +31,7 @@ def steps(values: dict[str, dict[str, Any]] | None = None, **found: NodeReplies
             for check in judged(complete | found, values or {}, '/')}
 
 
-def test_a_sound_network_is_described() -> None:
+def test_a_sound_network_is_described():
     found = steps()
     assert {status for status, _ in found.values()} == {'OK'}
     assert found['computer ws'][1] == 'kinematics, shape_sequencer'
@@ -56,13 +51,13 @@ def test_a_sound_network_is_described() -> None:
     (answers(trip=0.09, offset=0.06), 'clock of rig', 'OK', '+60.0 ms'),
     (answers(of='0.0.1'), 'version', 'FAIL', '0.0.1 of jamming_valves, tendon_actuation'),
     (answers(arm='f' * 16), 'description', 'FAIL', 'digests differ: ')])
-def test_what_is_wrong_is_said(answer: NodeReplies, step: str, status: str, words: str) -> None:
+def test_what_is_wrong_is_said(answer, step, status, words):
     found = steps(tendon_actuation=answer, jamming_valves=answer)[step]
     assert found[0] == status, found
     assert words in found[1]
 
 
-def test_each_parameter_that_differs_is_named_with_both_values() -> None:
+def test_each_parameter_that_differs_is_named_with_both_values():
     arm, limits = 'arm.payload', 'pull_limits'
     found = steps({'tendon_actuation': {arm: 0.0, limits: [-0.06, 0.06]},
                    'kinematics': {arm: 0.1}, 'shape_sequencer': {arm: 0.1, limits: [-0.05, 0.05]}},
@@ -75,7 +70,7 @@ def test_each_parameter_that_differs_is_named_with_both_values() -> None:
         'tendon_actuation on rig; start every node with the same files')
 
 
-def test_a_node_that_runs_twice_or_not_at_all_is_named() -> None:
+def test_a_node_that_runs_twice_or_not_at_all_is_named():
     twice = answers()
     twice.said = [*answers('ws').said, *twice.said]
     assert steps(tendon_actuation=twice)['tendon_actuation'] == (

@@ -1,12 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """``doctor --sensors`` listens to the sensors of an arm and says what is wrong with each."""
 
-from collections.abc import Callable
 from copy import deepcopy
 import json
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
@@ -18,19 +15,17 @@ from std_msgs.msg import String
 
 from soft_continuum.commissioning import doctor
 from soft_continuum.commissioning.doctor_sensors import judged
-from soft_continuum.hardware.commissioning import Check
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import tracked_pose_to_ros
 from soft_continuum.ros.urdf import arm_urdf
 from support.descriptions import JAMMING
 from support.planar import measured_pose_to_ros
-from support.ros_rig import Rig, STREAM
+from support.ros_rig import STREAM
 
 NOW = 1000.0
 
 
-def heard(message: Any, rate: float = 50.0, delay: float = 0.02, frame: str = 'base_link',
-          noise: Callable[[Any], None] = lambda message: None) -> list[tuple[float, Any]]:
+def heard(message, rate=50.0, delay=0.02, frame='base_link', noise=lambda message: None):
     """Return messages of 2 s, and when they came."""
     found = []
     for time in np.arange(NOW, NOW + 2.0, 1.0 / rate):
@@ -42,37 +37,37 @@ def heard(message: Any, rate: float = 50.0, delay: float = 0.02, frame: str = 'b
     return found
 
 
-def pose(variance: float = 1e-6, of_angle: float = 1e-4) -> Any:
+def pose(variance=1e-6, of_angle=1e-4):
     return measured_pose_to_ros(np.array([0.0, 0.1, 0.0]), np.diag([variance, variance, of_angle]))
 
 
-def imu(x: float = 0.0, z: float = 9.8, bias: float = 0.01) -> Any:
+def imu(x=0.0, z=9.8, bias=0.01):
     message = Imu()
     message.linear_acceleration.x, message.linear_acceleration.z = x, z
     message.angular_velocity.y = bias
     return message
 
 
-def turning(bias: float) -> Any:
+def turning(bias):
     """Return messages of an IMU at rest, by its noise and its bias, rad/s."""
     rng = np.random.default_rng(1)
 
-    def noise(message: Any) -> None:
+    def noise(message):
         message.angular_velocity.y = bias + 0.003 * rng.standard_normal()
 
     return heard(imu(), noise=noise)
 
 
-def cells(names: list[str], forces: list[float]) -> Any:
+def cells(names, forces):
     return JointState(name=names, effort=forces)
 
 
-def only(topic: str, messages: Any, **others: Any) -> Check:
+def only(topic, messages, **others):
     found, = judged({topic: messages, **others}, {topic: ('camera',)}, '/')
     return found
 
 
-def test_a_sound_sensor_is_described() -> None:
+def test_a_sound_sensor_is_described():
     found = only('disc_1/measured_pose', heard(pose()))
     assert (found.step, found.status) == ('disc 1 measured pose', 'OK')
     assert found.message == ('by camera, in base_link, 1.00 mm, 0.57 degrees, 50.0 Hz, '
@@ -97,14 +92,13 @@ def test_a_sound_sensor_is_described() -> None:
     ('load_cells', heard(cells(['a'], [float('nan')])), 'FAIL', 'check the cables'),
     ('disc_3/imu', turning(0.01), 'OK', 'bias 0.5'),
     ('disc_3/imu', turning(0.3), 'WARN', 'large; is it in rad/s')])
-def test_what_is_wrong_with_a_sensor_is_said(
-        topic: str, messages: Any, status: str, words: str) -> None:
+def test_what_is_wrong_with_a_sensor_is_said(topic, messages, status, words):
     found = only(topic, messages)
     assert words in found.message
     assert found.status == status
 
 
-def test_frames_and_tendons_that_are_not_those_of_the_arm_are_told() -> None:
+def test_frames_and_tendons_that_are_not_those_of_the_arm_are_told():
     model = PoseArray()
     model.header.frame_id = 'left/base_link'
     found = only('disc_0/measured_pose', heard(pose()), disc_poses=[(NOW, model)])
@@ -114,14 +108,14 @@ def test_frames_and_tendons_that_are_not_those_of_the_arm_are_told() -> None:
     assert found.message.startswith('names up; the tendons are right_tendon, left_tendon')
 
 
-def test_sensors_that_send_nothing_are_a_failure_if_all_of_them_do() -> None:
+def test_sensors_that_send_nothing_are_a_failure_if_all_of_them_do():
     silent = {'disc_0/measured_pose': [], 'disc_1/measured_pose': []}
     assert [check.status for check in judged(silent, {}, '/')] == ['FAIL', 'WARN', 'WARN']
     one = silent | {'disc_1/measured_pose': heard(pose())}
     assert [check.status for check in judged(one, {}, '/')] == ['WARN', 'OK']
 
 
-def test_the_status_of_the_camera_is_repeated_with_what_fits_badly() -> None:
+def test_the_status_of_the_camera_is_repeated_with_what_fits_badly():
     message = DiagnosticStatus(
         level=DiagnosticStatus.OK, message='all discs are detected', values=[
             KeyValue(key='tags', value='0 1 100'), KeyValue(key='deviation_px', value='1.800')])
@@ -130,7 +124,7 @@ def test_the_status_of_the_camera_is_repeated_with_what_fits_badly() -> None:
     assert 'tags 0 1 100, corners off by 1.800 px; calibrate the lens' in camera.message
 
 
-def test_discs_in_space_are_seen_by_several_cameras() -> None:
+def test_discs_in_space_are_seen_by_several_cameras():
     message = tracked_pose_to_ros(np.array([0.1, 0.1, 0.1, 0.0, 0.6, 0.8, 0.0]),
                                   np.diag([1e-6] * 3 + [1e-4] * 3))
     spatial = {'tendon_states': [(NOW, cells(['right_tendon', 'left_tendon'], []))],
@@ -146,8 +140,7 @@ def test_discs_in_space_are_seen_by_several_cameras() -> None:
     assert only('disc_1/measured_pose', heard(message)).status == 'FAIL'  # of a planar arm
 
 
-def test_it_listens_to_a_running_arm(
-        rig: Rig, here: None, capfd: pytest.CaptureFixture[str]) -> None:
+def test_it_listens_to_a_running_arm(rig, here, capfd):
     arguments = ['--sensors', '--duration', '1', '--namespace', 'arm_under_test']
     assert doctor.main(arguments) == 1
     assert 'FAIL  sensors: no sensor publishes in namespace /arm_under_test' in (
@@ -155,7 +148,7 @@ def test_it_listens_to_a_running_arm(
     publisher = rig.observer.create_publisher(
         PoseWithCovarianceStamped, 'disc_2/measured_pose', STREAM)
 
-    def publish() -> None:
+    def publish():
         message = pose()
         message.header.frame_id = 'base_link'
         message.header.stamp = rig.observer.get_clock().now().to_msg()
@@ -169,21 +162,19 @@ def test_it_listens_to_a_running_arm(
     assert 'by observer, in base_link, 1.00 mm' in check['message']
 
 
-def test_an_imu_that_is_remapped_is_listened_to(
-        rig: Rig, here: None, capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_imu_that_is_remapped_is_listened_to(rig, here, capfd):
     publisher = rig.observer.create_publisher(Imu, '/imu/data_raw', STREAM)
     listener = Node('disc_sensors', context=rig.context, namespace=rig.namespace)
     listener.create_subscription(Imu, '/imu/data_raw', lambda message: None, STREAM)
 
-    def publish() -> None:
+    def publish():
         message = imu(z=1.0)
         message.header.stamp = rig.observer.get_clock().now().to_msg()
         publisher.publish(message)
 
     rig.observer.create_timer(0.02, publish)
     try:
-        assert doctor.main(
-            ['--sensors', '--duration', '3', '--namespace', 'arm_under_test']) == 1
+        assert doctor.main(['--sensors', '--duration', '3', '--namespace', 'arm_under_test']) == 1
     finally:
         listener.destroy_node()
     assert 'FAIL  /imu/data_raw: 1.00 m/s^2, at rest it is 9.81' in capfd.readouterr().out

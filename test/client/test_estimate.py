@@ -2,37 +2,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """What measurements say of the arm is seen by clients, and told on the command line."""
 
-from collections.abc import Callable
 import json
 from math import hypot, nan
 import re
 import threading
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from soft_continuum.browser.charts import History
 from soft_continuum.browser.html import source_html
-from soft_continuum.client import Arm
 from soft_continuum.client.estimate import Estimate
 from soft_continuum.client.state import source_text, state_line
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, KinematicsState
-from support.estimated_arm import (
-    CHAIN,
-    EstimatedArm,
-    joint_angles,
-    learned,
-    tip,
-    tip_covariance,
-)
+from support.estimated_arm import CHAIN, joint_angles, learned, tip, tip_covariance
 
 NAMESPACE = '/arm_under_test'
 
 
 @pytest.fixture
-def arm(estimated_of_module: EstimatedArm) -> EstimatedArm:
+def arm(estimated_of_module):
     """Return an arm that is estimated from measurements."""
     arm = estimated_of_module
     arm.age, arm.predicted = 0.05, (0.28, 0.2, -0.3)
@@ -45,12 +35,11 @@ def arm(estimated_of_module: EstimatedArm) -> EstimatedArm:
 
 
 @pytest.fixture
-def client(arm: EstimatedArm, connect: Callable[..., Arm]) -> Arm:
+def client(arm, connect):
     return connect()
 
 
-def test_a_client_sees_how_well_the_shape_is_known_and_what_is_wrong(
-        arm: EstimatedArm, client: Arm) -> None:
+def test_a_client_sees_how_well_the_shape_is_known_and_what_is_wrong(arm, client):
     state = client.wait_for(lambda s: s if s.estimate and s.estimate.measured
                             and s.predicted_disc_poses else None)
     estimate = state.estimate
@@ -67,7 +56,7 @@ def test_a_client_sees_how_well_the_shape_is_known_and_what_is_wrong(
     assert (anomaly.cause, anomaly.segment) == ('not stiff', 2)
 
 
-def test_the_status_says_it_in_a_line_each(arm: EstimatedArm, call: Callable[..., Any]) -> None:
+def test_the_status_says_it_in_a_line_each(arm, call):
     status, output, _ = call('status')
     assert status == 0
     assert 'estimated from measurements; measured just now, tip +-0.5 mm, angles +-0.1' in output
@@ -81,8 +70,7 @@ def test_the_status_says_it_in_a_line_each(arm: EstimatedArm, call: Callable[...
     assert 'shape      estimated from measured tensions; tip +-0.5 mm' in call('status')[1]
 
 
-def test_without_measurements_it_is_a_prediction_and_no_more_is_said(
-        arm: EstimatedArm, call: Callable[..., Any]) -> None:
+def test_without_measurements_it_is_a_prediction_and_no_more_is_said(arm, call):
     arm.state, arm.age = KinematicsState(), None
     status, output, _ = call('status')
     assert status == 0
@@ -93,8 +81,7 @@ def test_without_measurements_it_is_a_prediction_and_no_more_is_said(
 @pytest.mark.parametrize(('age', 'text', 'line'), [
     (2.0, 'estimated from measurements; last measured 2 s ago', 'estimated'),
     (24.0, 'predicted since it was last measured; last measured 24 s ago', 'predicted')])
-def test_what_was_measured_long_ago_is_predicted_everywhere(age: float, text: str, line: str
-                                                            ) -> None:
+def test_what_was_measured_long_ago_is_predicted_everywhere(age, text, line):
     estimate = Estimate(True, age, (0.002,) * 3)
     assert source_text(estimate) == f'{text}, angles +-0.1 deg'
     state = SimpleNamespace(
@@ -105,8 +92,7 @@ def test_what_was_measured_long_ago_is_predicted_everywhere(age: float, text: st
     assert line.upper() in chip and f'last measured {age:.0f} s ago' in chip
 
 
-def test_a_sequence_has_an_aim_and_its_result_says_where_it_ended(
-        arm: EstimatedArm, client: Arm) -> None:
+def test_a_sequence_has_an_aim_and_its_result_says_where_it_ended(arm, client):
     running = client.start('c_form', aim='tip')
     client.wait_for(lambda s: s.progress)
     assert arm.goals[-1].aim == RunShapeSequence.Goal.TIP
@@ -144,11 +130,10 @@ RESULTS = [
 
 
 @pytest.mark.parametrize(('result', 'text'), RESULTS)
-def test_run_says_where_it_ended_and_how_that_is_known(
-        arm: EstimatedArm, call: Callable[..., Any], result: dict[str, Any], text: str) -> None:
+def test_run_says_where_it_ended_and_how_that_is_known(arm, call, result, text):
     sent = len(arm.goals)
 
-    def end() -> None:
+    def end():
         while len(arm.goals) == sent or arm._end is None or arm._end.done():
             threading.Event().wait(0.02)
         arm.end_goal(shapes_completed=1, bending_angles=[0.1, 0.2, 0.3],
@@ -163,7 +148,7 @@ def test_run_says_where_it_ended_and_how_that_is_known(
     assert arm.goals[-1].aim == RunShapeSequence.Goal.TIP
 
 
-def test_the_loop_is_opened_and_closed(arm: EstimatedArm, client: Arm) -> None:
+def test_the_loop_is_opened_and_closed(arm, client):
     assert client.closed_loop is True
     client.closed_loop = False
     assert client.closed_loop is False and arm.closed_loop is False

@@ -1,12 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Shapes are measured by whatever publishes disc_N/measured_pose, and written for identify."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from math import nan
 from types import SimpleNamespace
-from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
 import numpy as np
@@ -16,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.analysis.measured_shapes import read_shapes
 from soft_continuum.browser.html import positions_html
 from soft_continuum.cli import measure
-from soft_continuum.client import Arm, ClientError
+from soft_continuum.client import ClientError
 from soft_continuum.client.measured import mean_of
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.parameters.files import load_arm
@@ -25,7 +22,7 @@ from soft_continuum.sensing.rigid import in_plane, planar_pose
 from soft_continuum.sequencing.progress import Phase, Progress
 from soft_continuum.user_files import description_file
 from support.descriptions import given
-from support.ros_rig import Rig, STREAM
+from support.ros_rig import spoil, STREAM
 
 OFFSET = np.array([0.001, 0.0, -0.002])  # m: by which the tracker is off
 IN_SPACE = np.array([0.001, 0.003, -0.002])
@@ -36,14 +33,14 @@ TENDON_ARM = description_file().with_name('tendon_arm.yaml')
 class Tracker:
     """Measures every disc where kinematics says it is, off by something known."""
 
-    def __init__(self, rig: Rig, offset: Any = OFFSET) -> None:
-        self.spoil: Callable[[Any], None] | None = None  # None: it sees nothing
+    def __init__(self, rig, offset=OFFSET):
+        self.spoil = None  # None: it sees nothing
         self._rig, self._offset = rig, np.concatenate([offset, np.zeros(4)])
         self._publishers = [rig.observer.create_publisher(
             PoseWithCovarianceStamped, f'disc_{n}/measured_pose', STREAM) for n in range(4)]
         rig.observer.create_subscription(PoseArray, 'disc_poses', self._on_discs, STREAM)
 
-    def _on_discs(self, message: PoseArray) -> None:
+    def _on_discs(self, message):
         spoil, poses = self.spoil, poses_from_ros(message)[::2]
         if spoil is None:
             return
@@ -57,25 +54,24 @@ class Tracker:
 
 
 @pytest.fixture(scope='module')
-def tracker_of_module(arm_of_module: Any) -> Tracker:
+def tracker_of_module(arm_of_module):
     return Tracker(arm_of_module)
 
 
 @pytest.fixture
-def tracker(arm: Any, tracker_of_module: Tracker) -> Iterator[Tracker]:
+def tracker(arm, tracker_of_module):
     tracker_of_module.spoil = lambda message: None
     yield tracker_of_module
     tracker_of_module.spoil = None
 
 
 @pytest.fixture
-def client(arm: Any, connect: Callable[..., Arm]) -> Arm:
+def client(arm, connect):
     """Return a client that knows nothing of what was measured in other tests."""
     return connect()
 
 
-def test_discs_are_measured_where_the_tracker_sees_them(
-        client: Arm, tracker: Tracker, arm: Any) -> None:
+def test_discs_are_measured_where_the_tracker_sees_them(client, tracker, arm):
     discs = client.measure(0.5)
     assert sorted(discs) == [0, 1, 2, 3]
     poses = client.state.disc_poses
@@ -88,51 +84,29 @@ def test_discs_are_measured_where_the_tracker_sees_them(
         assert disc.samples >= 3
 
 
-def _nan(message: Any) -> None:
-    message.pose.pose.position.x = float('nan')
-
-
-def _nan_across(message: Any) -> None:
-    message.pose.pose.position.y = float('nan')
-    message.pose.covariance[7] = float('nan')
-
-
-def test_what_a_planar_arm_cannot_do_need_not_be_measured(client: Arm, tracker: Tracker) -> None:
-    tracker.spoil = _nan_across
+def test_what_a_planar_arm_cannot_do_need_not_be_measured(client, tracker):
+    tracker.spoil = spoil(pose__pose__position__y=nan, pose__covariance__7=nan)
     for disc in client.measure(0.5).values():
         assert disc.has_position
         assert (disc.pose[1], disc.stddev[1]) == (0.0, 0.0)
 
 
-def _indefinite(message: Any) -> None:
-    message.pose.covariance[0] = -1.0
-
-
-def _elsewhere(message: Any) -> None:
-    message.header.frame_id = 'world'
-
-
-def _out_of_the_plane(message: Any) -> None:
-    message.pose.pose.orientation.z = 0.7
-
-
-@pytest.mark.parametrize(('spoil', 'named'), [
-    (_elsewhere, "'world'; needed: 'base_link'"), (_out_of_the_plane, 'not about y'),
-    (_nan, 'finite'), (_indefinite, 'not positive definite')])
-def test_measurements_that_are_none_are_refused_by_their_reason(
-        client: Arm, tracker: Tracker, spoil: Callable[[Any], None], named: str) -> None:
-    tracker.spoil = spoil
+@pytest.mark.parametrize(('fields', 'named'), [
+    ({'header__frame_id': 'world'}, "'world'; needed: 'base_link'"),
+    ({'pose__pose__orientation__z': 0.7}, 'not about y'),
+    ({'pose__pose__position__x': nan}, 'finite'),
+    ({'pose__covariance__0': -1.0}, 'not positive definite')])
+def test_measurements_that_are_none_are_refused_by_their_reason(client, tracker, fields, named):
+    tracker.spoil = spoil(**fields)
     with pytest.raises(ClientError, match=named):
         client.measure(0.5)
 
 
-def _angle_only(message: Any) -> None:
-    message.pose.pose.position.x = message.pose.pose.position.z = 0.0
-    message.pose.covariance[0] = message.pose.covariance[14] = 1e6  # x and z are not measured
+_angle_only = spoil(pose__pose__position__x=0.0, pose__pose__position__z=0.0,
+                    pose__covariance__0=1e6, pose__covariance__14=1e6)  # not measured
 
 
-def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(
-        client: Arm, tracker: Tracker, arm: Any) -> None:
+def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(client, tracker, arm):
     tracker.spoil = _angle_only
     discs = client.measure(0.5)
     for disc in discs.values():
@@ -148,8 +122,7 @@ def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(
     assert 'nan' not in str(state) + positions_html(state, 'xz')
 
 
-def test_an_angle_beside_a_pose_takes_no_position_away(
-        client: Arm, tracker: Tracker, arm: Any) -> None:
+def test_an_angle_beside_a_pose_takes_no_position_away(client, tracker, arm):
     count = iter(range(10**6))
     tracker.spoil = lambda message: _angle_only(message) if next(count) // 4 % 2 else None
     for disc in client.measure(0.7).values():
@@ -158,7 +131,7 @@ def test_an_angle_beside_a_pose_takes_no_position_away(
     assert all(disc is not None and np.isfinite(disc.x) for disc in client.state.measured_discs)
 
 
-def test_several_sensors_are_weighted_by_their_variances() -> None:
+def test_several_sensors_are_weighted_by_their_variances():
     unknown = 1e6
     samples = [(np.array([0.010, 0.0, 0.02]), np.diag([1e-6, 1e-6, 1e-4])),
                (np.array([0.013, 0.0, 0.05]), np.diag([2e-6, 1e-6, 4e-4])),
@@ -170,8 +143,7 @@ def test_several_sensors_are_weighted_by_their_variances() -> None:
     assert disc.samples == 12
 
 
-def test_without_a_sensor_nothing_moves_and_the_remedy_is_said(
-        call: Callable[..., Any], arm: Any, tmp_path: Path) -> None:
+def test_without_a_sensor_nothing_moves_and_the_remedy_is_said(call, arm, tmp_path):
     status, _, error = call('measure', 's_form', '--output', str(tmp_path))
     assert status == 1
     assert 'does the node camera or disc_sensors run' in error
@@ -179,8 +151,7 @@ def test_without_a_sensor_nothing_moves_and_the_remedy_is_said(
     assert not list(tmp_path.iterdir())
 
 
-def test_measured_shapes_are_read_by_identify_as_they_were(
-        call: Callable[..., Any], arm: Any, tracker: Tracker, tmp_path: Path) -> None:
+def test_measured_shapes_are_read_by_identify_as_they_were(call, arm, tracker, tmp_path):
     status, _, error = call('measure', 's_form', '--output', str(tmp_path), '--duration', '0.5')
     assert status == 0, error
     description = load_arm(description_file())
@@ -193,8 +164,7 @@ def test_measured_shapes_are_read_by_identify_as_they_were(
     assert 'SIMULATED' not in (tmp_path / 'points.csv').read_text(encoding='utf-8')
 
 
-def test_status_says_what_is_seen_and_how_far_from_the_model(
-        call: Callable[..., Any], tracker: Tracker) -> None:
+def test_status_says_what_is_seen_and_how_far_from_the_model(call, tracker):
     status, output, _ = call('status')
     assert status == 0
     assert output.count('seen at') == 4
@@ -204,7 +174,7 @@ def test_status_says_what_is_seen_and_how_far_from_the_model(
 # In space.
 
 
-def test_in_space_positions_and_orientations_are_averaged() -> None:
+def test_in_space_positions_and_orientations_are_averaged():
     turn, more = Rotation.from_rotvec([0.3, 2.0, -1.0]), np.array([0.02, -0.01, 0.03])
     place, unknown = np.array([0.01, 0.02, 0.1]), np.diag([1e-6] * 3 + [1e6] * 3)
     tracker = np.concatenate([place + 0.002, [0.0, 0.0, 0.0, 1.0]]), unknown  # no orientation
@@ -227,16 +197,14 @@ def test_in_space_positions_and_orientations_are_averaged() -> None:
     assert np.isnan(top).all()
 
 
-def test_shapes_in_space_are_read_by_identify_as_they_were(
-        rig: Rig, settling: None, call: Callable[..., Any], tmp_path: Path) -> None:
+def test_shapes_in_space_are_read_by_identify_as_they_were(rig, settling, call, tmp_path):
     rig.start('kinematics', 'tendon_actuation', 'shape_sequencer',
               **given(TENDON_ARM, tendon_rate=10.0, angle_step=0.2, estimation__enabled=False))
     Tracker(rig, IN_SPACE).spoil = lambda message: None
     status, _, error = call('measure', 'c_form', '--output', str(tmp_path), '--duration', '0.5')
     assert status == 0, error
     arm = load_arm(TENDON_ARM)
-    shape, = read_shapes(
-        tmp_path / 'points.csv', tmp_path / 'pulls.csv', arm, jamming=False)
+    shape, = read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', arm, jamming=False)
     poses = poses_from_ros(rig.disc_poses.last)
     assert shape.numbers == tuple(range(8))
     assert shape.positions == pytest.approx(poses[:, :3] + IN_SPACE, abs=1e-4)
@@ -252,20 +220,20 @@ class Corrected:
 
     description = load_arm(description_file())
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.pulls, self.progress = (0.0, 0.0), None
 
     @property
-    def state(self) -> Any:
+    def state(self):
         return SimpleNamespace(pulls=self.pulls)
 
-    def run(self, *_: Any) -> None:
+    def run(self, *_):
         """Straighten it."""
 
-    def start(self, *_: Any, **__: Any) -> Any:
+    def start(self, *_, **__):
         return self
 
-    def updates(self) -> Iterator[Progress]:
+    def updates(self):
         for step, (segment, phase) in enumerate([
                 (1, Phase.MOVING), (1, Phase.STIFFENING), (2, Phase.STIFFENING),
                 (1, Phase.SOFTENING), (1, Phase.MOVING), (1, Phase.STIFFENING),
@@ -275,14 +243,14 @@ class Corrected:
                 self.progress = Progress(0, 'c_form', segment, phase, fraction)
                 yield self.progress
 
-    def measure(self, _: float) -> Any:
+    def measure(self, _):
         return {1: SimpleNamespace(has_position=True)}
 
-    def result(self) -> None:
+    def result(self):
         """Return: it ended well."""
 
 
-def test_segments_that_are_set_again_are_written_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_segments_that_are_set_again_are_written_again(monkeypatch):
     """Only the first pulls of each segment used to be kept, which the closed loop then changed."""
     monkeypatch.setattr(measure, 'SETTLING', 0.0)
     steps, discs = measure._set_and_measure(Corrected(), 'c_form', 0.0, jamming=True)

@@ -4,7 +4,6 @@
 
 from math import radians
 from multiprocessing import get_context
-from pathlib import Path
 
 import pytest
 
@@ -27,13 +26,13 @@ LIBRARY = ('c_form', 's_form')
 
 
 @pytest.fixture(autouse=True)
-def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own(tmp_path, monkeypatch):
     """Return where the file of the user is, which is not there yet."""
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path / 'config'))
     return tmp_path / 'config' / 'soft_continuum' / 'shapes.yaml'
 
 
-def test_what_is_saved_is_read_as_it_was_and_nothing_is_there_at_first(own: Path) -> None:
+def test_what_is_saved_is_read_as_it_was_and_nothing_is_there_at_first(own):
     assert read_saved() == Saved()
     save_shape('lean', (0.1, 1 / 3, -0.5))
     save_shape('twist', ((0.1, 2.0), (0.2, -1.0), (0.0, 0.0)))
@@ -49,7 +48,7 @@ def test_what_is_saved_is_read_as_it_was_and_nothing_is_there_at_first(own: Path
 
 @pytest.mark.parametrize('name', ['', ' ', '9', '1e3', 'a b', 'a,b', 'ä', 'a\n', '../a', 'x' * 61,
                                   'c_form', 'wave'])
-def test_a_name_that_is_none_or_taken_is_refused(name: str) -> None:
+def test_a_name_that_is_none_or_taken_is_refused(name):
     save_shape('lean', (0.1,))
     save_sequence('wave', [('lean', 1.0)], 1)
     with pytest.raises(OwnShapesError):
@@ -59,7 +58,7 @@ def test_a_name_that_is_none_or_taken_is_refused(name: str) -> None:
     assert read_saved().shapes.keys() == {'lean'}
 
 
-def test_a_shape_that_is_renamed_stays_in_its_sequences_and_one_in_use_is_not_deleted() -> None:
+def test_a_shape_that_is_renamed_stays_in_its_sequences_and_one_in_use_is_not_deleted():
     save_shape('lean', (0.1, 0.2))
     save_sequence('wave', [('lean', 1.0), ('lean', 2.0)], 3)
     rename('shapes', 'lean', 'bow')
@@ -87,8 +86,7 @@ def test_a_shape_that_is_renamed_stays_in_its_sequences_and_one_in_use_is_not_de
     ('version: 1\nshapes: {a: {bending_angles: [.nan]}}', set()),
     ('version: 1\nshapes: [a]', set()), ('x' * 200_000, set()),
 ])
-def test_a_file_that_cannot_be_read_whole_is_kept_aside_before_it_is_written(
-        own: Path, text: str, kept: set[str]) -> None:
+def test_a_file_that_cannot_be_read_whole_is_kept_aside_before_it_is_written(own, text, kept):
     own.parent.mkdir(parents=True)
     own.write_text(text, encoding='utf-8')
     saved = read_saved()
@@ -100,8 +98,7 @@ def test_a_file_that_cannot_be_read_whole_is_kept_aside_before_it_is_written(
     assert read_saved().names == kept | {'lean'} and not read_saved().problem
 
 
-def test_a_link_to_the_file_stays_one_and_a_file_that_cannot_be_written_is_said(
-        own: Path, tmp_path: Path) -> None:
+def test_a_link_to_the_file_stays_one_and_a_file_that_cannot_be_written_is_said(own, tmp_path):
     own.parent.mkdir(parents=True)
     own.symlink_to(tmp_path / 'dotfiles.yaml')
     save_shape('lean', (0.1,))
@@ -112,12 +109,12 @@ def test_a_link_to_the_file_stays_one_and_a_file_that_cannot_be_written_is_said(
         save_shape('lean', (0.1,))
 
 
-def _save_some(first: int) -> None:
+def _save_some(first):
     for number in range(first, first + 10):
         save_shape(f'shape_{number}', (0.1,))
 
 
-def test_of_two_programs_that_save_at_once_neither_loses_what_the_other_saves() -> None:
+def test_of_two_programs_that_save_at_once_neither_loses_what_the_other_saves():
     spawn = get_context('fork')
     others = [spawn.Process(target=_save_some, args=(10 * k,)) for k in range(2)]
     for other in others:
@@ -127,7 +124,7 @@ def test_of_two_programs_that_save_at_once_neither_loses_what_the_other_saves() 
     assert len(read_saved().shapes) == 20
 
 
-def test_only_what_fits_an_arm_is_offered_to_it() -> None:
+def test_only_what_fits_an_arm_is_offered_to_it():
     planar, spatial = (load_arm(description_file().with_name(name))
                        for name in ('manipulator.yaml', 'tendon_arm.yaml'))
     save_shape('plane', (0.1, -0.2, 0.3))
@@ -143,7 +140,7 @@ def test_only_what_fits_an_arm_is_offered_to_it() -> None:
     assert saved.offered(planar, ('plane', 'c_form')).names == {'lean'}  # the library comes first
 
 
-def test_names_in_a_goal_are_looked_up_but_not_what_the_goal_says_itself() -> None:
+def test_names_in_a_goal_are_looked_up_but_not_what_the_goal_says_itself():
     save_shape('lean', (0.1, 0.2))
     save_sequence('wave', [('lean', 1.5), ('c_form', 2.0)], 3, LIBRARY)
     given = [Shape(name='wave'), Shape(name='lean', bending_angles=[9.0]), Shape(name='x')]
@@ -153,14 +150,14 @@ def test_names_in_a_goal_are_looked_up_but_not_what_the_goal_says_itself() -> No
     assert read_saved().replaced([Shape(name='lean')], ('lean',)) == [Shape(name='lean')]
 
 
-def test_steps_are_names_and_hold_times() -> None:
+def test_steps_are_names_and_hold_times():
     assert steps_from_text(' c_form 2.5, lean,', 1.0) == [('c_form', 2.5), ('lean', 1.0)]
     for text in ('', ' , ', 'a b', 'a -1', 'a nan', 'a 1 2', 'a 1e9'):
         with pytest.raises(OwnShapesError):
             steps_from_text(text, 1.0)
 
 
-def test_the_file_does_not_grow_beyond_what_can_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_file_does_not_grow_beyond_what_can_be_read(monkeypatch):
     save_shape('lean', (0.1,))
     monkeypatch.setattr(own_file, 'MAX_SIZE', 150)
     with pytest.raises(OwnShapesError, match='delete something'):

@@ -1,10 +1,8 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A run is recorded by a process of its own, and turned into a page and tables."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
 from itertools import groupby
 from pathlib import Path
 import resource
@@ -31,7 +29,7 @@ from soft_continuum.ros.definitions import DefinitionError, message_class
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import RecorderState
-from support.ros_rig import DEADLINE, Rig
+from support.ros_rig import assert_declined, DEADLINE
 
 TOPICS = ('tendon_states', 'disc_poses', 'segment_1/pressure', 'jamming_valves/state',
           'shape_sequencer/state', 'kinematics/state', 'tendon_actuation/status')
@@ -40,7 +38,7 @@ TOPICS = ('tendon_states', 'disc_poses', 'segment_1/pressure', 'jamming_valves/s
 class RecordProcess:
     """The command record, of the rig."""
 
-    def __init__(self, rig: Rig, directory: Path, *options: str) -> None:
+    def __init__(self, rig, directory, *options):
         self.directory, self.file = directory, directory / BAG
         self._rig, self._size = rig, 1000
         self.process = subprocess.Popen(
@@ -48,14 +46,14 @@ class RecordProcess:
              '--namespace', rig.namespace, *options],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
-    def seen(self) -> Counter[str]:
+    def seen(self):
         """Return how many messages of each topic, without the namespace, are on the disk."""
         with BagReader(self.file) as bag:
             return Counter(message.topic.name.removeprefix(f'{self._rig.namespace}/')
                            for message in bag.messages())
 
-    def wait_until_it_records(self) -> None:
-        def recorded() -> bool:
+    def wait_until_it_records(self):
+        def recorded():
             assert self.process.poll() is None, self.process.communicate()
             size = self.file.stat().st_size if self.file.exists() else 0
             if size <= self._size:  # nothing new to read
@@ -64,13 +62,13 @@ class RecordProcess:
             return set(TOPICS) <= set(seen) and seen['tendon_states'] > 2
         self._rig.wait_for(recorded, 'a recording')
 
-    def end(self) -> tuple[int, str, str]:
+    def end(self):
         out, err = self.process.communicate(timeout=DEADLINE)
         return self.process.returncode, out, err
 
 
 @pytest.fixture
-def recorder(arm: Rig, here: None, tmp_path: Path) -> Iterator[RecordProcess]:
+def recorder(arm, here, tmp_path):
     found = RecordProcess(arm, tmp_path / 'run', '--goal')
     found.wait_until_it_records()
     yield found
@@ -78,8 +76,7 @@ def recorder(arm: Rig, here: None, tmp_path: Path) -> Iterator[RecordProcess]:
     found.process.wait()
 
 
-def test_a_goal_is_recorded_to_its_end_reported_and_played(
-        arm: Rig, recorder: RecordProcess) -> None:
+def test_a_goal_is_recorded_to_its_end_reported_and_played(arm, recorder):
     assert arm.goal('c_form', 's_form').result()[0] == 'SUCCEEDED'
     status, out, err = recorder.end()
     assert (status, err) == (0, '')
@@ -118,13 +115,13 @@ def test_a_goal_is_recorded_to_its_end_reported_and_played(
     assert_played_as_recorded(arm, recorder.file)
 
 
-def assert_played_as_recorded(arm: Rig, file: Path) -> None:
+def assert_played_as_recorded(arm, file):
     """Claim that a playback publishes what was recorded, and has the description of the arm."""
     with Playback(file) as playback, Arm(playback.namespace, timeout=DEADLINE) as player:
         arm.wait_for(lambda: player.state.pulls, 'the begin of the recording')
         assert player.state.pulls == (0.0, 0.0)
         assert player.description == load_arm(description_file())
-        heard: list[bytes] = []
+        heard = []
         arm.on_ros_thread(lambda: arm.observer.create_subscription(
             JointState, f'{playback.namespace}/tendon_states', heard.append, 1000, raw=True))
         arm.wait_for(lambda: len(heard) > 1, 'what stands still to be repeated')
@@ -150,8 +147,7 @@ def assert_played_as_recorded(arm: Rig, file: Path) -> None:
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_what_was_recorded_before_it_was_ended_is_kept(
-        recorder: RecordProcess, number: signal.Signals) -> None:
+def test_what_was_recorded_before_it_was_ended_is_kept(recorder, number):
     recorder.process.send_signal(number)
     status, _, err = recorder.end()
     killed = number == signal.SIGKILL
@@ -162,7 +158,7 @@ def test_what_was_recorded_before_it_was_ended_is_kept(
     assert bool(recording.damage) == killed
 
 
-def test_a_disk_that_is_full_ends_it_and_keeps_what_there_is(recorder: RecordProcess) -> None:
+def test_a_disk_that_is_full_ends_it_and_keeps_what_there_is(recorder):
     size = recorder.file.stat().st_size + 1000
     resource.prlimit(recorder.process.pid, resource.RLIMIT_FSIZE, (size, size))
     status, _, err = recorder.end()
@@ -173,15 +169,14 @@ def test_a_disk_that_is_full_ends_it_and_keeps_what_there_is(recorder: RecordPro
 
 
 @pytest.fixture
-def ask(arm: Rig, tmp_path: Path) -> Iterator[Callable[[bool], SetBool.Response]]:
+def ask(arm, tmp_path):
     """Start the node; return a call of its service."""
     node, = arm.start('recorder', ready=False, recorder__directory=str(tmp_path))
     yield lambda data: arm.call(SetBool, 'recorder/record', data=data)
     arm.end(node)  # the next test has one of its own
 
 
-def test_a_service_begins_and_ends_files(
-        arm: Rig, ask: Callable[[bool], SetBool.Response], tmp_path: Path) -> None:
+def test_a_service_begins_and_ends_files(arm, ask, tmp_path):
     states = arm.record(RecorderState, 'recorder/state', EVERY_STATE)
     left_out = {arm.observer.create_publisher(kind, name, LATCHED): kind() for kind, name in (
         (Image, 'camera/image_raw'), (PoseArray, 'twin/disc_poses'))}
@@ -211,8 +206,7 @@ def test_a_service_begins_and_ends_files(
     assert len(list(tmp_path.glob('*.mcap'))) == 2
 
 
-def test_a_type_of_the_network_is_never_imported_as_a_program(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_type_of_the_network_is_never_imported_as_a_program(tmp_path, monkeypatch):
     (tmp_path / 'evil').mkdir()
     (tmp_path / 'evil' / '__init__.py').write_text('raise SystemExit(1)')
     monkeypatch.syspath_prepend(tmp_path)
@@ -223,9 +217,8 @@ def test_a_type_of_the_network_is_never_imported_as_a_program(
 
 
 def test_without_force_nothing_is_overwritten_and_with_it_not_before_there_are_nodes(
-        call: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
-    before, record = tmp_path / BAG, (
-        'record', '--output', str(tmp_path), '--duration', '0.2')
+        call, tmp_path):
+    before, record = tmp_path / BAG, ('record', '--output', str(tmp_path), '--duration', '0.2')
     before.write_text('precious')
     assert call(*record, timeout=None)[0] == 2
     status, _, err = call(*record, '--force', timeout=None)
@@ -233,12 +226,9 @@ def test_without_force_nothing_is_overwritten_and_with_it_not_before_there_are_n
     assert before.read_text() == 'precious'
 
 
-def test_a_node_that_cannot_write_says_so_and_goes_on(
-        arm: Rig, tmp_path: Path) -> None:
+def test_a_node_that_cannot_write_says_so_and_goes_on(arm, tmp_path):
     file = tmp_path / 'file'
     file.touch()
     arm.start('recorder', ready=False, recorder__directory=str(file / 'below'))
-    answer = arm.call(SetBool, 'recorder/record', data=True)
-    assert not answer.success
-    assert 'change recorder.directory' in answer.message
+    assert_declined(arm.call(SetBool, 'recorder/record', data=True), 'change recorder.directory')
     assert not arm.call(SetBool, 'recorder/record', data=True).success

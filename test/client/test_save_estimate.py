@@ -2,10 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What was learned of the running arm is saved as far as it is determined, and no further."""
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from soft_continuum.cli.save_estimate import estimated_parameters, FILE
@@ -14,34 +10,31 @@ from soft_continuum.parameters.files import load_arm, write_parameters
 from soft_continuum.parameters.overrides import Overrides
 from soft_continuum.ros.estimates import model_from_ros, parameter_names
 from soft_continuum.user_files import description_file
-from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
-from support.estimated_arm import ARM, EstimatedArm, learned
+from soft_continuum_interfaces.msg import KinematicsState
+from support.estimated_arm import ARM, learned
 
 
 @pytest.fixture
-def arm(estimated_of_module: EstimatedArm) -> EstimatedArm:
+def arm(estimated_of_module):
     return estimated_of_module
 
 
-Save = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def save(arm: EstimatedArm, call: Callable[..., Any], tmp_path: Path) -> Save:
+def save(arm, call, tmp_path):
     """Return a function that saves what is learned; None: nothing is estimated."""
-    def run(parameters: list[EstimatedParameter] | None, *options: str) -> tuple[int, str, str]:
+    def run(parameters, *options):
         arm.age = None if parameters is None else 0.05
         arm.state = KinematicsState(
             source=KinematicsState.PREDICTED if parameters is None else KinematicsState.ESTIMATED,
             parameters=parameters or [])
-        return call(  # type: ignore[no-any-return]
-            'save-estimate', '--output', str(tmp_path), *options)
+        return call('save-estimate', '--output', str(tmp_path), *options)
 
     return run
 
 
-def test_what_is_determined_becomes_a_description_that_nodes_read(
-        save: Save, tmp_path: Path) -> None:
+def test_what_is_determined_becomes_a_description_that_nodes_read(save, tmp_path):
     status, output, errors = save([
         learned('stiffness_factor_1', 1.25, 0.05),
         learned('stiffness_factor_2', 0.9, 0.25, determined=False),
@@ -50,8 +43,7 @@ def test_what_is_determined_becomes_a_description_that_nodes_read(
     assert (status, errors) == (0, '')
     arm = load_arm(description_file(), tmp_path / FILE)
     before = [s.stiffness_y for s in ARM.segments]
-    assert [s.stiffness_y for s in arm.segments] == pytest.approx(
-        [1.25 * before[0], *before[1:]])
+    assert [s.stiffness_y for s in arm.segments] == pytest.approx([1.25 * before[0], *before[1:]])
     assert [s.jam.ratio for s in arm.segments] == pytest.approx(
         [*(s.jam.ratio for s in ARM.segments[:2]), 40.0])
     assert arm.payload == pytest.approx(0.021)
@@ -81,17 +73,14 @@ def test_what_is_determined_becomes_a_description_that_nodes_read(
     ([learned('stiffness_factor_1', float('nan'), 0.1)], 'nan is not positive'),
     ([learned('stiffness_factor_7', 1.0, 0.1)], 'this arm has no such segment'),
     ([learned('colour', 1.0, 0.1)], 'no parameter of a description')])
-def test_what_is_not_determined_is_refused_with_the_reason(
-        save: Save, tmp_path: Path, parameters: list[EstimatedParameter] | None, reason: str
-        ) -> None:
+def test_what_is_not_determined_is_refused_with_the_reason(save, tmp_path, parameters, reason):
     status, _, errors = save(parameters)
     assert status == 1
     assert reason in errors and errors.count('\n') == 1
     assert not list(tmp_path.iterdir())
 
 
-def test_a_value_that_is_not_plausible_is_written_with_a_warning(
-        save: Save, tmp_path: Path) -> None:
+def test_a_value_that_is_not_plausible_is_written_with_a_warning(save, tmp_path):
     status, _, errors = save([
         learned('stiff_ratio_2', 4.1, 0.4, problem='less than 5: is the vacuum full?')])
     assert status == 0
@@ -99,7 +88,7 @@ def test_a_value_that_is_not_plausible_is_written_with_a_warning(
     assert '# NOT PLAUSIBLE: K, segment 2 4.1' in (tmp_path / FILE).read_text(encoding='utf-8')
 
 
-def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> None:
+def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path):
     files = description_file().with_name('spatial_jamming.yaml'), tmp_path / 'leaf_springs.yaml'
     write_parameters(files[1], {'arm.lateral_bending_stiffnesses': (0.05, 0.0, 0.01),
                                 'arm.torsional_stiffnesses': (0.02, 0.0, 0.003)}, [])
@@ -120,8 +109,7 @@ def test_in_space_the_file_gives_the_arm_that_is_estimated(tmp_path: Path) -> No
         assert one.stiffness_x != described.stiffness_x
 
 
-def test_without_nodes_there_is_nothing_to_learn_from(
-        arm: EstimatedArm, call: Callable[..., Any], tmp_path: Path) -> None:
+def test_without_nodes_there_is_nothing_to_learn_from(arm, call, tmp_path):
     status, _, errors = call('save-estimate', '--output', str(tmp_path), namespace='/nobody',
                              timeout=0.5)
     assert status == 3 and 'do not run' in errors

@@ -21,8 +21,7 @@ def test_reach_brings_the_tip_to_a_place_and_a_plan_tells_before(arm, client):
     seen = []
     result = client.reach(0.12, 0.26, progress=seen.append)
     assert result.reached.tip_error <= TOLERANCE and result.reached.replans == 0
-    assert result.reached.bending_angles == pytest.approx(
-        plan.steps[-1].bending_angles, abs=0.01)
+    assert result.reached.bending_angles == pytest.approx(plan.steps[-1].bending_angles, abs=0.01)
     assert {progress.shape for progress in seen} == {'tip at (120, 260) mm'}
     assert {progress.aim for progress in seen} == {'tip'}
 

@@ -14,6 +14,7 @@ import serial
 from soft_continuum.commissioning import checks, doctor
 from soft_continuum.commissioning.checks import check_jamming, check_tendons
 from soft_continuum.parameters.files import load_rig
+from support.descriptions import section
 from support.emulated_rig import emulated_rig, reference, TIMEOUT
 
 WRITE_COIL = 5
@@ -103,11 +104,14 @@ def test_parameters_that_are_missing_wrong_or_read_differently_are_named(rig, as
     assert status == 1
     assert 'nowhere.yaml: cannot be read' in found['parameters'][1]
     other = tmp_path / 'other.yaml'
-    other.write_text('kinematics:\n  ros__parameters:\n    arm:\n      gravity: 0.0\n')
-    status, found = ask(rig.file, other)
-    assert status == 1
-    assert 'arm.gravity is 9.80665 for tendon_actuation and 0.0 for kinematics' in (
-        found['parameters'][1])
+    for node, line, words in (
+            ('kinematics', 'arm.gravity: 0.0', 'sets arm.gravity for kinematics alone'),
+            ('shape_sequencer', 'tension_limit: 7.0',
+             'tension_limit is 60.0 for tendon_actuation and 7.0 for shape_sequencer')):
+        other.write_text(section(node, line))
+        status, found = ask(rig.file, other)
+        assert status == 1
+        assert words in found['parameters'][1]
     rig.parameters(grbl__prot='x')
     assert 'did you mean grbl.port?' in ask(rig.file)[1]['parameters'][1]
 

@@ -43,7 +43,7 @@ driver.close()
 """
 
 
-def test_the_package_is_built_found_and_drives_its_emulated_motors(tmp_path: Path) -> None:
+def test_the_package_is_built_found_and_drives_its_emulated_motors(tmp_path):
     subprocess.run(
         [sys.executable, '-m', 'colcon', 'build', '--base-paths', PACKAGE,
          '--build-base', tmp_path / 'build', '--install-base', tmp_path / 'install'],
@@ -54,16 +54,16 @@ def test_the_package_is_built_found_and_drives_its_emulated_motors(tmp_path: Pat
     here = tmp_path / 'here.yaml'
     environment = {**os.environ, 'PYTHONPATH': f'{packages}:{os.environ.get("PYTHONPATH", "")}'}
 
-    def start(*words: object) -> subprocess.Popen[str]:
+    def start(*words):
         return ended.enter_context(subprocess.Popen(
             [sys.executable, *map(str, words)], env=environment, text=True,
             stdin=subprocess.PIPE, stdout=subprocess.PIPE))
 
-    def say(program: subprocess.Popen[str], line: str) -> None:
+    def say(program, line):
         assert program.stdin is not None
         print(line, file=program.stdin, flush=True)
 
-    def read(program: subprocess.Popen[str], lines: int = 1) -> str:
+    def read(program, lines=1):
         assert program.stdout is not None
         return ''.join(program.stdout.readline() for _ in range(lines))
 
@@ -75,8 +75,7 @@ def test_the_package_is_built_found_and_drives_its_emulated_motors(tmp_path: Pat
         program = start('-c', MOVE, file, here)
         ended.callback(program.kill)
         # It opens, the module COMMISSIONING of the driver checks it, and it has no zero.
-        assert read(program) == (
-            "['tendon driver my_tendons', 'motor box', 'tendon reference']\n")
+        assert read(program) == ("['tendon driver my_tendons', 'motor box', 'tendon reference']\n")
         assert read(program, 3) == 'False\n[1.0, -2.0]\nquiet\n'
         say(box, 'state')
         assert re.fullmatch(r'at \[6\.0, 5\.0\] mm, stopped [1-9] times\n', read(box))

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What needs a Python package that is missing, or has another version, says the line to type."""
 
-from collections.abc import Callable, Iterator
 from configparser import ConfigParser
 from importlib import import_module, metadata
 from pathlib import Path
@@ -54,7 +53,7 @@ FILES = {
 }
 
 
-def extras() -> dict[str, list[str]]:
+def extras():
     """Return what setup.cfg asks for by extra, such as viser~=1.1, but for the tests."""
     config = ConfigParser()
     config.read(ROOT / 'setup.cfg', encoding='utf-8')
@@ -63,21 +62,20 @@ def extras() -> dict[str, list[str]]:
                if extra != 'test'}}
 
 
-def asked_for(package: str) -> str:
+def asked_for(package):
     """Return what setup.cfg asks for of a package."""
     return next(one for some in extras().values() for one in some
                 if re.split('[<>=~]', one)[0] == package)
 
 
 @pytest.fixture
-def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-         ) -> Iterator[Callable[[str], tuple[int, str]]]:
+def call(tmp_path, monkeypatch, capfd):
     """Return a function that runs a command line in a suite that is imported anew."""
-    def drop() -> None:
+    def drop():
         for name in [name for name in sys.modules if re.match(r'soft_continuum(\.|$)', name)]:
             del sys.modules[name]
 
-    def run(line: str) -> tuple[int, str]:
+    def run(line):
         capfd.readouterr()
         monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
         status = import_module('soft_continuum.cli.main').main(line.split())
@@ -93,7 +91,7 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureF
     sys.modules.update(before)
 
 
-def block(monkeypatch: pytest.MonkeyPatch, *modules: str) -> None:
+def block(monkeypatch, *modules):
     """Let modules not be found."""
     for name in [name for name in sys.modules if name.partition('.')[0] in modules]:
         monkeypatch.delitem(sys.modules, name)
@@ -103,8 +101,7 @@ def block(monkeypatch: pytest.MonkeyPatch, *modules: str) -> None:
 
 @pytest.mark.parametrize('module', NEEDED)
 def test_what_needs_a_package_that_is_missing_says_the_line_that_installs_it(
-        module: str, call: Callable[[str], tuple[int, str]], monkeypatch: pytest.MonkeyPatch
-        ) -> None:
+        module, call, monkeypatch):
     package, lines = NEEDED[module]
     block(monkeypatch, module)
     for line in lines:
@@ -115,14 +112,13 @@ def test_what_needs_a_package_that_is_missing_says_the_line_that_installs_it(
         assert 'Traceback' not in said
 
 
-def test_every_package_of_an_extra_is_known_by_what_needs_it() -> None:
+def test_every_package_of_an_extra_is_known_by_what_needs_it():
     packages = {re.split('[<>=~]', one)[0] for extra, some in extras().items() if extra
                 for one in some}
     assert packages == {package for package, _ in NEEDED.values()} - ALWAYS | BROUGHT
 
 
-def test_the_doctor_names_every_package_that_is_missing(
-        call: Callable[[str], tuple[int, str]], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_doctor_names_every_package_that_is_missing(call, monkeypatch):
     block(monkeypatch, *(NEEDED.keys() | BROUGHT) - {'serial'} - ALWAYS)
     status, said = call('doctor')
     assert status == 0  # a simulated rig needs none of them
@@ -134,17 +130,14 @@ def test_the_doctor_names_every_package_that_is_missing(
 
 
 @pytest.mark.parametrize('line', ['status', 'up', 'teleop_node', 'measure', 'doctor --network'])
-def test_without_ros_a_verb_says_to_source_it(
-        line: str, call: Callable[[str], tuple[int, str]], monkeypatch: pytest.MonkeyPatch
-        ) -> None:
+def test_without_ros_a_verb_says_to_source_it(line, call, monkeypatch):
     block(monkeypatch, 'rclpy')
     status, said = call(line)
     assert status == 1
     assert 'source it and the workspace, or start with ./run' in said
 
 
-def test_a_version_that_does_not_fit_is_not_used(
-        call: Callable[[str], tuple[int, str]], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_version_that_does_not_fit_is_not_used(call, monkeypatch):
     version = metadata.version
     monkeypatch.setattr(metadata, 'version', lambda name: {'pymodbus': '3.0.0'}.get(name)
                         or version(name))
@@ -154,9 +147,8 @@ def test_a_version_that_does_not_fit_is_not_used(
                       f"'{asked_for('pymodbus')}'") == 2  # and the driver refuses it
 
 
-def test_the_opencv_of_apt_is_too_old(
-        call: Callable[[str], tuple[int, str]], monkeypatch: pytest.MonkeyPatch) -> None:
-    def version(name: str) -> str:
+def test_the_opencv_of_apt_is_too_old(call, monkeypatch):
+    def version(name):
         if name.startswith('opencv'):
             raise metadata.PackageNotFoundError(name)
         return known(name)
@@ -170,9 +162,7 @@ def test_the_opencv_of_apt_is_too_old(
     assert 'opencv' not in call(line)[1]
 
 
-def test_a_python_of_apt_gets_packages_of_apt_where_they_fit(
-        call: Callable[[str], tuple[int, str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-        ) -> None:
+def test_a_python_of_apt_gets_packages_of_apt_where_they_fit(call, monkeypatch, tmp_path):
     (tmp_path / 'EXTERNALLY-MANAGED').touch()
     monkeypatch.setattr(sysconfig, 'get_path', lambda name: str(tmp_path))
     monkeypatch.setattr(sys, 'prefix', sys.base_prefix)
@@ -183,7 +173,7 @@ def test_a_python_of_apt_gets_packages_of_apt_where_they_fit(
         f"'{asked_for('viser')}' numpy=={metadata.version('numpy')}\n")
 
 
-def test_what_apt_has_is_what_the_manifest_names() -> None:
+def test_what_apt_has_is_what_the_manifest_names():
     manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
     keys = {element.text for element in manifest.iter('exec_depend')}
     from soft_continuum.extras import FROM_APT

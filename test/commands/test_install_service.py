@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """``install-service`` in a home of its own, with boards that are not there."""
 
-from collections.abc import Callable, Iterator
 from io import StringIO
 import os
 from pathlib import Path
@@ -12,7 +10,6 @@ import shutil
 import subprocess
 import sys
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -40,14 +37,14 @@ RIG = """\
 """
 
 
-def board(device: str, **changes: Any) -> Any:
+def board(device, **changes):
     """Return a port as pyserial lists it."""
     return SimpleNamespace(**{'device': device, 'vid': 0x0403, 'pid': 0x6014,
                               'serial_number': 'FT123', 'location': '1-2:1.0', **changes})
 
 
 @pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def home(tmp_path, monkeypatch):
     """Return where the files of the user are; one board of two is plugged in."""
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path / 'config'))
     monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path / 'state'))
@@ -55,18 +52,17 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     yield tmp_path / 'config'
 
 
-def files(home: Path) -> dict[str, str]:
+def files(home):
     return {path.name: path.read_text(encoding='utf-8')
             for path in home.rglob('*') if path.is_file()}
 
 
-def answer(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+def answer(monkeypatch, text):
     monkeypatch.setattr(sys, 'stdin', StringIO(text))
 
 
 def test_everything_is_shown_and_nothing_is_written_without_a_yes(
-        home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str]) -> None:
+        home, tmp_path, monkeypatch, capsys):
     rig = tmp_path / 'my rig.yaml'
     rig.write_text(RIG % ('/dev/ttyUSB0', '/dev/ttyUSB9'), encoding='utf-8')
     command = ['install-service', '--params-file', str(description_file()),
@@ -94,13 +90,12 @@ def test_everything_is_shown_and_nothing_is_written_without_a_yes(
     assert 'nothing to remove' in capsys.readouterr().err
 
 
-def start_line(unit: str) -> list[str]:
+def start_line(unit):
     line, = (line for line in unit.splitlines() if line.startswith('ExecStart='))
     return shlex.split(line.partition('=')[2])
 
 
-def test_a_unit_starts_one_node_again_unless_it_was_given_what_it_does_not_take(
-        home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_unit_starts_one_node_again_unless_it_was_given_what_it_does_not_take(home, capsys):
     assert main(['install-service', '--nodes', 'hardware', '--yes']) == 0
     written = files(home)
     unit = written['soft_continuum@.service'].splitlines()
@@ -118,7 +113,7 @@ def test_a_unit_starts_one_node_again_unless_it_was_given_what_it_does_not_take(
         'tendon_actuation', 'jamming_valves']
 
 
-def test_an_arm_without_jamming_has_no_service_for_it(home: Path) -> None:
+def test_an_arm_without_jamming_has_no_service_for_it(home):
     path = str(description_file('tendon_arm'))
     assert main(['install-service', '--params-file', path, '--yes']) == 0
     target = files(home)['soft_continuum.target']
@@ -126,7 +121,7 @@ def test_an_arm_without_jamming_has_no_service_for_it(home: Path) -> None:
 
 
 @pytest.mark.skipif(not shutil.which('systemd-analyze'), reason='needs systemd')
-def test_systemd_takes_the_units(home: Path, tmp_path: Path) -> None:
+def test_systemd_takes_the_units(home, tmp_path):
     odd = tmp_path / 'a "b" $c %d \\e.yaml'
     shutil.copy(description_file(), odd)
     assert main(['install-service', '--params-file', str(odd), '--yes']) == 0
@@ -145,9 +140,7 @@ def test_systemd_takes_the_units(home: Path, tmp_path: Path) -> None:
     (('--nodes', 'some'), 'hardware'),
     (('--yess',), '--yes'),
 ])
-def test_wrong_input_is_refused_and_nothing_is_written(
-        home: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], reason: str
-        ) -> None:
+def test_wrong_input_is_refused_and_nothing_is_written(home, capsys, options, reason):
     try:
         status = main(['install-service', '--yes', *options])
     except SystemExit as end:
@@ -157,23 +150,21 @@ def test_wrong_input_is_refused_and_nothing_is_written(
     assert not files(home)
 
 
-def test_a_folder_that_cannot_be_written_is_named(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-        ) -> None:
+def test_a_folder_that_cannot_be_written_is_named(tmp_path, monkeypatch, capsys):
     (tmp_path / 'config').write_text('a file, not a folder')
     monkeypatch.setenv('XDG_CONFIG_HOME', str(tmp_path / 'config'))
     assert main(['install-service', '--yes']) == 2
     assert 'XDG_CONFIG_HOME' in capsys.readouterr().err
 
 
-def test_a_line_break_reaches_no_unit() -> None:
+def test_a_line_break_reaches_no_unit():
     with pytest.raises(ParameterError, match='control character'):
         systemd_units('', ['kinematics'], ['python', '%i', 'my\nExecStartPre=evil.yaml'], {})
     with pytest.raises(ParameterError, match='control character'):
         systemd_units('', ['kinematics'], ['python', '%i'], {'PATH': '/bin\n[Install]'})
 
 
-def test_boards_get_names_by_what_they_are_and_by_their_socket_without_a_number() -> None:
+def test_boards_get_names_by_what_they_are_and_by_their_socket_without_a_number():
     ports = ports_of({'grbl.port': '/dev/ttyUSB0 /dev/ttyUSB1', 'modbus.port': '/dev/ttyUSB2',
                       'other.port': '', 'grbl.baud_rate': 115200})
     found = boards_of(ports, [board('/dev/ttyUSB0'), board(
@@ -193,7 +184,7 @@ def test_boards_get_names_by_what_they_are_and_by_their_socket_without_a_number(
 
 
 @pytest.mark.parametrize('blocked', ['a file', 'a folder in /proc'])
-def test_a_folder_for_logs_that_cannot_be_written_is_named(tmp_path: Path, blocked: str) -> None:
+def test_a_folder_for_logs_that_cannot_be_written_is_named(tmp_path, blocked):
     (tmp_path / 'file').write_text('')
     folder = tmp_path / 'file' / 'log' if blocked == 'a file' else Path('/proc/none')
     with pytest.raises(ParameterError, match=f'logs to {folder}: .*; set ROS_LOG_DIR to a folder'):
@@ -203,8 +194,7 @@ def test_a_folder_for_logs_that_cannot_be_written_is_named(tmp_path: Path, block
     require_log_folder({'ROS_LOG_DIR': str(tmp_path / 'new' / 'log')})
 
 
-def test_old_logs_are_discarded_and_those_of_others_are_not(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_old_logs_are_discarded_and_those_of_others_are_not(tmp_path, monkeypatch):
     environment = {'ROS_HOME': str(tmp_path)}
     choose_log_folder(environment)
     folder = Path(environment['ROS_LOG_DIR'])
@@ -216,7 +206,7 @@ def test_old_logs_are_discarded_and_those_of_others_are_not(
     for number, path in enumerate([other, kept, *(folder / f'{n}.log' for n in range(6))]):
         path.write_bytes(b'x' * 100)
         os.utime(path, (number, number))
-    left: Callable[[], set[str]] = lambda: {path.stem for path in folder.glob('*.log')}  # noqa: E731
+    left = lambda: {path.stem for path in folder.glob('*.log')}  # noqa: E731
     discard_old_logs(environment, max_files=5)
     assert left() == {'1', '2', '3', '4', '5'}
     discard_old_logs(environment, max_bytes=350)

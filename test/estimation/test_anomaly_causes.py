@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from soft_continuum.estimation.anomalies import REPORTED
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.hypotheses import Cause
+from soft_continuum.estimation.measuring import ActuatorState
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import Statics, Wrench
 from soft_continuum.mechanics.chain import Chain

@@ -17,16 +17,7 @@ from soft_continuum.mechanics.laws import Jam, MomentCurvature
 from support import spatial_truth
 from support.paper_arm import plane_points
 from support.planar import IN_PLANE
-from support.true_arm import (
-    ARM,
-    commands,
-    COVARIANCE,
-    only,
-    PERIOD,
-    Session,
-    STIFF,
-    TrueArm,
-)
+from support.true_arm import ARM, commands, COVARIANCE, only, PERIOD, Session, STIFF, TrueArm
 
 HANGING = replace(ARM, gravity=mounted(pi))
 NO_DRIFT = Drift(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -402,8 +393,7 @@ def test_mirrored_motions_and_measurements_give_the_mirror_image():
     assert estimator.offsets == pytest.approx(one.estimator.offsets[::-1], abs=1e-8)
     same = slice(layout.stiffness.start, layout.ratio.stop)
     assert estimator.values[same] == pytest.approx(one.estimator.values[same], abs=1e-4)
-    assert estimator.stddevs()[same] == pytest.approx(one.estimator.stddevs()[same],
-                                                         rel=1e-3)
+    assert estimator.stddevs()[same] == pytest.approx(one.estimator.stddevs()[same], rel=1e-3)
     assert estimator.stddevs()[layout.offset] == pytest.approx(
         one.estimator.stddevs()[layout.offset][::-1], rel=1e-3)
 

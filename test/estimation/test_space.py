@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from soft_continuum.estimation import anomalies
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
-from soft_continuum.estimation.measuring import DiscMeasurement, predicted
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of
@@ -28,8 +27,7 @@ from support.true_arm import only, Session, STIFF, TrueArm
 
 TENDON_ARM = load_arm(description_file().with_name('tendon_arm.yaml'))
 UNSEEN = 1e6  # m^2 or rad^2
-NEAR = {'factors': (1.2, 0.9, 0.8), 'ratio': 20.0, 'offsets': (4e-4, -3e-4, 2e-4),
-        'payload': 0.02}
+NEAR = {'factors': (1.2, 0.9, 0.8), 'ratio': 20.0, 'offsets': (4e-4, -3e-4, 2e-4), 'payload': 0.02}
 
 
 def toward(angle, direction):
@@ -137,8 +135,7 @@ def test_a_planar_arm_has_the_planar_estimate():
     assert space.state.tip == pytest.approx(plane.estimator.state.tip, abs=1e-6)
     ours, theirs = (one.layout.parameters for one in (plane.estimator, space))
     assert space.values[theirs] == pytest.approx(plane.estimator.values[ours], abs=2e-4)
-    assert space.stddevs()[theirs] == pytest.approx(
-        plane.estimator.stddevs()[ours], rel=1e-3)
+    assert space.stddevs()[theirs] == pytest.approx(plane.estimator.stddevs()[ours], rel=1e-3)
 
 
 @pytest.mark.parametrize('spatial', [False, True])

@@ -8,18 +8,13 @@ from math import inf, pi
 import numpy as np
 import pytest
 
-from soft_continuum.estimation.commands import ActuatorState
-from soft_continuum.estimation.measuring import predicted
+from soft_continuum.estimation.measuring import ActuatorState, predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.nodes.measurements import (
-    MeasuredTensions,
-    TENSION_INTERVAL,
-    UNCHECKED_TIME,
-)
+from soft_continuum.nodes.measurements import MeasuredTensions, TENSION_INTERVAL, UNCHECKED_TIME
 from soft_continuum_interfaces.msg import TendonActuationState
 from support.true_arm import ARM, commands, only, Session, STIFF, TrueArm
 

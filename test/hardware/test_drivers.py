@@ -42,7 +42,7 @@ def test_no_two_drivers_share_a_parameter(group):
     assert all('.' in name for name in names)
 
 
-def other_package(directory: Path, module: str) -> None:
+def other_package(directory, module):
     """Install a package as pip would, with the driver ``servo``."""
     (directory / 'my_rig').mkdir()
     (directory / 'my_rig' / '__init__.py').touch()
@@ -54,7 +54,7 @@ def other_package(directory: Path, module: str) -> None:
         '[soft_continuum.tendon_drivers]\nservo = my_rig.servo:ServoTendons\n')
 
 
-def run_with(directory: Path, code: str) -> str:
+def run_with(directory, code):
     program = f'import sys; sys.path.insert(0, {str(directory)!r})\n' + textwrap.dedent(code)
     return subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
                           check=True, timeout=60).stdout

@@ -27,6 +27,7 @@ from soft_continuum.emulators.dynamixel_packets import (
     status,
 )
 from soft_continuum.emulators.dynamixel_servo import BOOT_TIME, DynamixelServo
+from support.driver_waits import until
 from support.virtual_clock import VirtualClock
 
 TORQUE, MODE, GOAL_CURRENT, GOAL, WATCHDOG, POSITION, ERRORS = 64, 11, 102, 116, 98, 132, 70
@@ -70,13 +71,6 @@ class Bus:
             self.port, device, address, size, list(value.to_bytes(size, 'little', signed=True)))
         assert result == sdk.COMM_SUCCESS
         return error
-
-    def until(self, condition):
-        clock = self.emulator.clock
-        deadline = clock() + 20.0
-        while not condition():
-            assert clock() < deadline
-            clock.sleep(0.01)
 
 
 @contextmanager
@@ -222,7 +216,7 @@ def test_a_reboot_keeps_the_eeprom_and_forgets_the_ram_and_whole_turns():
     with bus() as host:
         assert host.write(2, TORQUE, 1, 1) == 0
         assert host.write(2, GOAL, 1400 + 5000) == 0
-        host.until(lambda: host.read(2, POSITION) > 6300)
+        until(host.emulator, lambda: host.read(2, POSITION) > 6300, step=0.01)
         assert host.write(2, WATCHDOG, 50, 1) == 0
         assert host.handler.clearMultiTurn(host.port, 2) == (sdk.COMM_SUCCESS, 1)  # it moves
         host.emulator.servos[1].motor.caught = True

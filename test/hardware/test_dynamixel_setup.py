@@ -19,11 +19,7 @@ from soft_continuum.hardware.dynamixel import setup
 from soft_continuum.hardware.dynamixel.bus import DamagedReplyError, DynamixelBus, NoReplyError
 from soft_continuum.hardware.dynamixel.commissioning import checks, clear_zero
 from soft_continuum.hardware.dynamixel.exchange import ServoState, Written
-from soft_continuum.hardware.dynamixel.reference import (
-    mark,
-    marked_zero,
-    zero_within_turn,
-)
+from soft_continuum.hardware.dynamixel.reference import mark, marked_zero, zero_within_turn
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
@@ -282,7 +278,7 @@ def test_a_reply_that_comes_with_the_next_one_is_not_that_of_a_second_servo(answ
             return answer
         raise answer('nothing')
 
-    bus = SimpleNamespace(ping=ping)
+    bus = SimpleNamespace(ping=ping, clock=SimpleNamespace(sleep=lambda _: None))
     if problem:
         with pytest.raises(HardwareError, match=problem):
             setup._ping(bus, 1, 'servo 1', (1,))

@@ -9,7 +9,6 @@ import threading
 
 import pytest
 
-from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl.tendons import GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
@@ -280,14 +279,6 @@ def test_a_setting_that_was_refused_fits_after_the_command_that_the_error_names(
 
 PARAMETERS = {p.name: p.default for p in GrblTendons.PARAMETERS} | {
     'speed_limit': SPEED, 'acceleration_limit': 0.3, 'pull_limits': (-0.06, 0.06)}
-
-
-def test_the_node_makes_a_driver_from_its_parameters():
-    with GrblEmulator() as emulator:
-        tendons = GrblTendons.from_parameters({**PARAMETERS, 'grbl.port': emulator.port}, STEADY)
-        tendons.open()
-        assert tendons.read().pulls == (0.0, 0.0)
-        tendons.close()
 
 
 @pytest.mark.parametrize(('name', 'value'), [

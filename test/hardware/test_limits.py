@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.hardware.protocols import check_limits, HardwareError, MAX_AHEAD, TendonReading
-from soft_continuum.hardware.tension_guard import TensionGuard
+from soft_continuum.hardware.tendon_controller import TensionGuard
 
 NARROW = (-0.01, 0.01)  # m
 NAMES = ('right_tendon', 'left_tendon')

@@ -239,8 +239,7 @@ def test_many_small_steps_are_no_way_around_the_speed_limit(rig, spacing):
     count = 1000
     way = np.arange(1, count + 1) * 1.2 * SPEED * spacing
     with pytest.raises(MotionRefusedError, match='speed_limit'):
-        rig.accept(*np.stack([
-            spacing * np.arange(1, count + 1), way, 0.0 * way], axis=1))
+        rig.accept(*np.stack([spacing * np.arange(1, count + 1), way, 0.0 * way], axis=1))
 
 
 @pytest.mark.parametrize('epoch', [0.0, 1.8e9])
@@ -264,8 +263,7 @@ def test_any_number_of_tendons_is_moved_and_named(names):
         clock.now += INTERVAL
     assert reading.pulls == pytest.approx(goal, abs=STEP)
     with pytest.raises(MotionRefusedError, match=f'pulls of {names[-1]} reach'):
-        controller.accept(np.array([clock.now + 9.0]), np.r_[goal[:-1], 0.05][None, :],
-                          clock.now)
+        controller.accept(np.array([clock.now + 9.0]), np.r_[goal[:-1], 0.05][None, :], clock.now)
 
 
 @pytest.mark.parametrize('shape', [(0, 2), (1, 1), (1, 3), (2, 2)])

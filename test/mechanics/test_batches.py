@@ -117,8 +117,7 @@ def test_any_mixture_of_arms_starts_masks_and_drives_is_as_one_by_one(plane):
     assert batch.found.sum() > 25
     assert plane or not batch.found.all()  # rigid arms cannot follow
     forth = batch.configurations[batch.found]
-    back = solve_batch(models[::-1], starts[::-1], pulls[::-1], masks[::-1],
-                       tensions=forces[::-1])
+    back = solve_batch(models[::-1], starts[::-1], pulls[::-1], masks[::-1], tensions=forces[::-1])
     assert np.array_equal(forth, back.configurations[::-1][batch.found])
 
 

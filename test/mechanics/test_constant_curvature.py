@@ -163,8 +163,7 @@ def test_pulls_are_those_of_arcs_and_the_other_way_round(tendons):
 
 def test_nine_tendons_determine_three_segments_and_one_that_is_slack_is_not_missed():
     arm = three_segments(tendons=9)
-    arm = replace(arm, tendons=tuple(
-        replace(t, end=1 + k % 3) for k, t in enumerate(arm.tendons)))
+    arm = replace(arm, tendons=tuple(replace(t, end=1 + k % 3) for k, t in enumerate(arm.tendons)))
     pulls = constant_curvature.pulls(arm, BENDING)
     assert constant_curvature.bending(arm, pulls) == pytest.approx(np.array(BENDING), abs=1e-8)
     pulls[4] = nan

@@ -214,8 +214,7 @@ def test_a_segment_follows_its_tendon_smoothly_to_90_degrees_and_back(
 
 # Falls
 
-@pytest.mark.parametrize('asked', [
-    (SLACK, SLACK), (0.0, SLACK), (SLACK, 0.0), (-1e-10, SLACK)])
+@pytest.mark.parametrize('asked', [(SLACK, SLACK), (0.0, SLACK), (SLACK, 0.0), (-1e-10, SLACK)])
 def test_the_papers_arm_cannot_stand_with_all_segments_soft_and_one_tendon_just_taut(
         statics, asked):
     # It holds only one side: the arm falls to the other and the tendon goes slack.

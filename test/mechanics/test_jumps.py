@@ -269,8 +269,7 @@ def test_a_hand_over_between_the_tendons_is_no_jump():
     for _ in range(20):
         right, left = rng.uniform(0.002, 0.03, 2)
         spare = rng.uniform(1.0, 1.5, 2)
-        start = statics.solve(
-            statics.chain.straight(), (right, -spare[0] * right - 1e-3), soft)
+        start = statics.solve(statics.chain.straight(), (right, -spare[0] * right - 1e-3), soft)
         over = statics.solve(start, (-spare[1] * left - 1e-3, left), soft)
         assert not over.jumped
         direct = statics.solve(statics.chain.straight(), (SLACK, left), soft)

@@ -42,8 +42,7 @@ def journey():
         state, (state.pulls[RIGHT] - 0.004, state.pulls[1] - 0.002), paper.only(2)))
     keep(statics.solve(straight, (SLACK, SLACK), (True, True, True)))
     upside_down = Statics(paper.build(bodies_per_segment=3, mounting_angle=3.0))
-    keep(upside_down.solve(
-        upside_down.chain.straight(), (0.015, -0.016), (True, True, False)))
+    keep(upside_down.solve(upside_down.chain.straight(), (0.015, -0.016), (True, True, False)))
     return found
 
 

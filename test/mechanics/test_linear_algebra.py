@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The solver's own numerics against NumPy's."""
 
-
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np

@@ -62,8 +62,7 @@ def test_convergence_below_a_thousandth_is_first_reached_with_twelve_bodies(weig
 
 
 def test_the_chain_converges_to_first_order(weightless, c_form):
-    coarse, middle, fine = (
-        bending_at_pulls_of_12(weightless, c_form, n) for n in (40, 80, 160))
+    coarse, middle, fine = (bending_at_pulls_of_12(weightless, c_form, n) for n in (40, 80, 160))
     assert (coarse - middle) / (middle - fine) == pytest.approx(2.0, abs=0.05)
 
 

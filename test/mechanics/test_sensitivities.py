@@ -105,8 +105,7 @@ def test_derivatives_of_an_arm_in_space_whose_joints_are_hinges():
     assert_are_differences(statics, state, soft)
 
 
-@pytest.mark.parametrize(('stretch', 'sliding'), [
-    (np.inf, (1, -1, 1)), (2000.0, (-1, 0, 1))])
+@pytest.mark.parametrize(('stretch', 'sliding'), [(np.inf, (1, -1, 1)), (2000.0, (-1, 0, 1))])
 def test_derivatives_where_tendons_rub_in_space(stretch, sliding):
     arm = three_segments(payload=0.05)
     arm = replace(arm, tendons=tuple(replace(
@@ -114,8 +113,7 @@ def test_derivatives_where_tendons_rub_in_space(stretch, sliding):
     statics, soft = Statics(arm), (True, False, True)
     state = statics.solve(statics.chain.straight(), (0.012, -0.003, 0.008), soft, sliding=sliding)
     assert_are_differences(statics, state, soft, sliding)
-    line, without = (Linearisation(statics, state, way).pulls().tensions
-                     for way in (sliding, ()))
+    line, without = (Linearisation(statics, state, way).pulls().tensions for way in (sliding, ()))
     assert np.abs(line - without).max() > 0.05 * np.abs(without).max()  # it counts
 
 

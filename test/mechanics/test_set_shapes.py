@@ -113,8 +113,7 @@ def test_no_other_tensions_of_that_bending_are_less(tendons, pretension):
 
 def test_tendons_that_end_at_three_discs_bend_all_segments_at_once():
     arm = three_segments(tendons=9)
-    arm = replace(arm, tendons=tuple(
-        replace(t, end=1 + k % 3) for k, t in enumerate(arm.tendons)))
+    arm = replace(arm, tendons=tuple(replace(t, end=1 + k % 3) for k, t in enumerate(arm.tendons)))
     statics = SpaceStatics(arm)
     fit = pulls_for_bending(statics, statics.chain.straight(), SHAPE, (True,) * 3)
     assert fit.state.bending == pytest.approx(SHAPE, abs=1e-9)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.measured import aligned, IDENTIFIED, read, rms
+from benchmarks.measured import aligned, IDENTIFIED, IDENTIFIED_V6, read, rms, V6
 from benchmarks.rods import shapes, STEEL, TPU
 from soft_continuum.mechanics import Jam, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, Disc, Segment, Wrench
@@ -187,6 +187,13 @@ def test_a_real_arm_that_was_identified_on_other_motions_is_where_the_model_says
     stddevs = IDENTIFIED.stddevs(recording)
     assert len(stddevs) == 443
     assert rms(aligned(stddevs)) < 0.0065
+
+
+def test_creep_of_tendons_is_part_of_what_a_real_arm_does():
+    recording = read('train', V6)
+    errors = [rms(aligned(replace(IDENTIFIED_V6, creep=creep).stddevs(recording)))
+              for creep in (IDENTIFIED_V6.creep, 0.0)]
+    assert errors[0] < 0.0076 < 0.0083 < errors[1]
 
 
 # What cannot be.

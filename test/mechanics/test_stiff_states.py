@@ -283,8 +283,7 @@ def test_the_jams_stiffness_grows_with_vacuum_to_its_power(exponent, vacuum):
 @pytest.mark.parametrize('exponent', [0.0, 0.5, 1.0])
 @pytest.mark.parametrize('vacuum', [0.1, 0.5, 1.0])
 def test_the_limit_is_proportional_to_vacuum(exponent, vacuum):
-    statics = Statics(paper_like(
-        1, Jam(6.0, yield_moment=0.05, stiffness_exponent=exponent)))
+    statics = Statics(paper_like(1, Jam(6.0, yield_moment=0.05, stiffness_exponent=exponent)))
     state = statics.solve(statics.chain.straight(), (0.014, SLACK), (False,), vacuum=(vacuum,))
     moments = Reference(statics.chain.arm, state.stiff, state.held,
                         vacuum=(vacuum,)).jam_moments(state.joint_angles)

@@ -1,16 +1,15 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Sequences that run to their end, one after the other on one arm."""
 
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 import time
-from typing import Any
 
 import numpy as np
 import pytest
 
+from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.sequence_server import error_code
 from soft_continuum.parameters.files import load_arm
@@ -22,8 +21,8 @@ from soft_continuum.sequencing.progress import Code, Phase
 from soft_continuum.sequencing.shape_plans import plans_to
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
+from soft_continuum_interfaces.msg import MotionRequest
 from soft_continuum_interfaces.msg import Shape as ShapeMessage
-from support.ros_rig import Goal, Rig
 
 ARM, LIBRARY = load_arm(description_file()), PAPER_SHAPES
 NAMES = ('c_form', 'upright_c_form', 's_form')
@@ -31,7 +30,7 @@ HOLD = 0.5  # s
 QUICK_PLAN = PlanSettings(speed=0.1, acceleration=5.0)
 
 
-def planned_tips(*shapes: tuple[float, ...]) -> list[Array]:
+def planned_tips(*shapes):
     """Return x and z of the tip in each shape, m, as the model plans them from straight."""
     plans = plans_to(Planner(ARM, QUICK_PLAN), [Shape('', s) for s in shapes])
     return [plan.state.tip[::2] for plan in plans]
@@ -46,13 +45,13 @@ class Reached:
     tip: Array
 
     @classmethod
-    def of(cls, rig: Rig) -> 'Reached':
+    def of(cls, rig):
         for recording in (rig.tendons, rig.segment_poses, rig.disc_poses):
             rig.wait_for_more(recording, 3)
         return cls.before(rig, time.time_ns())
 
     @classmethod
-    def before(cls, rig: Rig, end: int) -> 'Reached':
+    def before(cls, rig, end):
         """Return what was said last before a time, ns, when it has been heard."""
         tendons, segments, discs = (
             max((h for h in list(recording.heard) if h.time < end), key=lambda h: h.time).message
@@ -61,13 +60,13 @@ class Reached:
         return cls(tuple(tendons.position), 2 * np.arctan2(poses[:, 4], poses[:, 6]),
                    poses_from_ros(discs)[-1, [0, 2]])
 
-    def check(self, angles: tuple[float, ...], tip: Array) -> None:
+    def check(self, angles, tip):
         assert np.degrees(self.tangents) == pytest.approx(np.degrees(np.cumsum(angles)), abs=0.1)
         assert self.tip == pytest.approx(tip, abs=0.5e-3)
 
 
 @pytest.fixture(scope='module')
-def sequence(shared_arm: Rig) -> tuple[Rig, Goal, list[Reached]]:
+def sequence(shared_arm):
     """Return a run of the paper's three shapes on the straight arm, and what each reached."""
     goal = shared_arm.goal(*NAMES, hold=HOLD)
     goal.result()
@@ -79,10 +78,7 @@ def sequence(shared_arm: Rig) -> tuple[Rig, Goal, list[Reached]]:
     return shared_arm, goal, [Reached.before(shared_arm, end) for end in holds]
 
 
-Sequence = tuple[Rig, Goal, list[Reached]]
-
-
-def test_the_three_shapes_of_the_paper_are_reached_by_name(sequence: Sequence) -> None:
+def test_the_three_shapes_of_the_paper_are_reached_by_name(sequence):
     arm, goal, reached = sequence
     result = goal.assert_ended('SUCCEEDED')
     assert result.shapes_completed == 3
@@ -98,7 +94,7 @@ def test_the_three_shapes_of_the_paper_are_reached_by_name(sequence: Sequence) -
     assert not len(result.angle_stddevs) and not result.tip.covariance.any()
 
 
-def test_a_sequence_keeps_every_promise_about_motion_and_stiffness(sequence: Sequence) -> None:
+def test_a_sequence_keeps_every_promise_about_motion_and_stiffness(sequence):
     arm, _, _ = sequence
     arm.assert_rests_stiff()
     arm.assert_only_one_was_soft()
@@ -111,7 +107,7 @@ def test_a_sequence_keeps_every_promise_about_motion_and_stiffness(sequence: Seq
     assert np.abs(speeds).max() <= 1.0
 
 
-def test_feedback_names_every_phase_in_order_and_counts_up(sequence: Sequence) -> None:
+def test_feedback_names_every_phase_in_order_and_counts_up(sequence):
     _, goal, _ = sequence
     moved = {'c_form': (1, 2, 3), 'upright_c_form': (1,), 's_form': (1, 2)}
     assert [phase for phase in goal.phases if phase[2] != 'preparing'] == [
@@ -125,7 +121,7 @@ def test_feedback_names_every_phase_in_order_and_counts_up(sequence: Sequence) -
     assert {(f.shape_index, f.shape) for _, f in goal.feedback} == set(enumerate(NAMES))
 
 
-def test_feedback_is_repeated_while_a_phase_lasts(sequence: Sequence) -> None:
+def test_feedback_is_repeated_while_a_phase_lasts(sequence):
     arm, *_ = sequence
     goal = arm.goal(NAMES[-1], hold=60.0)  # the shape that it has
     assert goal.accepted
@@ -134,7 +130,7 @@ def test_feedback_is_repeated_while_a_phase_lasts(sequence: Sequence) -> None:
     assert goal.result()[0] == 'CANCELED'
 
 
-def test_a_shape_is_held_stiff_for_its_hold_time(sequence: Sequence) -> None:
+def test_a_shape_is_held_stiff_for_its_hold_time(sequence):
     arm, goal, _ = sequence
     # C-form ends when segment 3 is stiff; the next shape begins with softening segment 1.
     stiff = [flag.time for flag in arm.stiff[2].heard if flag.message.data][1]
@@ -145,7 +141,7 @@ def test_a_shape_is_held_stiff_for_its_hold_time(sequence: Sequence) -> None:
     assert goal.ended_time - last >= HOLD * 1e9
 
 
-def test_the_tip_is_deflected_by_gravity_as_the_model_says(sequence: Sequence) -> None:
+def test_the_tip_is_deflected_by_gravity_as_the_model_says(sequence):
     # The pulls of a plan hold the arm under its weight: not those of constant curvature.
     right, left = sequence[2][0].pulls
     angles = LIBRARY['c_form']
@@ -155,8 +151,7 @@ def test_the_tip_is_deflected_by_gravity_as_the_model_says(sequence: Sequence) -
     assert left < 0.0
 
 
-def test_the_state_of_the_sequencer_follows_the_goal_and_says_how_it_ended(
-        sequence: Sequence) -> None:
+def test_the_state_of_the_sequencer_follows_the_goal_and_says_how_it_ended(sequence):
     arm, goal, _ = sequence
     states = [s for s in arm.sequencer if s.goal_id == goal.goal_id]
     # A state that lasts is repeated.
@@ -168,7 +163,7 @@ def test_the_state_of_the_sequencer_follows_the_goal_and_says_how_it_ended(
     assert (states[-1].error_code, states[-1].error_string) == (0, '')
 
 
-def test_bending_angles_win_over_a_name_beside_them(shared_arm: Rig) -> None:
+def test_bending_angles_win_over_a_name_beside_them(shared_arm):
     angles = (0.2, -0.35, 0.3)
     goal = shared_arm.goal(ShapeMessage(name='c_form', bending_angles=angles))
     assert goal.assert_ended('SUCCEEDED').shapes_completed == 1
@@ -176,7 +171,7 @@ def test_bending_angles_win_over_a_name_beside_them(shared_arm: Rig) -> None:
     Reached.of(shared_arm).check(angles, planned_tips(angles)[0])
 
 
-def test_a_shape_that_the_arm_has_already_moves_nothing(shared_arm: Rig) -> None:
+def test_a_shape_that_the_arm_has_already_moves_nothing(shared_arm):
     angles = (0.2, -0.35, 0.4)
     assert shared_arm.goal(angles).result()[0] == 'SUCCEEDED'  # by angles alone
     shared_arm.assert_rests_stiff()
@@ -187,12 +182,12 @@ def test_a_shape_that_the_arm_has_already_moves_nothing(shared_arm: Rig) -> None
     assert [len(r) for r in shared_arm.stiff] == received  # nor softened anything
 
 
-def test_an_aim_that_does_not_exist_is_rejected(shared_arm: Rig) -> None:
+def test_an_aim_that_does_not_exist_is_rejected(shared_arm):
     shared_arm.goal('c_form', aim=7).assert_rejected('7', 'angles', 'tip')
 
 
-def test_outcomes_and_phases_are_those_of_the_action() -> None:
-    def constants(message: Any, kind: type) -> dict[str, Any]:
+def test_outcomes_phases_and_reasons_are_those_of_action_and_message():
+    def constants(message, kind):
         every = {name: getattr(message, name) for name in dir(message) if name.isupper()}
         return {name: value for name, value in every.items()
                 if isinstance(value, kind) and name not in ('PREDICTED', 'MEASURED')}
@@ -202,3 +197,5 @@ def test_outcomes_and_phases_are_those_of_the_action() -> None:
     assert codes['SUCCESSFUL'] == 0 and all(v < 0 for n, v in codes.items() if n != 'SUCCESSFUL')
     phases = constants(RunShapeSequence.Feedback, str)
     assert {phase.name: phase.value for phase in Phase} == phases
+    states = {'NONE', 'FOLLOWING', 'DONE', 'REFUSED', 'ENDED'}
+    assert {reason.name for reason in Reason} == constants(MotionRequest, int).keys() - states

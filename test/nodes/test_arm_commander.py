@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Only what happened to the sequencer's own motion ends its goal, with the reason it was given."""
 
 from unittest.mock import Mock
@@ -25,14 +24,14 @@ REASONS = {
 }
 
 
-def new_commander() -> ArmCommander:
+def new_commander():
     node = Mock()
     node.get_clock().now().nanoseconds = 0
     return ArmCommander(node, ARM)
 
 
 @pytest.fixture
-def commander() -> ArmCommander:
+def commander():
     """Return a commander that has sent a motion."""
     commander = new_commander()
     commander.begin()
@@ -40,26 +39,25 @@ def commander() -> ArmCommander:
     return commander
 
 
-def follow(commander: ArmCommander, motion: int) -> str:
+def follow(commander, motion):
     """Send a piece of a motion; return its id."""
     commander.follow(motion, 100.0, np.array([0.5]), np.array([[0.001, -0.002]]))
     return str(commander._trajectory.publish.call_args.args[0].id)
 
 
-def accepted(request_id: str, status: int = MotionRequest.FOLLOWING,
-             reason: int = MotionRequest.NO_REASON) -> TendonActuationState:
+def accepted(request_id, status=MotionRequest.FOLLOWING, reason=MotionRequest.NO_REASON):
     """Return a state with the last request that was accepted."""
     return TendonActuationState(accepted=MotionRequest(
         id=request_id, status=status, reason=reason, message='the reason'))
 
 
-def refused(request_id: str, reason: int) -> TendonActuationState:
+def refused(request_id, reason):
     """Return a state with the last request that was refused."""
     return TendonActuationState(refused=MotionRequest(
         id=request_id, status=MotionRequest.REFUSED, reason=reason, message='the reason'))
 
 
-def failure(commander: ArmCommander, *states: TendonActuationState) -> str:
+def failure(commander, *states):
     """Return how a motion has failed of which these states say how it goes on."""
     for state in states:
         commander.on_tendon_state(state)
@@ -68,23 +66,22 @@ def failure(commander: ArmCommander, *states: TendonActuationState) -> str:
 
 @pytest.mark.parametrize(('reason', 'code'), REASONS.items())
 def test_the_reason_of_a_refusal_decides_how_the_goal_ends_until_a_new_motion(
-        commander: ArmCommander, reason: int, code: Code) -> None:
+        commander, reason, code):
     refusal = failure(commander, refused(follow(commander, 1), reason))
     assert refusal == 'the tendon motion was refused: the reason'
-    assert commander.motion_failure.code is code  # type: ignore[union-attr]
+    assert commander.motion_failure.code is code
     follow(commander, 2)
     assert commander.motion_failure is None
 
 
-def test_an_end_counts_although_the_next_piece_is_followed(commander: ArmCommander) -> None:
+def test_an_end_counts_although_the_next_piece_is_followed(commander):
     own = follow(commander, 1)
     assert failure(commander, accepted(own), accepted(
         own, MotionRequest.ENDED, MotionRequest.STIFFNESS_UNKNOWN), accepted(own)
     ) == 'the tendon motion was ended: the reason'
 
 
-def test_pieces_of_one_motion_replace_each_other_without_ending_it(
-        commander: ArmCommander) -> None:
+def test_pieces_of_one_motion_replace_each_other_without_ending_it(commander):
     own = follow(commander, 1)
     assert follow(commander, 1) == own
     assert not failure(
@@ -92,8 +89,7 @@ def test_pieces_of_one_motion_replace_each_other_without_ending_it(
         accepted(own), accepted(own, MotionRequest.DONE))
 
 
-def test_what_happened_to_requests_of_others_and_earlier_ones_is_ignored(
-        commander: ArmCommander) -> None:
+def test_what_happened_to_requests_of_others_and_earlier_ones_is_ignored(commander):
     earlier = follow(commander, 1)
     own = follow(commander, 2)
     assert own != earlier
@@ -104,8 +100,7 @@ def test_what_happened_to_requests_of_others_and_earlier_ones_is_ignored(
     assert 'client/7' in failure(commander, accepted('client/7'))  # which has replaced it
 
 
-def test_a_piece_that_the_network_brings_when_the_motion_is_done_is_no_failure(
-        commander: ArmCommander) -> None:
+def test_a_piece_that_the_network_brings_when_the_motion_is_done_is_no_failure(commander):
     own = follow(commander, 1)
     state = refused(own, MotionRequest.LATE)
     state.accepted = accepted(own, MotionRequest.DONE).accepted
@@ -116,7 +111,7 @@ def test_a_piece_that_the_network_brings_when_the_motion_is_done_is_no_failure(
     assert commander.motion_failure is not None
 
 
-def test_what_was_not_answered_is_withdrawn_when_a_run_ends(commander: ArmCommander) -> None:
+def test_what_was_not_answered_is_withdrawn_when_a_run_ends(commander):
     node, clients = commander._node, [Mock() for _ in ARM.segments]
     commander._clients = {(SET_STIFF, n): client for n, client in enumerate(clients)}
     for client, done in zip(clients, (True, False), strict=False):
@@ -131,7 +126,7 @@ def test_what_was_not_answered_is_withdrawn_when_a_run_ends(commander: ArmComman
     node.destroy_client.assert_called_once()
 
 
-def test_no_two_processes_and_no_two_runs_use_the_same_id() -> None:
+def test_no_two_processes_and_no_two_runs_use_the_same_id():
     ids = set()
     for _ in range(2):
         commander = new_commander()

@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What the sequencer takes for the state of the arm, and when that is a fault."""
 
-from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -16,11 +14,7 @@ from soft_continuum.nodes.arm_observer import ArmObserver, REPORTED
 from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.user_files import description_file
-from soft_continuum_interfaces.msg import (
-    JammingValvesState,
-    KinematicsState,
-    TendonActuationState,
-)
+from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState, TendonActuationState
 
 ARM = load_arm(description_file())
 SEGMENTS, TENDONS = len(ARM.segments), list(ARM.tendon_names)
@@ -30,7 +24,7 @@ STIFF, SOFT = JammingValvesState.STIFF, JammingValvesState.NOT_STIFF
 UNKNOWN = JammingValvesState.UNKNOWN
 
 
-def shape(angles: list[float]) -> KinematicsState:
+def shape(angles):
     """Return a shape of a stiff arm, as kinematics reports it."""
     return KinematicsState(joint_angles=angles, held_angles=angles, stiff=[True] * SEGMENTS,
                            vacuum=[1.0] * SEGMENTS)
@@ -39,7 +33,7 @@ def shape(angles: list[float]) -> KinematicsState:
 class Bench:
     """An observer, the messages that it gets, and the clock."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch):
         self.now = 100.0
         monkeypatch.setattr('soft_continuum.ros.ros_time.monotonic', lambda: self.now)
         node = Mock()
@@ -55,10 +49,10 @@ class Bench:
         self.tendons()
         self.stream()
 
-    def send(self, topic: str, message: Any) -> None:
+    def send(self, topic, message):
         self._callbacks[topic](serialize_message(message))
 
-    def stream(self, seconds: float = 0.0) -> None:
+    def stream(self, seconds=0.0):
         """Let time pass, in which all streams go on."""
         self.now += seconds
         self.send('tendon_states', JointState(
@@ -66,23 +60,23 @@ class Bench:
         self.send('kinematics/state', shape([0.01] * JOINTS))
         self.send('segment_1/pressure', FluidPressure(fluid_pressure=11325.0))
 
-    def jamming(self, stiffness: int, fault: str = '', segment_fault: str = '') -> None:
+    def jamming(self, stiffness, fault='', segment_fault=''):
         self.send('jamming_valves/state', JammingValvesState(
             connected=not fault, fault=fault, stiffness=[stiffness] * SEGMENTS,
             segment_faults=[segment_fault, *[''] * (SEGMENTS - 1)]))
 
-    def tendons(self, **values: Any) -> None:
+    def tendons(self, **values):
         self.send('tendon_actuation/state', TendonActuationState(
             **{'connected': True, 'referenced': True, **values}))
 
 
 @pytest.fixture
-def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+def bench(monkeypatch):
     """Return an observer of a sound, stiff arm."""
     return Bench(monkeypatch)
 
 
-def test_a_sound_arm_may_be_moved_and_its_tendons_are_known_by_name(bench: Bench) -> None:
+def test_a_sound_arm_may_be_moved_and_its_tendons_are_known_by_name(bench):
     assert bench.observer.interlock == ''
     assert bench.observer.pulls == (0.001, -0.002)
     observation = bench.observer.observation(None, '')
@@ -91,8 +85,8 @@ def test_a_sound_arm_may_be_moved_and_its_tendons_are_known_by_name(bench: Bench
     assert not observation.moving
 
 
-def test_tendons_rest_as_near_to_a_pull_as_their_device_can(bench: Bench) -> None:
-    def rests(*pulls: float) -> bool:
+def test_tendons_rest_as_near_to_a_pull_as_their_device_can(bench):
+    def rests(*pulls):
         return bench.observer.observation(None, '').rests_at(np.array(pulls), 2e-5)
 
     near, far = (0.001, -0.00191), (0.00103, -0.002)  # of 1 mm and -2 mm
@@ -114,7 +108,7 @@ def test_tendons_rest_as_near_to_a_pull_as_their_device_can(bench: Bench) -> Non
 
 
 @pytest.mark.parametrize('topic', ['tendon_states', 'kinematics/state', 'segment_1/pressure'])
-def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: str) -> None:
+def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench, topic):
     bench._callbacks[topic] = Mock()
     bench.stream(0.9 * TIMEOUT)
     assert bench.observer.fault == ''
@@ -127,11 +121,11 @@ def test_a_stream_that_ends_is_a_fault_after_the_timeout(bench: Bench, topic: st
     ('kinematics/state', 'shape'), ('tendon_states', 'position'),
     ('segment_1/pressure', 'pressure')])
 def test_a_node_that_runs_and_reports_nothing_is_told_from_one_that_is_gone(
-        bench: Bench, topic: str, reported: str) -> None:
+        bench, topic, reported):
     source = next(name for name, what in REPORTED.items() if what == reported)
     name = source.split()[0]
 
-    def beat() -> None:
+    def beat():
         bench.send(f'{name}/heartbeat', NodeInfo('another').to_ros(0.0))
 
     bench.observer.conflicts.node_info = Mock(own=NodeInfo('own'), time=0.0)
@@ -144,9 +138,20 @@ def test_a_node_that_runs_and_reports_nothing_is_told_from_one_that_is_gone(
         f'{name} runs, but has reported no {reported} for 0.5 s; its status has the reason')
 
 
+@pytest.mark.parametrize(('later', 'named'), [(0.0, 'tendon_actuation'), (0.4, 'kinematics')])
+def test_a_node_that_runs_is_not_blamed_for_what_one_that_is_gone_takes_from_it(
+        bench, later, named):
+    bench.observer.conflicts.node_info = Mock(own=NodeInfo('own'), time=0.0)
+    bench._callbacks['kinematics/state'] = Mock()
+    bench.stream(later * TIMEOUT)
+    bench._callbacks['tendon_states'] = Mock()
+    bench.stream((1.2 - later) * TIMEOUT)
+    bench.send('kinematics/heartbeat', NodeInfo('another').to_ros(0.0))
+    assert bench.observer.fault.startswith(f'nothing received for 0.5 s from {named}')
+
+
 @pytest.mark.parametrize('missing', ['tendon_actuation', 'kinematics', 'jamming_valves'])
-def test_one_node_that_is_missing_is_named_alone(
-        monkeypatch: pytest.MonkeyPatch, missing: str) -> None:
+def test_one_node_that_is_missing_is_named_alone(monkeypatch, missing):
     said = {'tendon_actuation': ('tendon_actuation/state', 'tendon_states'),
             'kinematics': ('kinematics/state',),
             'jamming_valves': ('jamming_valves/state', 'segment_1/pressure')}
@@ -157,8 +162,8 @@ def test_one_node_that_is_missing_is_named_alone(
     assert [node for node in said if node in fault] == [missing]
 
 
-def test_kinematics_may_compute_for_longer_while_no_tendon_moves(bench: Bench) -> None:
-    def fault() -> str:
+def test_kinematics_may_compute_for_longer_while_no_tendon_moves(bench):
+    def fault():
         return bench.observer.observation(None, '').fault
 
     bench._callbacks['kinematics/state'] = Mock()
@@ -173,8 +178,8 @@ def test_kinematics_may_compute_for_longer_while_no_tendon_moves(bench: Bench) -
 
 
 @pytest.mark.parametrize('fault', ['device', 'segment', 'tendons'])
-def test_a_fault_counts_once_it_has_lasted(bench: Bench, fault: str) -> None:
-    def report() -> None:
+def test_a_fault_counts_once_it_has_lasted(bench, fault):
+    def report():
         if fault == 'tendons':
             bench.tendons(connected=False, fault='no answer')
         else:
@@ -190,7 +195,7 @@ def test_a_fault_counts_once_it_has_lasted(bench: Bench, fault: str) -> None:
     assert bench.observer.fault.endswith('no answer')
 
 
-def test_a_fault_that_ended_in_time_does_not_count(bench: Bench) -> None:
+def test_a_fault_that_ended_in_time_does_not_count(bench):
     bench.jamming(UNKNOWN, fault='no answer')
     bench.stream(0.9 * TIMEOUT)
     bench.jamming(STIFF)
@@ -207,8 +212,7 @@ def test_a_fault_that_ended_in_time_does_not_count(bench: Bench) -> None:
      'the button'),
     ({'referenced': False}, 'not referenced'),
 ])
-def test_no_sequence_begins_on_an_arm_that_is_stopped_or_not_referenced(
-        bench: Bench, values: dict[str, Any], reason: str) -> None:
+def test_no_sequence_begins_on_an_arm_that_is_stopped_or_not_referenced(bench, values, reason):
     bench.tendons(**values)
     assert reason in bench.observer.interlock
     bench.tendons()
@@ -216,7 +220,7 @@ def test_no_sequence_begins_on_an_arm_that_is_stopped_or_not_referenced(
     assert bench.observer.interlock == ''
 
 
-def test_pulls_and_shape_of_before_a_lost_position_do_not_count_after_it(bench: Bench) -> None:
+def test_pulls_and_shape_of_before_a_lost_position_do_not_count_after_it(bench):
     bench.tendons(referenced=False)
     assert 'not referenced' in bench.observer.fault
     assert bench.observer.shape is None
@@ -233,16 +237,16 @@ def test_pulls_and_shape_of_before_a_lost_position_do_not_count_after_it(bench: 
     *(('tendon_states', JointState(name=names, position=position)) for names, position in (
         (TENDONS, [np.nan, 0.0]), (TENDONS, [0.0]), (TENDONS, [1.7e308, 0.0]),
         (['a', 'b'], [0.0, 0.0])))])
-def test_what_is_of_no_arm_is_ignored(bench: Bench, topic: str, message: Any) -> None:
+def test_what_is_of_no_arm_is_ignored(bench, topic, message):
     before = bench.observer.shape
     bench.send(topic, message)
     assert bench.observer.shape is before
     assert bench.observer.pulls == (0.001, -0.002)
 
 
-def test_kinematics_with_another_description_of_the_jamming_ends_motion(bench: Bench) -> None:
+def test_kinematics_with_another_description_of_the_jamming_ends_motion(bench):
     """arm.jamming: false for kinematics alone makes every segment soft for it."""
-    def report(stiff: list[bool]) -> str:
+    def report(stiff):
         bench.send('jamming_valves/state', JammingValvesState(stiffness=[STIFF, SOFT, STIFF]))
         for n in range(1, SEGMENTS + 1):
             bench.send(f'segment_{n}/pressure', FluidPressure(fluid_pressure=2e4))

@@ -1,34 +1,28 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The camera node on real topics, and on folders of pictures: what it publishes and refuses."""
 
-from collections.abc import Callable
 from functools import partial
 from math import pi
-from pathlib import Path
 import time
-from typing import Any
 
 import cv2
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
 import numpy as np
 import pytest
-from rclpy.qos import QoSProfile
 from rclpy.time import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
 from soft_continuum.nodes import camera
-from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import CHANNELS, grey_message, grey_picture, pose_from_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.sensing.layout import FRONT
 from soft_continuum.sensing.rigid import displacement, planar_pose
 from support.descriptions import given_in
 from support.planar import planar
-from support.ros_rig import Rig, STREAM
+from support.ros_rig import STREAM
 from support.views import space_views, views
 
 BENT = views.poses(0.3, -0.2, 0.4)
@@ -37,28 +31,27 @@ RATE = 20.0  # Hz
 
 
 @pytest.fixture(scope='module')
-def drawn() -> Any:
+def drawn():
     return views.camera()
 
 
 @pytest.fixture(scope='module')
-def picture(drawn: Any) -> Any:
+def picture(drawn):
     return drawn.picture(BENT)
 
 
-def statuses(rig: Rig) -> Any:
+def statuses(rig):
     return rig.record(DiagnosticStatus, 'camera/status', LATCHED)
 
 
-def wait_for(rig: Rig, heard: Any, text: str) -> None:
+def wait_for(rig, heard, text):
     rig.wait_for(lambda: any(text in message.message for message in heard), text)
 
 
 class Driver:
     """A driver of a camera: publishes pictures and their calibration."""
 
-    def __init__(self, rig: Rig, drawn: Any, profile: QoSProfile = STREAM, name: str = 'camera',
-                 **parameters: Any) -> None:
+    def __init__(self, rig, drawn, profile=STREAM, name='camera', **parameters):
         self.rig, self.lens = rig, drawn.lens
         self.tare = partial(rig.call, Trigger, f'{name}/tare')
         self.statuses = rig.record(DiagnosticStatus, f'{name}/status', LATCHED)
@@ -70,10 +63,10 @@ class Driver:
         self._number, self._sent = 0, 0.0
 
     @property
-    def status(self) -> str:
+    def status(self):
         return str(self.statuses.last.message) if len(self.statuses) else ''
 
-    def send(self, picture: Any, late: float = 0.0, encoding: str = 'mono8') -> bool:
+    def send(self, picture, late=0.0, encoding='mono8'):
         """Publish a picture, unless one was published just now; return whether it was."""
         if time.monotonic() - self._sent < 1.0 / RATE:
             return False
@@ -88,23 +81,22 @@ class Driver:
         self._images.publish(message)
         return True
 
-    def send_until(self, condition: Callable[[], bool], what: str, picture: Any, **how: Any
-                   ) -> None:
+    def send_until(self, condition, what, picture, **how):
         """Send a picture again and again, each with other noise, as a camera does."""
         picture = picture.copy()
 
-        def sent() -> bool:
+        def sent():
             picture[0, :2] = divmod(self._number % 64, 8)  # which leaves a black one black
             self._number += self.send(picture, **how)
             return condition()
 
         self.rig.wait_for(sent, what)
 
-    def tare_until(self, words: str, picture: Any) -> None:
+    def tare_until(self, words, picture):
         """Ask for a tare after every dozen pictures, until the answer has the words."""
         asked = [self._number]
 
-        def tared() -> bool:
+        def tared():
             if self._number < asked[0] + 12:
                 return False
             asked[0] = self._number
@@ -113,8 +105,7 @@ class Driver:
         self.send_until(tared, words, picture)
 
 
-def test_every_disc_is_published_where_it_is_with_its_covariance(
-        rig: Rig, drawn: Any, picture: Any) -> None:
+def test_every_disc_is_published_where_it_is_with_its_covariance(rig, drawn, picture):
     driver = Driver(rig, drawn, SENSOR)  # best effort; the other tests are reliable
     driver.send_until(lambda: all(len(p) > 0 for p in driver.poses), 'all discs', picture)
     for truth, recorded in zip(TRUTH, driver.poses, strict=True):
@@ -129,7 +120,7 @@ def test_every_disc_is_published_where_it_is_with_its_covariance(
         assert np.linalg.eigvalsh(full)[0] > 0.0
 
 
-def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
+def test_a_tare_corrects_how_tags_are_stuck(rig):
     """Drawn: tags that are off by 1 mm, standard, in an arm that is straight, then bent."""
     drawn = views.camera('ideal', tag_offset=0.001)
     driver = Driver(rig, drawn)
@@ -147,7 +138,7 @@ def test_a_tare_corrects_how_tags_are_stuck(rig: Rig) -> None:
 
 
 def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
-        rig: Rig, drawn: Any, picture: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+        rig, drawn, picture, monkeypatch):
     for name in ('STALE_AFTER', 'FROZEN_AFTER'):
         monkeypatch.setattr(camera, name, 0.5)
     driver = Driver(rig, drawn)
@@ -155,10 +146,8 @@ def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
     for words, how in (
             ('stamped 36', {'late': 3600.2}), ('stamped -3', {'late': -3600.2}),
             ("encoding 'bayer", {'encoding': 'bayer_rggb8'})):
-        driver.send_until(lambda w=words: w in driver.status,  # type: ignore[misc]
-                          words, picture, **how)
-    driver.send_until(lambda: 'black' in driver.status, 'black',
-                      np.zeros_like(picture))
+        driver.send_until(lambda w=words: w in driver.status, words, picture, **how)
+    driver.send_until(lambda: 'black' in driver.status, 'black', np.zeros_like(picture))
     assert not any(len(p) for p in driver.poses)
     seen = rig.record(CompressedImage, 'camera/overlay/compressed', SENSOR)
     driver.send_until(lambda: len(seen) > 0, 'what it sees, black as it is',
@@ -175,8 +164,7 @@ def test_what_is_wrong_with_the_pictures_is_said_and_nothing_is_published(
     assert all(len(p) for p in driver.poses)
 
 
-def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tmp_path: Path
-                                          ) -> None:
+def test_a_folder_of_pictures_is_measured(rig, drawn, picture, tmp_path):
     calibration, folder = tmp_path / 'camera.yaml', tmp_path / 'pictures'
     calibration.write_text(drawn.lens.text('drawn'), encoding='utf-8')
     folder.mkdir()
@@ -190,7 +178,7 @@ def test_a_folder_of_pictures_is_measured(rig: Rig, drawn: Any, picture: Any, tm
     wait_for(rig, heard, 'no more images')
 
 
-def test_a_second_camera_of_an_arm_in_space(rig: Rig) -> None:
+def test_a_second_camera_of_an_arm_in_space(rig):
     """It measures all six coordinates, and has topics and parameters of its own name."""
     truth = space_views.poses((0.3, 0.2), (-0.2, 0.4), (0.1, -0.5))
     drawn = space_views.camera(direction=FRONT - pi / 3)
@@ -210,19 +198,7 @@ def test_a_second_camera_of_an_arm_in_space(rig: Rig) -> None:
                       drawn.picture(space_views.poses(*[(0, 0)] * 3)))
 
 
-@pytest.mark.parametrize(('parameters', 'named'), [
-    ({'camera.source': '/dev/video9'}, 'camera.calibration is needed'),
-    ({'camera.calibration': '/nowhere.yaml'}, '/nowhere.yaml'),
-    ({'tags.fixed_positions': [0.0] * 8}, 'in a line'),
-    (given_in(space_views.PATH, 'camera') | {'tags.offsets': [0.001] * 12},  # as of a planar arm
-     'keep tags.reference_corners')])
-def test_parameters_that_cannot_be_are_refused(
-        rig: Rig, parameters: dict[str, Any], named: str) -> None:
-    with pytest.raises(ParameterError, match=named):
-        rig.start('camera', ready=False, **parameters)
-
-
-def test_a_camera_that_is_not_there_is_waited_for(rig: Rig, drawn: Any, tmp_path: Path) -> None:
+def test_a_camera_that_is_not_there_is_waited_for(rig, drawn, tmp_path):
     calibration = tmp_path / 'camera.yaml'
     calibration.write_text(drawn.lens.text('drawn'), encoding='utf-8')
     heard = statuses(rig)
@@ -232,7 +208,7 @@ def test_a_camera_that_is_not_there_is_waited_for(rig: Rig, drawn: Any, tmp_path
 
 
 @pytest.mark.parametrize('encoding', CHANNELS)
-def test_pictures_of_every_known_encoding_are_read(encoding: str) -> None:
+def test_pictures_of_every_known_encoding_are_read(encoding):
     channels, grey = CHANNELS[encoding], np.arange(12, dtype=np.uint8).reshape(3, 4)
     rows = np.zeros((3, 4 * channels + 5), dtype=np.uint8)  # padded
     rows[:, :4 * channels] = np.repeat(grey, channels, axis=1)
@@ -243,7 +219,7 @@ def test_pictures_of_every_known_encoding_are_read(encoding: str) -> None:
 
 @pytest.mark.parametrize('change', [
     {'width': 0}, {'height': 10}, {'step': 2}, {'encoding': 'mono16'}, {'width': 2**31}])
-def test_a_picture_that_is_none_is_refused(change: dict[str, Any]) -> None:
+def test_a_picture_that_is_none_is_refused(change):
     message = grey_message(np.zeros((3, 4), dtype=np.uint8))
     for name, value in change.items():
         setattr(message, name, value)

@@ -7,7 +7,6 @@ The front page and the tutorial are followed from top to bottom.  Of all other p
 commands are compared with the interfaces of the nodes; test_pages.py checks the other commands.
 """
 
-from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import pairwise
 import os
@@ -52,7 +51,7 @@ ELSEWHERE = ('up', 'ui', 'demo', 'characterize', 'converge', 'examples/hello_sha
 START_TIMEOUT = 120.0  # s for five processes to import what they need, on a busy machine
 
 
-def quick_file(directory: Path) -> Path:
+def quick_file(directory):
     """Return a description file of the paper's arm, made quick."""
     parameters = {**load_description(description_file()), **QUICK,
                   'tendon_rate': 20.0, 'jamming_rate': 20.0}
@@ -63,7 +62,7 @@ def quick_file(directory: Path) -> Path:
     return path
 
 
-def publish_sensors(rig: Rig) -> None:
+def publish_sensors(rig):
     """Publish, and hear, what sensors of a rig or of the twin do."""
     for kind, topic in ((JointState, 'load_cells'), (Imu, 'disc_3/imu')):
         publisher = rig.observer.create_publisher(kind, topic, STREAM)
@@ -72,7 +71,7 @@ def publish_sensors(rig: Rig) -> None:
 
 
 @pytest.fixture(scope='module')
-def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+def arm(module_domain, tmp_path_factory):
     """
     Return an observer of the four nodes of a quick arm, in processes of their own.
 
@@ -96,7 +95,7 @@ def arm(module_domain: int, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 class Terminal:
     """Where the blocks of a page are typed, in a directory like the root of the repository."""
 
-    def __init__(self, arm: Rig, directory: Path, elsewhere: Rig, processes: Processes) -> None:
+    def __init__(self, arm, directory, elsewhere, processes):
         """
         Prepare the directory.
 
@@ -111,10 +110,10 @@ class Terminal:
         hardware = directory / 'config' / 'emulated_hardware.yaml'
         hardware.write_text(self._moved(hardware.read_text(encoding='utf-8')), encoding='utf-8')
 
-    def _moved(self, text: str) -> str:
+    def _moved(self, text):
         return re.sub(r'/tmp\b', str(self._directory), text)
 
-    def type(self, line: str) -> None:
+    def type(self, line):
         """Run a line; fail when it does not do what the page says."""
         words = program(self._moved(line))
         if is_ros2(line):
@@ -141,8 +140,7 @@ class Terminal:
 
 
 @pytest.fixture
-def terminal(arm: Rig, make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path,
-             monkeypatch: pytest.MonkeyPatch) -> Terminal:
+def terminal(arm, make_rig, processes, tmp_path, monkeypatch):
     """Return a terminal whose commands find the arm."""
     directory = tmp_path / 'page'
     directory.mkdir()
@@ -157,7 +155,7 @@ def terminal(arm: Rig, make_rig: Callable[..., Rig], processes: Processes, tmp_p
 
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize('page', FOLLOWED)
-def test_a_newcomer_can_follow_a_page_from_top_to_bottom(terminal: Terminal, page: str) -> None:
+def test_a_newcomer_can_follow_a_page_from_top_to_bottom(terminal, page):
     for language, text in blocks(PAGES[page]):
         if language == 'python':
             exec(compile(text, page, 'exec'), {'__name__': '__main__'})
@@ -165,9 +163,7 @@ def test_a_newcomer_can_follow_a_page_from_top_to_bottom(terminal: Terminal, pag
             terminal.type(line)
 
 
-def test_the_demo_sets_the_shapes_of_the_paper(
-        make_rig: Callable[..., Rig], domain: int, tmp_path: Path,
-        monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+def test_the_demo_sets_the_shapes_of_the_paper(make_rig, domain, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
@@ -187,7 +183,7 @@ def test_the_demo_sets_the_shapes_of_the_paper(
 
 
 @pytest.fixture(scope='module')
-def every_node(arm: Rig, tmp_path_factory: pytest.TempPathFactory) -> Rig:
+def every_node(arm, tmp_path_factory):
     """Return the arm with all other nodes."""
     arm.start('camera', 'disc_sensors', 'servo', 'teleop', ready=False)
     arm.start('recorder', ready=False, recorder__directory=str(tmp_path_factory.mktemp('bags')))
@@ -197,5 +193,5 @@ def every_node(arm: Rig, tmp_path_factory: pytest.TempPathFactory) -> Rig:
 
 @pytest.mark.parametrize('line', sorted({line for page in LINES for line in filter(
     is_ros2, LINES[page])}))
-def test_the_nodes_have_what_a_ros2_line_names(every_node: Rig, line: str) -> None:
+def test_the_nodes_have_what_a_ros2_line_names(every_node, line):
     ros2_commands.check(every_node, line)

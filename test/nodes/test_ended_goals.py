@@ -1,17 +1,14 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Goals that end early, one after the other on one arm: canceled, superseded, stopped, disturbed.
 
 That they do so in every phase, and for every reason, is claimed in test/sequencing, without ROS.
 """
 
-from collections.abc import Callable, Iterator
 import threading
 
 import pytest
-from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
@@ -19,7 +16,7 @@ from soft_continuum.nodes.shape_sequencer import ShapeSequencer
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum_interfaces.action import RunShapeSequence
-from support.ros_rig import Goal, LATCHED, RELIABLE, Rig, STREAM, trajectory
+from support.ros_rig import LATCHED, RELIABLE, STREAM, trajectory
 
 Result = RunShapeSequence.Result
 SLOW, FAST = 0.0005, 0.3  # m/s: slow enough to be met in motion, however busy the machine is
@@ -28,12 +25,12 @@ BEND = (0.0, 0.0, 0.4)
 BEND_MORE = (0.0, 0.0, 0.6)
 
 
-def set_speed(rig: Rig, speed: float) -> None:
+def set_speed(rig, speed):
     assert rig.set_parameter('shape_sequencer', 'tendon_speed', speed).successful
 
 
 @pytest.fixture
-def arm(shared_arm: Rig) -> Rig:
+def arm(shared_arm):
     """Return the arm of all these tests: stiff, straight and slow."""
     assert shared_arm.trigger('tendon_actuation/resume').success
     set_speed(shared_arm, FAST)
@@ -45,11 +42,11 @@ def arm(shared_arm: Rig) -> Rig:
 
 
 @pytest.fixture
-def go(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+def go(monkeypatch):
     """Return what a goal that is ended early waits for before it is wound down."""
     event, wind_down = threading.Event(), Runner._wind_down
 
-    def patiently(runner: Runner) -> Iterator[None]:
+    def patiently(runner):
         while not event.is_set():
             yield
         yield from wind_down(runner)
@@ -58,14 +55,14 @@ def go(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
     return event
 
 
-def in_motion(rig: Rig) -> Goal:
+def in_motion(rig):
     """Return a goal that has begun to pull."""
     goal = rig.goal_when_heard(BEND, hold=60.0)
     rig.wait_for(lambda: rig.pulls[0] > PULLED, 'a pull')
     return goal
 
 
-def assert_reaches(rig: Rig, goal: Goal, bend: tuple[float, ...] = BEND) -> None:
+def assert_reaches(rig, goal, bend=BEND):
     """Claim that a goal succeeds, and that every promise about stiffness was kept."""
     goal.assert_ended('SUCCEEDED')
     rig.assert_bends(bend)
@@ -74,7 +71,7 @@ def assert_reaches(rig: Rig, goal: Goal, bend: tuple[float, ...] = BEND) -> None
     rig.assert_never_moved_all_stiff()
 
 
-def test_cancel_in_mid_motion_stops_short_and_the_next_goal_goes_on_from_there(arm: Rig) -> None:
+def test_cancel_in_mid_motion_stops_short_and_the_next_goal_goes_on_from_there(arm):
     goal = in_motion(arm)
     goal.cancel()
     result = goal.assert_ended('CANCELED', 'canceled', code=Result.CANCELED)
@@ -85,7 +82,7 @@ def test_cancel_in_mid_motion_stops_short_and_the_next_goal_goes_on_from_there(a
     assert_reaches(arm, arm.goal(BEND))
 
 
-def test_a_new_goal_aborts_the_running_one_and_succeeds(arm: Rig) -> None:
+def test_a_new_goal_aborts_the_running_one_and_succeeds(arm):
     old = in_motion(arm)
     set_speed(arm, FAST)
     new = arm.goal(BEND_MORE)
@@ -93,7 +90,7 @@ def test_a_new_goal_aborts_the_running_one_and_succeeds(arm: Rig) -> None:
     assert_reaches(arm, new, BEND_MORE)
 
 
-def test_of_the_goals_that_wait_only_the_newest_runs(arm: Rig, go: threading.Event) -> None:
+def test_of_the_goals_that_wait_only_the_newest_runs(arm, go):
     set_speed(arm, FAST)
     first = arm.goal(BEND, hold=60.0).wait_for_phase('softening')
     second = arm.goal((0.0, 0.0, -0.5), hold=60.0)
@@ -109,8 +106,7 @@ def test_of_the_goals_that_wait_only_the_newest_runs(arm: Rig, go: threading.Eve
     arm.assert_bends(BEND_MORE)
 
 
-def test_a_goal_can_be_canceled_while_it_waits_for_its_turn(
-        arm: Rig, go: threading.Event) -> None:
+def test_a_goal_can_be_canceled_while_it_waits_for_its_turn(arm, go):
     first = arm.goal(BEND, hold=60.0).wait_for_phase('softening')
     second = arm.goal(BEND_MORE)
     second.cancel()
@@ -121,7 +117,7 @@ def test_a_goal_can_be_canceled_while_it_waits_for_its_turn(
 
 
 @pytest.mark.usefixtures('go')
-def test_a_stop_also_ends_a_goal_that_waits(arm: Rig) -> None:
+def test_a_stop_also_ends_a_goal_that_waits(arm):
     first = arm.goal(BEND, hold=60.0).wait_for_phase('softening')
     second = arm.goal(BEND_MORE)
     assert second.accepted
@@ -132,7 +128,7 @@ def test_a_stop_also_ends_a_goal_that_waits(arm: Rig) -> None:
 
 
 def test_a_stop_leaves_the_valves_and_nothing_moves_until_resume_and_then_from_where_the_arm_is(
-        arm: Rig) -> None:
+        arm):
     goal = in_motion(arm)
     assert arm.trigger('tendon_actuation/stop').success
     goal.assert_ended('ABORTED', 'stop', code=Result.STOPPED)
@@ -153,18 +149,17 @@ def test_a_stop_leaves_the_valves_and_nothing_moves_until_resume_and_then_from_w
     assert_reaches(arm, arm.goal(BEND))
 
 
-def stop_and_resume(rig: Rig) -> None:
+def stop_and_resume(rig):
     assert rig.trigger('tendon_actuation/stop').success
     assert rig.trigger('tendon_actuation/resume').success
 
 
-def deactivate_and_activate(rig: Rig) -> None:
+def deactivate_and_activate(rig):
     rig.transitions('tendon_actuation', 'deactivate', 'activate')
 
 
 @pytest.mark.parametrize('away', [stop_and_resume, deactivate_and_activate])
-def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(
-        arm: Rig, away: Callable[[Rig], None], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(arm, away, monkeypatch):
     before = arm.pulls
     with monkeypatch.context() as patch:
         request = Runner._request
@@ -181,7 +176,7 @@ def test_a_stop_that_is_resumed_at_once_ends_the_goal_all_the_same(
     assert 0.0 < arm.pulls[0] < SHORT
 
 
-def test_tendons_that_are_deactivated_in_mid_motion_end_the_goal(arm: Rig) -> None:
+def test_tendons_that_are_deactivated_in_mid_motion_end_the_goal(arm):
     goal = in_motion(arm)
     arm.transitions('tendon_actuation', 'deactivate')
     goal.result()
@@ -190,16 +185,15 @@ def test_tendons_that_are_deactivated_in_mid_motion_end_the_goal(arm: Rig) -> No
     assert 'deactivated' in reason or 'not active' in reason  # the next part may be refused first
 
 
-def test_a_motion_that_is_replaced_by_others_ends_the_goal(arm: Rig) -> None:
+def test_a_motion_that_is_replaced_by_others_ends_the_goal(arm):
     goal = in_motion(arm)
     arm.send(trajectory([(1.0, arm.pulls)]), 'somebody_else/1')
     goal.assert_ended('ABORTED', 'somebody_else/1', code=Result.HARDWARE_FAULT)
     arm.assert_rests_stiff(goal)
 
 
-def test_a_callback_that_fails_in_mid_motion_ends_the_goal_and_nothing_else(
-        arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(self: ShapeSequencer, runner: object) -> None:
+def test_a_callback_that_fails_in_mid_motion_ends_the_goal_and_nothing_else(arm, monkeypatch):
+    def fail(self, runner):
         raise ZeroDivisionError('half a shape')
 
     goal = in_motion(arm)
@@ -213,8 +207,7 @@ def test_a_callback_that_fails_in_mid_motion_ends_the_goal_and_nothing_else(
     arm.goal(BEND).assert_ended('SUCCEEDED')
 
 
-def test_a_jump_of_the_clock_ends_the_goal_with_a_code_of_its_own(
-        arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_jump_of_the_clock_ends_the_goal_with_a_code_of_its_own(arm, monkeypatch):
     goal, now = in_motion(arm), RosTime._now
     monkeypatch.setattr(RosTime, '_now', lambda self: now(self) + 5.0)
     goal.assert_ended('ABORTED', 'jumped by 5.0', code=Result.CLOCK_JUMPED)
@@ -225,8 +218,7 @@ def test_a_jump_of_the_clock_ends_the_goal_with_a_code_of_its_own(
 
 @pytest.mark.parametrize('profile', [LATCHED, RELIABLE, STREAM],
                          ids=['latched', 'reliable', 'best effort'])
-def test_an_emergency_stop_ends_the_motion_until_it_is_off_and_resumed(
-        arm: Rig, profile: QoSProfile) -> None:
+def test_an_emergency_stop_ends_the_motion_until_it_is_off_and_resumed(arm, profile):
     button = arm.observer.create_publisher(Bool, 'emergency_stop', profile)
     arm.wait_for(lambda: button.get_subscription_count() >= 2, 'all nodes to listen')
     goal = in_motion(arm)

@@ -1,10 +1,8 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Measured poses of the discs correct the shape that is published, and the shapes that are set."""
 
 import time
-from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 import numpy as np
@@ -13,15 +11,15 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.estimation.unknowns import STRETCH
-from soft_continuum.mechanics import Equilibrium, Statics, StaticsError
+from soft_continuum.mechanics import Statics, StaticsError
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_from_ros, poses_from_ros
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
 from support.descriptions import given, JAMMING, PLANAR
-from support.fake_arm import ARM, Cameras, FakeArm, RATE, SeenArm, Spoil
+from support.fake_arm import ARM, Cameras, FakeArm, RATE, SeenArm
 from support.flat_arm import about_y
-from support.ros_rig import DEADLINE, Recording, RELIABLE, Rig
+from support.ros_rig import DEADLINE, RELIABLE, set_in, spoil
 
 STRAIGHT, BENT = about_y((0.0, 0.0, 0.0)), about_y((0.2, -0.15, 0.25))
 AT_ZERO = (0.0, 0.0)  # m
@@ -30,7 +28,7 @@ TOO_SHORT = (0.004, 0.0)
 
 
 @pytest.fixture
-def fake(rig: Rig, request: pytest.FixtureRequest) -> SeenArm:
+def fake(rig, request):
     """Return kinematics alone with an arm that it can be told about, straight and stiff."""
     path = getattr(request, 'param', PLANAR)
     rig.start('kinematics', **given(path))
@@ -44,7 +42,7 @@ IN_PLANE_AND_SPACE = pytest.mark.parametrize(
     'fake', [PLANAR, JAMMING], indirect=True, ids=['in the plane', 'in space'])
 
 
-def test_without_measurements_all_is_as_predicted(fake: SeenArm) -> None:
+def test_without_measurements_all_is_as_predicted(fake):
     for count in range(len(fake.heard) + 1, len(fake.heard) + 6):
         fake.pull(AT_ZERO)
         fake.rig.wait_for(lambda c=count: len(fake.heard) >= c, 'a shape')
@@ -57,13 +55,13 @@ def test_without_measurements_all_is_as_predicted(fake: SeenArm) -> None:
     assert 'measured' not in fake.rig.statuses['kinematics'].last.message
 
 
-def test_measured_tensions_correct_the_stiffness_but_measure_no_shape(fake: SeenArm) -> None:
+def test_measured_tensions_correct_the_stiffness_but_measure_no_shape(fake):
     pulls = (-0.02, 0.010)
     fake.say(AT_ZERO, soft=2)
     statics = Statics(ARM)
     state = statics.solve(statics.chain.straight(), pulls, (False, True, False))
 
-    def pulled() -> Any:
+    def pulled():
         fake.pull(pulls, tensions=(0.0, 1.2 * state.tensions[1]))
         values = {p.name: p.value for p in fake.last.parameters}
         return values.get('stiffness_factor_2', 1.0) > 1.01
@@ -77,12 +75,12 @@ def test_measured_tensions_correct_the_stiffness_but_measure_no_shape(fake: Seen
 
 
 @IN_PLANE_AND_SPACE
-def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake: SeenArm) -> None:
+def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake):
     # It bent when it was stiffened.
     bending = np.where(fake.arm.bending_axes, [(0.0, 0.0), (0.0, 0.0), (-0.02, 0.03)], 0.0)
     poses, axes = fake.chain.uniform(bending).poses[2::2], fake.arm.pose_axes
 
-    def corrected() -> bool:
+    def corrected():
         if np.abs(fake.bending - bending).max() > 0.01 or not all(
                 map(len, (fake.predicted, *fake.ends))):
             return False
@@ -113,11 +111,11 @@ def test_measured_poses_correct_the_shape_and_say_how_well_it_is_known(fake: See
                       'a status that says so')
 
 
-def test_a_prediction_that_fails_is_not_shown_until_it_is_found_again(fake: SeenArm) -> None:
+def test_a_prediction_that_fails_is_not_shown_until_it_is_found_again(fake):
     statuses = fake.rig.statuses['kinematics']
     markers = fake.rig.record(MarkerArray, 'shape_markers', RELIABLE)
 
-    def ghost() -> bool:
+    def ghost():
         return len(markers) > 0 and 'prediction' in {m.ns for m in markers.last.markers}
 
     fake.show_until(STRAIGHT, AT_ZERO, lambda: len(fake.predicted) and ghost(), 'a prediction')
@@ -133,59 +131,39 @@ def test_a_prediction_that_fails_is_not_shown_until_it_is_found_again(fake: Seen
     fake.rig.wait_for(lambda: 'no shape' not in statuses.last.message, 'a status without it')
 
 
-def _frame(message: Any) -> None:
-    message.header.frame_id = 'camera'
-
-
-def _nan(message: Any) -> None:
-    message.pose.pose.position.x = float('nan')
-
-
-def _indefinite(message: Any) -> None:
-    message.pose.covariance[0] = -1.0
-
-
-def _correlated(message: Any) -> None:
-    message.pose.covariance[2] = message.pose.covariance[12] = 1e-3
-
-
-def _long(message: Any) -> None:
-    message.pose.pose.orientation.w *= 2.0
-
-
-def _future(message: Any) -> None:
-    message.header.stamp.sec += 10
-
-
-def _old(message: Any) -> None:
-    message.header.stamp.sec -= 3600
+def later(seconds):
+    """Return what moves the stamp of a message by a time."""
+    return lambda message: set_in(message, header__stamp__sec=message.header.stamp.sec + seconds)
 
 
 # No two of one reason in turn: what is the same is said once.
-UNUSABLE: dict[Spoil, str] = {
-    _frame: "'camera'", _indefinite: 'positive definite', _nan: 'finite',
-    _correlated: 'positive definite', _future: 'future', _old: 'old'}
-IN_SPACE: dict[Spoil, str] = {_long: 'quaternion'}  # of a planar arm only its angle is read
+UNUSABLE = {
+    spoil(header__frame_id='camera'): "'camera'",
+    spoil(pose__covariance__0=-1.0): 'positive definite',
+    spoil(pose__pose__position__x=float('nan')): 'finite',
+    spoil(pose__covariance__2=1e-3, pose__covariance__12=1e-3): 'positive definite',
+    later(10): 'future', later(-3600): 'old'}
+IN_SPACE = {spoil(pose__pose__orientation__w=2.0): 'quaternion'}  # of others only an angle is read
 
 
 @IN_PLANE_AND_SPACE
-def test_measurements_that_cannot_be_used_are_refused_with_the_reason(fake: SeenArm) -> None:
+def test_measurements_that_cannot_be_used_are_refused_with_the_reason(fake):
     statuses = fake.rig.statuses['kinematics']
     in_space = IN_SPACE if fake.arm.pose_axes.all() else {}
-    for spoil, reason in (UNUSABLE | in_space).items():
+    for change, reason in (UNUSABLE | in_space).items():
         before = len(statuses)
 
-        def said(before: int = before, reason: str = reason) -> bool:
+        def said(before=before, reason=reason):
             return any(reason in text for message in list(statuses)[before:]
                        for text in (message.message, *(v.value for v in message.values)))
 
         fake.show_until(about_y((0.02, 0.0, 0.03)), [0.0] * len(fake.arm.tendons), said,
-                        f'a refusal with {reason}', spoil)
+                        f'a refusal with {reason}', change)
     assert np.all(fake.bending == 0.0)
     assert fake.last.source == KinematicsState.PREDICTED
 
 
-def test_restarted_on_a_bent_arm_it_finds_the_shape_by_measurements(rig: Rig) -> None:
+def test_restarted_on_a_bent_arm_it_finds_the_shape_by_measurements(rig):
     rig.start('kinematics')
     fake = SeenArm(rig)
     fake.say(SLACK_PULLS)
@@ -203,13 +181,13 @@ class Plant:
 
     OFFSETS = np.array([5e-4, -1.2e-3])  # m
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig):
         self._statics, self._shown = Statics(ARM), 0.0
-        self.state: Equilibrium = self._statics.chain.straight()
+        self.state = self._statics.chain.straight()
         self._rig, self._cameras = rig, Cameras(rig, ARM)
         rig.observer.create_subscription(JointState, 'tendon_states', self._on_tendons, RELIABLE)
 
-    def _on_tendons(self, message: JointState) -> None:
+    def _on_tendons(self, message):
         stiffness = self._rig.states['jamming_valves'].last.stiffness
         soft = [s == JammingValvesState.NOT_STIFF for s in stiffness]
         if any(soft):
@@ -223,10 +201,10 @@ class Plant:
             self._cameras.show(self.state.poses)
 
 
-def test_with_sensors_a_result_is_measured_and_segments_are_corrected(rig: Rig) -> None:
+def test_with_sensors_a_result_is_measured_and_segments_are_corrected(rig):
     rig.start_arm(loop__settling_time=0.2, loop__measuring_time=0.3, loop__sensor_timeout=30.0)
     plant = Plant(rig)
-    state: Recording = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
+    state = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
     rig.wait_for(lambda: state.last and state.last.source == KinematicsState.ESTIMATED,
                  'an estimate')
     goal = rig.goal_when_heard((0.0, 0.0, 0.4))
@@ -254,13 +232,13 @@ SEEN = (8e-4, 8e-4, 8e-4, 1e-2, 1e-2, 1e-2)  # m, rad
 class Slipping(FakeArm):
     """An arm that is as described, and whose right tendon may slip, and what cameras see of it."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig):
         super().__init__(rig)
         self._statics = Statics(ARM.with_tendons(axial_stiffness=0.5 / STRETCH))
         self._state, self._cameras = self._statics.chain.straight(), Cameras(rig, ARM, SEEN)
         self.longer = np.zeros(2)
 
-    def show(self, pulls: np.ndarray, soft: bool = True) -> None:
+    def show(self, pulls, soft=True):
         """Say what the motors do, and then what is seen."""
         self._state = self._statics.solve(
             self._state, pulls - self.longer, [soft and n == SEGMENT for n in (1, 2, 3)])
@@ -269,7 +247,7 @@ class Slipping(FakeArm):
         time.sleep(PERIOD)
 
 
-def test_a_tendon_that_slipped_is_named(rig: Rig) -> None:
+def test_a_tendon_that_slipped_is_named(rig):
     rig.start('kinematics')
     states = rig.record(KinematicsState, 'kinematics/state', RELIABLE)
     markers = rig.record(MarkerArray, 'shape_markers', RELIABLE)

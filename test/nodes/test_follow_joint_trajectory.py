@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 With control_msgs tendon_actuation serves FollowJointTrajectory; it judges goals as any trajectory.
 
@@ -8,21 +7,18 @@ The registries do not have control_msgs, so a stand-in with the published defini
 once for a checkout, into build/control_msgs.
 """
 
-from collections.abc import Iterator
 import fcntl
 import json
 import os
 from pathlib import Path
 import subprocess
 import sys
-from typing import Any
 
 from action_msgs.msg import GoalStatus
 import pytest
 
 from soft_continuum.user_files import description_file
-from support.processes import module_command, NodeProcess, Processes
-from support.ros_rig import Rig
+from support.processes import module_command
 
 pytestmark = pytest.mark.timeout(600)
 HERE = Path(__file__).resolve().parent
@@ -31,7 +27,7 @@ SEGMENT = 2
 
 
 @pytest.fixture(scope='session')
-def control_msgs() -> dict[str, str]:
+def control_msgs():
     """Return the environment of a process that has control_msgs; build that if need be."""
     prefix = BUILD / 'install'
     BUILD.mkdir(parents=True, exist_ok=True)
@@ -54,8 +50,7 @@ def control_msgs() -> dict[str, str]:
 
 
 @pytest.fixture
-def goals(rig: Rig, processes: Processes, control_msgs: dict[str, str]
-          ) -> Iterator[dict[str, dict[str, Any]]]:
+def goals(rig, processes, control_msgs):
     """Return how the goals of follow_client.py ended, of an arm with one soft segment."""
     node = processes.start([
         *module_command('tendon_actuation'), '--ros-args', '-r', f'__ns:={rig.namespace}',
@@ -64,7 +59,7 @@ def goals(rig: Rig, processes: Processes, control_msgs: dict[str, str]
     rig.start('jamming_valves', 'kinematics')
     rig.wait_until_ready('tendon_actuation')
     rig.soften(SEGMENT)
-    client: NodeProcess = processes.start(
+    client = processes.start(
         [sys.executable, '-m', 'support.follow_client', rig.namespace],
         environment=control_msgs, directory=HERE.parent)
     assert client.wait(300.0) == 0, client.output
@@ -73,8 +68,7 @@ def goals(rig: Rig, processes: Processes, control_msgs: dict[str, str]
     node.kill()
 
 
-def test_goals_of_follow_joint_trajectory_are_followed_refused_canceled_and_replaced(
-        goals: dict[str, dict[str, Any]]) -> None:
+def test_goals_of_follow_joint_trajectory_are_followed_refused_canceled_and_replaced(goals):
     ended = {name: (goal['status'], goal['code']) for name, goal in goals.items()}
     aborted = GoalStatus.STATUS_ABORTED
     assert ended == {

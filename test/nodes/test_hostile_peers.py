@@ -1,20 +1,16 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A peer on the network that sends too much: a stop is answered all the same, nothing dies."""
 
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from statistics import median
 import struct
 import threading
 import time
-from typing import Any
 
 from geometry_msgs.msg import Point, Pose, Vector3
 import pytest
 from rclpy.action import ActionClient
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
@@ -23,7 +19,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Heartbeat, JammingValvesState, KinematicsState
-from support.ros_rig import LATCHED, RELIABLE, Rig, shape_message, trajectory
+from support.ros_rig import LATCHED, RELIABLE, shape_message, trajectory
 
 BOUND = 0.5
 """s of processor time, of all nodes and the attacker, until a stop is answered."""
@@ -31,7 +27,7 @@ PERIOD = 0.001  # s between two messages of a flood
 NAN = float('nan')
 
 
-def many_triangles(count: int) -> MarkerArray:
+def many_triangles(count):
     """Return a marker with a surface that is not closed."""
     points = [Point(x=0.5 + 1e-3 * k, y=1.0 * (k % 3)) for k in range(3 * count)]
     return MarkerArray(markers=[Marker(
@@ -39,18 +35,15 @@ def many_triangles(count: int) -> MarkerArray:
         scale=Vector3(x=1.0, y=1.0, z=1.0))])
 
 
-def long_trajectory(points: int) -> bytes:
+def long_trajectory(points):
     """Return a trajectory as it is sent, which to build point by point would take long."""
     data = serialize_message(trajectory([(0.1, (0.0, 0.0))]))
     return data[:60] + struct.pack('<I', points) + data[64:104] * points
 
 
-Attack = Callable[[Node, Rig], Iterator[Callable[[], None]]]
-
-
-def publications(kind: Any, topic: str, *messages: Any) -> Attack:
+def publications(kind, topic, *messages):
     """Return an attack that publishes ``messages`` in turn."""
-    def attack(stranger: Node, rig: Rig) -> Iterator[Callable[[], None]]:
+    def attack(stranger, rig):
         publisher = stranger.create_publisher(kind, topic, LATCHED if 'state' in topic
                                               or 'stiff' in topic else RELIABLE)
         rig.wait_for(publisher.get_subscription_count, f'somebody to listen to {topic}')
@@ -62,9 +55,9 @@ def publications(kind: Any, topic: str, *messages: Any) -> Attack:
     return attack
 
 
-def goals(*counts: int) -> Attack:
+def goals(*counts):
     """Return an attack with goals of so many shapes."""
-    def attack(stranger: Node, rig: Rig) -> Iterator[Callable[[], None]]:
+    def attack(stranger, rig):
         client = ActionClient(stranger, RunShapeSequence, 'run_shape_sequence')
         rig.wait_for(client.server_is_ready, 'the action server')
         requests = [RunShapeSequence.Goal(shapes=[shape_message('c_form')] * n) for n in counts]
@@ -75,16 +68,16 @@ def goals(*counts: int) -> Attack:
     return attack
 
 
-def in_turn(*attacks: Attack) -> Attack:
+def in_turn(*attacks):
     """Return several attacks as one."""
-    def attack(stranger: Node, rig: Rig) -> Iterator[Callable[[], None]]:
+    def attack(stranger, rig):
         for blows in zip(*(one(stranger, rig) for one in attacks), strict=True):
             yield from blows
 
     return attack
 
 
-def trajectories(*messages: Any) -> Attack:
+def trajectories(*messages):
     return publications(JointTrajectory, 'tendon_actuation/joint_trajectory', *messages)
 
 
@@ -119,7 +112,7 @@ SLOW = ('obstacles of 6000 triangles', 'obstacles that come and go',
 
 
 @pytest.fixture(scope='module')
-def hardy_arm(module_rig: Rig) -> Rig:
+def hardy_arm(module_rig):
     """Return the four nodes, tendon_actuation on a thread of its own as it is in a process."""
     module_rig.start('jamming_valves', 'kinematics', 'shape_sequencer')
     module_rig.start('tendon_actuation')
@@ -128,13 +121,13 @@ def hardy_arm(module_rig: Rig) -> Rig:
 
 
 @contextmanager
-def under(attack: str, rig: Rig) -> Iterator[None]:
+def under(attack, rig):
     """Let a stranger attack, once the first blow has been struck."""
     ended, begun = threading.Event(), threading.Event()
     with rig.stranger() as stranger:
         blows = ATTACKS[attack](stranger, rig)
 
-        def strike() -> None:
+        def strike():
             for blow in blows:
                 blow()
                 begun.set()
@@ -152,9 +145,8 @@ def under(attack: str, rig: Rig) -> Iterator[None]:
 
 
 @pytest.mark.parametrize('attack', ATTACKS)
-def test_a_stop_is_answered_at_once_whatever_else_is_sent(
-        hardy_arm: Rig, record_property: Callable[[str, object], None], attack: str) -> None:
-    took, before = list[float](), hardy_arm.pulls
+def test_a_stop_is_answered_at_once_whatever_else_is_sent(hardy_arm, record_property, attack):
+    took, before = [], hardy_arm.pulls
     with under(attack, hardy_arm):
         for _ in range(5 if attack in SLOW else 3):
             begin = time.process_time()
@@ -171,7 +163,7 @@ def test_a_stop_is_answered_at_once_whatever_else_is_sent(
     assert hardy_arm.pulls == before
 
 
-def test_after_all_that_the_arm_sets_a_shape(hardy_arm: Rig) -> None:
+def test_after_all_that_the_arm_sets_a_shape(hardy_arm):
     hardy_arm.wait_for(lambda: hardy_arm.trigger('tendon_actuation/resume').success, 'a resume')
     # A stranger that posed as a node is forgotten 1.5 s after it was last heard, and no sooner.
     status, result = hardy_arm.goal_when_heard((0.0, 0.0, 0.2)).result()
@@ -180,6 +172,6 @@ def test_after_all_that_the_arm_sets_a_shape(hardy_arm: Rig) -> None:
     assert status == 'SUCCEEDED', result.error_string
 
 
-def test_a_long_trajectory_is_one() -> None:
+def test_a_long_trajectory_is_one():
     message = deserialize_message(long_trajectory(3), JointTrajectory)
     assert [list(p.positions) for p in message.points] == [[0.0, 0.0]] * 3

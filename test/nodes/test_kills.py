@@ -1,15 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Nodes that are killed in the middle of a sequence: what the others do, and the next start."""
-
-from pathlib import Path
 
 import pytest
 
 from soft_continuum_interfaces.action import RunShapeSequence
-from support.processes import module_command, NodeProcess, Processes
-from support.ros_rig import ALL, Goal, QUICK, Rig
+from support.processes import module_command
+from support.ros_rig import ALL, QUICK
 
 Result = RunShapeSequence.Result
 BEND = (0.0, 0.0, 0.5)
@@ -17,7 +14,7 @@ FULL_PULL = 0.008  # m: some more than BEND needs
 SLOW = {'tendon_speed': 0.002, 'stale_timeout': 2.0, 'jamming_timeout': 5.0}
 
 
-def moving_arm(rig: Rig, processes: Processes, victim: str) -> tuple[NodeProcess, Goal]:
+def moving_arm(rig, processes, victim):
     """Return an arm in mid-motion, one of its nodes a process that can be killed."""
     process = processes.node(victim, parameters={**QUICK, **SLOW})
     rig.start(*(name for name in ALL if name != victim), **SLOW)
@@ -25,20 +22,19 @@ def moving_arm(rig: Rig, processes: Processes, victim: str) -> tuple[NodeProcess
     return process, rig.goal_in_motion(BEND)
 
 
-def start_again(rig: Rig, name: str) -> None:
+def start_again(rig, name):
     """Start a node that was killed, in this process, and wait for its first words."""
     said = len(rig.statuses[name])
     rig.start(name, ready=False, **SLOW)
     rig.wait_for(lambda: len(rig.statuses[name]) > said, f'words from {name}')
 
 
-def assert_rests_short(rig: Rig) -> None:
+def assert_rests_short(rig):
     rig.come_to_rest()
     assert 0.0 < rig.pulls[0] < FULL_PULL
 
 
-def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(
-        rig: Rig, processes: Processes) -> None:
+def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(rig, processes):
     process, _ = moving_arm(rig, processes, 'shape_sequencer')
     process.kill()
     assert_rests_short(rig)
@@ -58,8 +54,7 @@ def test_when_the_sequencer_is_killed_the_motion_ceases_by_itself(
     rig.assert_never_moved_all_stiff()
 
 
-def test_when_the_valves_are_killed_the_goal_is_aborted_and_the_tendons_rest(
-        rig: Rig, processes: Processes) -> None:
+def test_when_the_valves_are_killed_the_goal_is_aborted_and_the_tendons_rest(rig, processes):
     process, goal = moving_arm(rig, processes, 'jamming_valves')
     process.kill()
     goal.assert_ended('ABORTED', 'jamming_valves', code=Result.HARDWARE_FAULT)
@@ -79,7 +74,7 @@ def test_when_the_valves_are_killed_the_goal_is_aborted_and_the_tendons_rest(
 
 
 def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_no_shape(
-        rig: Rig, processes: Processes) -> None:
+        rig, processes):
     process, goal = moving_arm(rig, processes, 'kinematics')
     process.kill()
     goal.assert_ended('ABORTED', 'kinematics', code=Result.HARDWARE_FAULT)
@@ -95,7 +90,7 @@ def test_when_kinematics_is_killed_the_goal_is_aborted_and_its_successor_knows_n
 
 
 def test_servos_whose_node_is_killed_are_known_to_the_next_one_which_sets_the_shape(
-        rig: Rig, processes: Processes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        rig, processes, tmp_path, monkeypatch):
     """In real time, behind a pseudo-terminal."""
     monkeypatch.setenv('XDG_STATE_HOME', str(tmp_path / 'state'))
     port, bend = tmp_path / 'servos', (0.0, 0.0, 0.3)

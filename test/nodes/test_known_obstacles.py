@@ -1,10 +1,8 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Obstacles as topics have them: what a sequencer plans with is what others see of it."""
 
 from pathlib import Path
-from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Point
@@ -14,7 +12,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
 from soft_continuum.obstacles.files import load_obstacles
-from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.obstacles import (
     is_decoration,
     name_of,
@@ -23,32 +20,27 @@ from soft_continuum.ros.obstacles import (
     removal,
 )
 from soft_continuum.ros.qos import OBSTACLES
-from support.ros_rig import LATCHED, Rig
+from support.ros_rig import LATCHED, set_in
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'config' / 'obstacles_example.yaml'
 TETRAHEDRON = Mesh(np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]),
                    np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
 
 
-def ball(ns: str = 'ball', number: int = 0, **fields: Any) -> Marker:
+def ball(ns='ball', number=0, **fields):
     """Return a sphere beside the arm, as others send it."""
     marker = Marker(ns=ns, id=number, type=Marker.SPHERE)
     marker.header.frame_id = 'base_link'
     marker.pose.position.x = 0.3
     marker.scale.x = marker.scale.y = marker.scale.z = 0.1
-    for name, value in fields.items():
-        part = marker
-        *path, last = name.split('__')
-        for step in path:
-            part = getattr(part, step)
-        setattr(part, last, value)
+    set_in(marker, **fields)
     return marker
 
 
 @pytest.mark.parametrize('shape', [
     Sphere(0.03), Box((0.1, 0.2, 0.3)), Cylinder(0.02, 0.3), Capsule(0.02, 0.3), TETRAHEDRON],
     ids=lambda shape: shape.kind)
-def test_an_obstacle_comes_back_from_its_markers(shape: Any) -> None:
+def test_an_obstacle_comes_back_from_its_markers(shape):
     here = Obstacle('shelf', shape, (0.1, -0.2, 0.3), turned_by(0.4, 0.5, 0.6))
     first, *others = obstacle_to_ros(('shelf', 0), here, 'base_link', Time())
     back = obstacle_from_ros(first, 'base_link')
@@ -64,7 +56,7 @@ def test_an_obstacle_comes_back_from_its_markers(shape: Any) -> None:
     assert {(marker.ns, marker.id) for marker in (first, *others)} <= gone
 
 
-def test_the_half_balls_of_a_capsule_are_at_its_ends() -> None:
+def test_the_half_balls_of_a_capsule_are_at_its_ends():
     lying = Obstacle('pipe', Capsule(0.02, 0.3), (0.1, 0.0, 0.3), turned_by(0.0, np.pi / 2, 0.0))
     _, one, other = obstacle_to_ros(('pipe', 0), lying, 'base_link', Time())
     assert {round(end.pose.position.x, 9) for end in (one, other)} == {-0.05, 0.25}
@@ -75,26 +67,26 @@ def test_the_half_balls_of_a_capsule_are_at_its_ends() -> None:
 class Topics:
     """A sequencer alone, what is sent to it, and what it publishes."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig):
         self.rig = rig
         rig.start('shape_sequencer', obstacles__file=str(EXAMPLE))
         self.publisher = rig.publisher(MarkerArray, 'obstacles', OBSTACLES)
         self.known = rig.record(MarkerArray, 'known_obstacles', LATCHED)
         rig.wait_for(lambda: len(self.known), 'known_obstacles')
 
-    def send(self, *markers: Marker) -> str:
+    def send(self, *markers):
         """Publish markers; return what the sequencer says when it has refused them."""
         count = self.refusals()[0]
         self.publisher.publish(MarkerArray(markers=list(markers)))
         self.rig.wait_for(lambda: self.refusals()[0] > count, 'a refusal')
         return self.refusals()[1]
 
-    def refusals(self) -> tuple[int, str]:
+    def refusals(self):
         number, _, text = (self.rig.status_value('shape_sequencer', 'obstacles refused')
                            or '0, ').partition(', ')
         return int(number), text
 
-    def change(self, *markers: Marker) -> list[str]:
+    def change(self, *markers):
         """Publish markers that change something; return the names that are known then."""
         count = len(self.known)
         self.publisher.publish(MarkerArray(markers=list(markers)))
@@ -102,23 +94,22 @@ class Topics:
         return self.names
 
     @property
-    def names(self) -> list[str]:
+    def names(self):
         clear, *markers = self.known.last.markers
         assert clear.action == Marker.DELETEALL
         return [name_of((m.ns, m.id)) for m in markers if not is_decoration(m)]
 
 
 @pytest.fixture(scope='module')
-def sequencer(module_rig: Rig) -> Topics:
+def sequencer(module_rig):
     """Return a sequencer that has read the example."""
     return Topics(module_rig)
 
 
-def test_what_is_known_follows_the_topic(rig: Rig) -> None:
+def test_what_is_known_follows_the_topic(rig):
     sequencer, of_file = Topics(rig), [one.name for one in load_obstacles(EXAMPLE)]
     assert sequencer.names == of_file
-    assert sequencer.change(ball(), ball(number=2), ball('b')) == [
-        *of_file, 'ball', 'ball/2', 'b']
+    assert sequencer.change(ball(), ball(number=2), ball('b')) == [*of_file, 'ball', 'ball/2', 'b']
     assert sequencer.change(Marker(ns='ball', id=2, action=Marker.DELETE)) == [
         *of_file, 'ball', 'b']
     assert sequencer.change(Marker(ns='ball', action=Marker.DELETEALL), ball('c')) == [
@@ -130,12 +121,12 @@ def test_what_is_known_follows_the_topic(rig: Rig) -> None:
         lambda: sequencer.rig.status_value('shape_sequencer', 'obstacles') == '0', 'none left')
 
 
-def test_an_ellipsoid_is_known_as_the_ball_around_it(sequencer: Topics) -> None:
+def test_an_ellipsoid_is_known_as_the_ball_around_it(sequencer):
     sequencer.change(Marker(action=Marker.DELETEALL), ball(scale__y=0.2))
     assert sequencer.known.last.markers[1].scale.x == pytest.approx(0.2)
 
 
-def test_a_lifetime_ends_an_obstacle(sequencer: Topics) -> None:
+def test_a_lifetime_ends_an_obstacle(sequencer):
     sequencer.change(Marker(action=Marker.DELETEALL), ball('stays'))
     count = len(sequencer.known)
     sequencer.change(ball('goes', lifetime=Duration(nanosec=200_000_000)))
@@ -158,21 +149,14 @@ def test_a_lifetime_ends_an_obstacle(sequencer: Topics) -> None:
     (ball(ns='a\nb'), 'a\\nb'),
     (ball(pose__position__x=0.0), 'in the base disc'),
 ], ids=lambda value: value if isinstance(value, str) else '')
-def test_a_bad_message_changes_nothing_and_is_reported(
-        sequencer: Topics, sent: Marker, part: str) -> None:
+def test_a_bad_message_changes_nothing_and_is_reported(sequencer, sent, part):
     before = len(sequencer.known)
     refused = sequencer.send(ball('good', 7), sent)
     assert part in refused
     assert len(sequencer.known) == before
 
 
-def test_too_many_obstacles_are_refused(sequencer: Topics) -> None:
+def test_too_many_obstacles_are_refused(sequencer):
     sequencer.change(Marker(action=Marker.DELETEALL), ball('one'))
     assert '101 obstacles; allowed: 100' in sequencer.send(*(ball(number=k) for k in range(100)))
     assert sequencer.names == ['one']
-
-
-def test_a_file_that_cannot_be_used_is_an_error_of_the_parameter(
-        rig: Rig, tmp_path: Path) -> None:
-    with pytest.raises(ParameterError, match=r'parameter obstacles.file: .*none.yaml: cannot be'):
-        rig.start('shape_sequencer', obstacles__file=str(tmp_path / 'none.yaml'))

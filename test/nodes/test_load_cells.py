@@ -1,13 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Load cells on a topic: they are read, they end motions, and nothing moves without them."""
 
 import pytest
 from sensor_msgs.msg import JointState
 
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
-from support.ros_rig import Rig, STREAM, trajectory
+from support.ros_rig import assert_declined, STREAM, trajectory
 
 NAMES = ('right_tendon', 'left_tendon')
 ZEROS, SCALES = (1000.0, -500.0), (0.01, -0.02)  # of amplifiers that show no newtons
@@ -17,14 +16,14 @@ OTHERS = ('jamming_valves', 'kinematics', 'shape_sequencer')
 class Cells:
     """Two amplifiers, each with a message of its own, at 50 Hz."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig):
         self.rig, self.silent = rig, set(NAMES)
-        self.caught: int | None = None  # which tendon cannot go beyond 4 mm
+        self.caught = None  # which tendon cannot go beyond 4 mm
         self.tensions = [0.0, 0.0]  # N
         self._publisher = rig.observer.create_publisher(JointState, 'load_cells', STREAM)
         rig.observer.create_timer(0.02, self._publish)
 
-    def _publish(self) -> None:
+    def _publish(self):
         for t, name in enumerate(NAMES):
             tension = self.tensions[t]
             if t == self.caught:
@@ -34,21 +33,19 @@ class Cells:
                     name=[name], effort=[ZEROS[t] + tension / SCALES[t]]))
 
 
-def pull(rig: Rig, *pulls: float, seconds: float = 4.0) -> None:
+def pull(rig, *pulls, seconds=4.0):
     rig.send(trajectory([(seconds, pulls)]))
 
 
 @pytest.mark.parametrize('caught', [0, 1])
 def test_nothing_moves_without_load_cells_and_what_they_show_ends_a_motion(
-        rig: Rig, monkeypatch: pytest.MonkeyPatch, caught: int) -> None:
+        rig, monkeypatch, caught):
     monkeypatch.setattr(SimulatedTendons, 'reference_moves', True)
     cells = Cells(rig)
     rig.start('tendon_actuation', *OTHERS, load_cells__enabled=True, load_cells__zeros=ZEROS,
               load_cells__scales=SCALES, stale_timeout=3.0, tension_tolerance=10.0)
     rig.goal('c_form').assert_rejected('the tension of right_tendon, left_tendon is not measured')
-    homing = rig.trigger('tendon_actuation/reference')
-    assert not homing.success
-    assert 'right_tendon is not measured' in homing.message
+    assert_declined(rig.trigger('tendon_actuation/reference'), 'right_tendon is not measured')
     rig.soften(3)
     rig.wait_for_status('kinematics', 'soft', '3')
 

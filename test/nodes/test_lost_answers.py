@@ -1,13 +1,8 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A request that is never answered ends its wait, says for what, and can be repeated."""
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 import pytest
 import rclpy
@@ -24,20 +19,20 @@ from soft_continuum.teleop import steered_arm
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import RecorderState
 from support.joystick import Joystick, LB, RIGHT
-from support.ros_rig import DEADLINE, LATCHED, Rig
+from support.ros_rig import DEADLINE, LATCHED
 
 TIMEOUT = 0.5  # s, of what is lost in any case
 
 
-def service_of(node: Any, ending: str) -> Any:
+def service_of(node, ending):
     """Return a service of a node by the end of its name."""
     return next(one for one in node.services if one.service_name.endswith(ending))
 
 
 @contextmanager
-def lost_answers(node: Any, ending: str) -> Iterator[list[Any]]:
+def lost_answers(node, ending):
     """Lose every answer of a service of a node; the list has those that were lost."""
-    service, lost = service_of(node, ending), list[Any]()
+    service, lost = service_of(node, ending), []
     send, service.send_response = service.send_response, lambda *answer: lost.append(answer)
     try:
         yield lost
@@ -46,7 +41,7 @@ def lost_answers(node: Any, ending: str) -> Iterator[list[Any]]:
 
 
 @pytest.fixture
-def connection(module_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Connection]:
+def connection(module_domain, monkeypatch):
     """Return a client that finds everything, and waits for no answer for long."""
     monkeypatch.setenv('ROS_DOMAIN_ID', str(module_domain))
     found = Connection('impatient', '/arm_under_test', TIMEOUT, DEADLINE)
@@ -54,15 +49,14 @@ def connection(module_domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[
     found.close()
 
 
-def problem(future: 'Future[Any]') -> str:
+def problem(future):
     """Return how a request of a client failed, which nothing but a missing answer may do."""
     with pytest.raises(NoAnswerError) as failed:
         future.result(DEADLINE)
     return str(failed.value)
 
 
-def test_a_client_is_told_which_answer_did_not_come(
-        shared_arm: Rig, connection: Connection) -> None:
+def test_a_client_is_told_which_answer_did_not_come(shared_arm, connection):
     requests = connection.requests
     with lost_answers(shared_arm.node('tendon_actuation'), '/reference'):
         assert problem(requests.start(requests.reference())) == (
@@ -71,7 +65,7 @@ def test_a_client_is_told_which_answer_did_not_come(
 
 
 def test_what_may_be_asked_again_is_and_the_first_answer_that_comes_counts(
-        shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
+        shared_arm, connection, monkeypatch):
     requests = connection.requests
     requests.timeout = DEADLINE
     monkeypatch.setattr(client_requests, 'ATTEMPTS', 60)
@@ -85,11 +79,11 @@ def test_what_may_be_asked_again_is_and_the_first_answer_that_comes_counts(
 
 
 def test_the_result_of_a_sequence_is_asked_for_again_when_it_is_lost(
-        shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
+        shared_arm, connection, monkeypatch):
     requests, lost = connection.requests, []
     send = SequenceServer._send_result_response
 
-    def lose_first(server: Any, *answer: Any) -> None:
+    def lose_first(server, *answer):
         if lost:
             send(server, *answer)
         else:
@@ -103,10 +97,10 @@ def test_the_result_of_a_sequence_is_asked_for_again_when_it_is_lost(
 
 
 def test_a_sequence_of_which_the_result_never_comes_ends_with_the_reason(
-        shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
+        shared_arm, connection, monkeypatch):
     requests = connection.requests
 
-    async def lose(*request: Any) -> None:
+    async def lose(*request):
         """Answer nothing."""
 
     monkeypatch.setattr(SequenceServer, '_execute_get_result_request', lose)
@@ -118,11 +112,10 @@ def test_a_sequence_of_which_the_result_never_comes_ends_with_the_reason(
 @pytest.mark.parametrize('shape, outcome', [([0.0, 0.0, 0.15], 'SUCCESSFUL'),
                                             ([9.0, 0.0, 0.0], 'bending')])
 def test_a_goal_whose_answer_is_lost_is_accepted_or_rejected_all_the_same(
-        shared_arm: Rig, connection: Connection,
-        monkeypatch: pytest.MonkeyPatch, shape: list[float], outcome: str) -> None:
+        shared_arm, connection, monkeypatch, shape, outcome):
     requests, lost, send = connection.requests, [], ActionClient.send_goal_async
 
-    def lose(*arguments: Any) -> Any:
+    def lose(*arguments):
         lost.append(send(*arguments))
         return rclpy.Future()
 
@@ -137,10 +130,10 @@ def test_a_goal_whose_answer_is_lost_is_accepted_or_rejected_all_the_same(
 
 
 def test_a_goal_that_is_not_answered_is_given_up_and_canceled_if_it_is_later(
-        shared_arm: Rig, connection: Connection, monkeypatch: pytest.MonkeyPatch) -> None:
+        shared_arm, connection, monkeypatch):
     requests = connection.requests
     monkeypatch.setattr(client_requests, 'PLANNING_TIMEOUT', TIMEOUT)
-    late: list[Callable[[], None]] = []
+    late = []
     send = SequenceServer._send_answer
     monkeypatch.setattr(SequenceServer, '_send_answer', lambda server, *answer: late.append(
         lambda: send(server, *answer)))
@@ -152,13 +145,13 @@ def test_a_goal_that_is_not_answered_is_given_up_and_canceled_if_it_is_later(
     shared_arm.wait_for(lambda: ends.last.error_code == canceled, 'its end')
 
 
-def test_the_sequencer_needs_no_answer_of_what_the_pressure_confirms(shared_arm: Rig) -> None:
+def test_the_sequencer_needs_no_answer_of_what_the_pressure_confirms(shared_arm):
     with lost_answers(shared_arm.node('jamming_valves'), '/segment_3/set_stiff') as lost:
         assert shared_arm.goal((0.0, 0.0, -0.1)).result()[0] == 'SUCCEEDED'
         assert lost
 
 
-def test_the_sequencer_ends_a_goal_that_waits_for_a_switch_in_vain(shared_arm: Rig) -> None:
+def test_the_sequencer_ends_a_goal_that_waits_for_a_switch_in_vain(shared_arm):
     valves = shared_arm.node('jamming_valves')
     service = service_of(valves, '/segment_3/set_stiff')
     serve, service.callback = service.callback, lambda request, response: response
@@ -172,10 +165,9 @@ def test_the_sequencer_ends_a_goal_that_waits_for_a_switch_in_vain(shared_arm: R
     assert shared_arm.goal((0.0, 0.0, 0.1)).result()[0] == 'SUCCEEDED'
 
 
-def test_the_page_is_told_which_answer_did_not_come(
-        shared_arm: Rig, connection: Connection) -> None:
+def test_the_page_is_told_which_answer_did_not_come(shared_arm, connection):
 
-    async def begin() -> PageSession:
+    async def begin():
         return PageSession(connection.requests)
 
     session = connection.requests.start(begin()).result(DEADLINE)
@@ -187,11 +179,11 @@ def test_the_page_is_told_which_answer_did_not_come(
 
 
 def test_a_recording_goes_on_without_the_parameters_that_nobody_answers(
-        shared_arm: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        shared_arm, tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_node, 'ANSWER_TIMEOUT', TIMEOUT)
     states = shared_arm.record(RecorderState, 'recorder/state', LATCHED)
     recorder, = shared_arm.start('recorder', ready=False, recorder__directory=str(tmp_path))
-    said: list[str] = []
+    said = []
     monkeypatch.setattr(recorder.get_logger(), 'warning', lambda text, **_: said.append(text))
     with lost_answers(shared_arm.node('kinematics'), '/list_parameters'):
         assert shared_arm.call(SetBool, 'recorder/record', data=True).success
@@ -204,8 +196,7 @@ def test_a_recording_goes_on_without_the_parameters_that_nobody_answers(
     shared_arm.end(recorder)
 
 
-def test_teleop_says_which_answer_did_not_come_and_moves_once_it_does(
-        shared_arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_teleop_says_which_answer_did_not_come_and_moves_once_it_does(shared_arm, monkeypatch):
     shared_arm.soften(2)
     joystick = Joystick(shared_arm)
     joystick.wait_for('ready to move segment 2', connected=True)

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Who reaches the nodes: processes of this computer, and others only where the user wants it."""
 
 from contextlib import ExitStack
@@ -22,15 +21,14 @@ from soft_continuum.ros.network import (
     who_commands,
 )
 from soft_continuum.user_files import description_file
-from support.processes import module_command, NodeProcess, Processes
-from support.ros_rig import Rig
+from support.processes import module_command
 
 CONFIG = description_file().parent
 NO_PROFILE = dict.fromkeys(PROFILES, '')
 NODE = 'jamming_valves'
 
 
-def node(rig: Rig, processes: Processes, reach: str) -> NodeProcess:
+def node(rig, processes, reach):
     """Return a node that serves in an environment with this ROS_AUTOMATIC_DISCOVERY_RANGE."""
     command = [*module_command(NODE), '--ros-args', '-r', f'__ns:={rig.namespace}']
     process = processes.start(command, environment=NO_PROFILE | {RANGE: reach})
@@ -38,8 +36,7 @@ def node(rig: Rig, processes: Processes, reach: str) -> NodeProcess:
     return process
 
 
-def test_a_node_listens_to_its_own_computer_only_and_its_memory_is_limited(
-        rig: Rig, processes: Processes) -> None:
+def test_a_node_listens_to_its_own_computer_only_and_its_memory_is_limited(rig, processes):
     process = node(rig, processes, 'LOCALHOST')
     folder = Path('/proc', str(process.process.pid))
     assert reachable_addresses(process.process.pid) == []
@@ -53,7 +50,7 @@ def test_a_node_listens_to_its_own_computer_only_and_its_memory_is_limited(
     assert f'{name}every user of this computer can command this arm' in process.output
 
 
-def test_a_node_that_other_computers_reach_says_so(rig: Rig, processes: Processes) -> None:
+def test_a_node_that_other_computers_reach_says_so(rig, processes):
     process = node(rig, processes, 'SUBNET')
     addresses = reachable_addresses(process.process.pid)
     assert any(address.startswith('0.0.0.0:') for address in addresses)
@@ -63,7 +60,7 @@ def test_a_node_that_other_computers_reach_says_so(rig: Rig, processes: Processe
     assert '/dev/shm/fastrtps' not in maps
 
 
-def test_addresses_of_every_kind_of_socket_are_seen_and_those_of_this_computer_are_not() -> None:
+def test_addresses_of_every_kind_of_socket_are_seen_and_those_of_this_computer_are_not():
     before = {*reachable_addresses()}
     with ExitStack() as opened:
         ports = {}
@@ -81,7 +78,7 @@ def test_addresses_of_every_kind_of_socket_are_seen_and_those_of_this_computer_a
             f'[::]:{ports["tcp6"]}'}
 
 
-def test_who_commands_is_said_for_each_network() -> None:
+def test_who_commands_is_said_for_each_network():
     assert 'no other computer (ROS_DOMAIN_ID 7)' in who_commands({'ROS_DOMAIN_ID': '7'}, [])
     assert 'listens on 10.0.0.1:7400' in who_commands({}, ['10.0.0.1:7400'])
     secured = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
@@ -92,8 +89,7 @@ def test_who_commands_is_said_for_each_network() -> None:
     assert 'every user of this computer' in who_commands(permissive, [])
 
 
-def test_without_dds_security_or_keys_nothing_starts_and_the_reason_is_said(
-        processes: Processes, tmp_path: Path) -> None:
+def test_without_dds_security_or_keys_nothing_starts_and_the_reason_is_said(processes, tmp_path):
     secured = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce',
                'ROS_SECURITY_KEYSTORE': str(tmp_path)}
     (tmp_path / 'enclaves' / 'client').mkdir(parents=True)
@@ -116,15 +112,14 @@ CYCLONE = {'RMW_IMPLEMENTATION': 'rmw_cyclonedds_cpp'}
                                     {RANGE: 'SYSTEM_DEFAULT'})),
     *(({name: 'my.xml', RANGE: 'LOCALHOST'},) * 2 for name in PROFILES),  # a user's profile stays
     (CYCLONE, {**CYCLONE, RANGE: 'LOCALHOST'})])  # limited as far as ROS can
-def test_the_network_is_closed_unless_the_user_opens_it(
-        given: dict[str, str], chosen: dict[str, str]) -> None:
+def test_the_network_is_closed_unless_the_user_opens_it(given, chosen):
     assert (CONFIG / 'fastdds.xml').is_file()
     environment = dict(given)
     choose_network(environment, CONFIG)
     assert environment == chosen
 
 
-def test_what_the_user_chose_is_known_afterwards() -> None:
+def test_what_the_user_chose_is_known_afterwards():
     for given in ({}, {RANGE: 'SUBNET'}, dict.fromkeys(PROFILES, '/home/me/my.xml')):
         environment = dict(given)
         choose_network(environment, CONFIG)
@@ -153,8 +148,7 @@ ALONE = ['unshare', '--map-root-user', '--net']  # no interface but lo, which is
 @pytest.mark.skipif(not which('unshare') or not which('ip') or bool(
     subprocess.run([*ALONE, 'true'], capture_output=True, check=False).returncode),
     reason='needs leave to make a network namespace')
-def test_a_computer_without_a_network_is_enough_also_when_lo_comes_late(
-        processes: Processes) -> None:
+def test_a_computer_without_a_network_is_enough_also_when_lo_comes_late(processes):
     program = processes.start([*ALONE, sys.executable, '-c', LATE],
                               environment=dict.fromkeys((*PROFILES, RANGE), ''))
     assert program.wait() == 0 and 'found 0' in program.output, program.output
@@ -169,8 +163,7 @@ with Arm(sys.argv[1]):
 """
 
 
-def test_a_program_with_the_python_client_listens_to_its_own_computer_only(
-        rig: Rig, processes: Processes) -> None:
+def test_a_program_with_the_python_client_listens_to_its_own_computer_only(rig, processes):
     rig.start('jamming_valves')
     program = processes.start([sys.executable, '-c', CLIENT, rig.namespace],
                               environment=dict.fromkeys((*PROFILES, RANGE), ''))

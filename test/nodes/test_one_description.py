@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Nodes of two versions, or of two descriptions of the arm, are no arm: nothing moves."""
 
 from dataclasses import replace
@@ -19,13 +18,13 @@ from soft_continuum.ros.names import DISC_SENSORS, KINEMATICS, SERVO, TENDON_ACT
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import Heartbeat
 from soft_continuum_interfaces.srv import GetNodeInfo
-from support.ros_rig import ALL, Rig, trajectory
+from support.ros_rig import ALL, trajectory
 
 HERE = socket.gethostname()
 OF_FILE = description_digest(load_description(description_file()))
 
 
-def test_a_digest_is_of_the_arm_alone_however_it_is_written() -> None:
+def test_a_digest_is_of_the_arm_alone_however_it_is_written():
     # By sha256sum, of {"arm.jamming": true, "arm.payload": 0.5, "arm.tendon_names": ["a", "b"]}.
     assert description_digest({
         'arm.tendon_names': ['a', 'b'], 'tension_limit': 7.0,
@@ -33,7 +32,7 @@ def test_a_digest_is_of_the_arm_alone_however_it_is_written() -> None:
     assert description_digest({'recorder.pictures': True}) == ''
 
 
-def test_every_parameter_of_the_arm_counts() -> None:
+def test_every_parameter_of_the_arm_counts():
     values = load_description(description_file())
     for parameter in ARM_PARAMETERS:
         value = values[parameter.name]
@@ -45,12 +44,12 @@ def test_every_parameter_of_the_arm_counts() -> None:
         assert description_digest(values | changed) != OF_FILE, parameter.name
 
 
-def test_what_is_said_is_what_is_read() -> None:
+def test_what_is_said_is_what_is_read():
     said = NodeInfo('process', '1.0', 'digest', 'host', 2.5, 'a conflict')
     assert NodeInfo.from_ros(said.to_ros(2.5)) == said
 
 
-def test_of_a_heartbeat_like_the_last_one_only_the_time_is_converted() -> None:
+def test_of_a_heartbeat_like_the_last_one_only_the_time_is_converted():
     read, found = HeartbeatReader(), []
     for time, conflict in ((1.25, ''), (2.5, ''), (3.75, 'a conflict'), (5.0, 'a conflict')):
         said = NodeInfo('process', '1.0', 'digest', 'host', conflict=conflict)
@@ -60,15 +59,14 @@ def test_of_a_heartbeat_like_the_last_one_only_the_time_is_converted() -> None:
     assert found[0] is found[1] is not found[2] is found[3]
 
 
-def test_every_node_answers_what_it_is(shared_arm: Rig) -> None:
+def test_every_node_answers_what_it_is(shared_arm):
     for node in ALL:
         answer = shared_arm.call(GetNodeInfo, f'{node}/get_node_info')
         assert (answer.host, answer.version, answer.description) == (HERE, version(), OF_FILE)
         assert answer.stamp.sec
 
 
-def test_a_node_with_another_description_is_a_conflict_that_refuses_all_motion(
-        shared_arm: Rig) -> None:
+def test_a_node_with_another_description_is_a_conflict_that_refuses_all_motion(shared_arm):
     running = shared_arm.goal((0.0, 0.0, 0.3), hold=60.0).wait_for_phase('holding')
     other, = shared_arm.start(DISC_SENSORS, ready=False, arm__payload=0.1)
     theirs = shared_arm.call(GetNodeInfo, f'{DISC_SENSORS}/get_node_info').description
@@ -96,11 +94,10 @@ def test_a_node_with_another_description_is_a_conflict_that_refuses_all_motion(
      'servo on an unknown computer has version unknown'),
     (NodeInfo('process', version(), OF_FILE, 'rig').to_ros(2e9), 'the clock of servo on rig is '),
     ], ids=['older', 'no version', 'ahead'])
-def test_a_node_of_another_version_or_time_is_a_conflict(
-        shared_arm: Rig, said: Heartbeat, words: str) -> None:
+def test_a_node_of_another_version_or_time_is_a_conflict(shared_arm, said, words):
     publisher = shared_arm.publisher(Heartbeat, f'{SERVO}/heartbeat')
 
-    def heard() -> bool:
+    def heard():
         publisher.publish(said)
         return all(words.format(node) in shared_arm.statuses[node].last.message for node in ALL)
 
@@ -111,8 +108,7 @@ def test_a_node_of_another_version_or_time_is_a_conflict(
         'servo' in shared_arm.statuses[node].last.message for node in ALL), 'its end')
 
 
-def test_a_node_whose_sign_of_life_is_of_another_type_is_of_another_version(
-        shared_arm: Rig) -> None:
+def test_a_node_whose_sign_of_life_is_of_another_type_is_of_another_version(shared_arm):
     with shared_arm.stranger() as stranger:
         publisher = stranger.create_publisher(String, f'{SERVO}/heartbeat', 1)
         words = f'/{SERVO}/heartbeat is also of type std_msgs/msg/String: that node runs another'

@@ -2,11 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameter files are read as rclpy reads them: every claim is made by a node that is started."""
 
-from collections.abc import Sequence
 from math import isnan
-from pathlib import Path
 import re
-from typing import Any
 
 from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
@@ -27,7 +24,7 @@ NODES = (('tendon_actuation', ''), ('tendon_actuation', 'left'), ('kinematics', 
          ('kinematics', 'lab/left'))
 
 
-def of_rclpy(arguments: Sequence[str], node: str, namespace: str = '') -> dict[str, Any] | None:
+def of_rclpy(arguments, node, namespace=''):
     """Return what a node is given, with None for a parameter without value; None if refused."""
     context = Context()
     try:
@@ -47,7 +44,7 @@ def of_rclpy(arguments: Sequence[str], node: str, namespace: str = '') -> dict[s
             for name, value in found.items()}
 
 
-def of_suite(arguments: Sequence[str], node: str, namespace: str = '') -> dict[str, Any] | None:
+def of_suite(arguments, node, namespace=''):
     """Return the same as the suite reads it."""
     try:
         overrides = Overrides.of_arguments(arguments)
@@ -57,7 +54,7 @@ def of_suite(arguments: Sequence[str], node: str, namespace: str = '') -> dict[s
         full_name_of(arguments, node, namespace)).items()}
 
 
-def same(one: Any, other: Any) -> bool:
+def same(one, other):
     """Return whether two values are equal, also in type, nan and nan too."""
     if isinstance(one, float) and isinstance(other, float) and isnan(one):
         return isnan(other)
@@ -66,7 +63,7 @@ def same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and one == other
 
 
-def assert_same(arguments: Sequence[str], node: str, namespace: str = '') -> dict[str, Any] | None:
+def assert_same(arguments, node, namespace=''):
     """Claim that the suite reads what a node is given, or refuses it; return that."""
     own, ros = of_suite(arguments, node, namespace), of_rclpy(arguments, node, namespace)
     if own is not None:
@@ -76,13 +73,13 @@ def assert_same(arguments: Sequence[str], node: str, namespace: str = '') -> dic
     return own
 
 
-def given_as(*files: Path, more: Sequence[str] = ()) -> list[str]:
+def given_as(*files, more=()):
     """Return ROS arguments with these files."""
     return ['--ros-args', *(word for path in files for word in ('--params-file', str(path))),
             *more]
 
 
-def write(path: Path, text: str) -> Path:
+def write(path, text):
     """Write a file; return its path."""
     path.write_text(text, encoding='utf-8')
     return path
@@ -137,7 +134,7 @@ CASES = {
 
 
 @pytest.mark.parametrize('case', CASES)
-def test_a_file_is_read_as_a_node_is_given_it(tmp_path: Path, case: str) -> None:
+def test_a_file_is_read_as_a_node_is_given_it(tmp_path, case):
     arguments = given_as(write(tmp_path / 'file.yaml', CASES[case].replace('  /x: {}\n', '')))
     found = [assert_same(arguments, *node) for node in NODES]
     assert any(found), 'no node was given anything'
@@ -150,7 +147,7 @@ def test_a_file_is_read_as_a_node_is_given_it(tmp_path: Path, case: str) -> None
     section('lef*', 'a: 1'), section('1left', 'a: 1'), section('le-ft', 'a: 1'), 'a: 1\n',
     section('/**', '"": 1'), section('/**', '? [a]', ': 1'), 'ros__parameters: {a: 1}\n',
     'left: {/x: {ros__parameters: {a: 1}}}\n', '/**: [a]\n'])
-def test_what_no_node_starts_with_is_refused_before(tmp_path: Path, text: str) -> None:
+def test_what_no_node_starts_with_is_refused_before(tmp_path, text):
     arguments = given_as(write(tmp_path / 'file.yaml', text))
     assert of_rclpy(arguments, 'kinematics') is None
     assert of_suite(arguments, 'kinematics') is None
@@ -160,7 +157,7 @@ def test_what_no_node_starts_with_is_refused_before(tmp_path: Path, text: str) -
     (section('/**', 'grbl:', '  port: a', 'speed_limit: 0.004', 'grbl:', '  baud: 1'), 6),
     (section('/**', 'speed_limit: 0.004', 'speed_limit: 0.005'), 4),
     (section('/**', 'grbl: {port: a, port: b}'), 3)])
-def test_a_key_twice_in_one_mapping_is_refused(tmp_path: Path, text: str, line: int) -> None:
+def test_a_key_twice_in_one_mapping_is_refused(tmp_path, text, line):
     path = write(tmp_path / 'file.yaml', text)
     with pytest.raises(ParameterError, match=f'file.yaml, line {line}: key .* stands there twice'):
         load_description(path, node='tendon_actuation')
@@ -173,8 +170,7 @@ def test_a_key_twice_in_one_mapping_is_refused(tmp_path: Path, text: str, line: 
     (section('/**', 'a: [http://x:1]'), 'quote it'),
     (section('/**', 'a: {b:{c: 1}}'), 'line 3, .* write a blank behind that of a key'),
     ('%YML 1.1\n---\n' + section('/**', 'a: 1'), 'line 1, .* %YML; delete this line')])
-def test_what_not_every_ros_reads_is_refused_with_a_remedy(
-        tmp_path: Path, text: str, message: str) -> None:
+def test_what_not_every_ros_reads_is_refused_with_a_remedy(tmp_path, text, message):
     with pytest.raises(ParameterError, match=message):
         Overrides(write(tmp_path / 'file.yaml', text))
     Overrides(write(tmp_path / 'file.yaml', '%YAML 1.1\n---\n' + section(
@@ -182,7 +178,7 @@ def test_what_not_every_ros_reads_is_refused_with_a_remedy(
 
 
 @pytest.mark.parametrize('rule', ['__ns:=/left', 'tendon_actuation:__node:=kinematics'])
-def test_a_rule_before_the_ros_arguments_counts(tmp_path: Path, rule: str) -> None:
+def test_a_rule_before_the_ros_arguments_counts(tmp_path, rule):
     file = write(tmp_path / 'file.yaml',
                  section('/left/*', 'a: 1') + section('kinematics', 'a: 2'))
     assert assert_same([rule, *given_as(file)], 'tendon_actuation')
@@ -199,8 +195,7 @@ ARGUMENTS = [
 @pytest.mark.parametrize('more', ARGUMENTS, ids=' '.join)
 @pytest.mark.parametrize('case', ['a node, then all', 'groups in a section twice',
                                   'any node of a namespace'])
-def test_arguments_are_read_in_the_order_of_the_command_line(
-        tmp_path: Path, case: str, more: Sequence[str]) -> None:
+def test_arguments_are_read_in_the_order_of_the_command_line(tmp_path, case, more):
     file = write(tmp_path / 'file.yaml', CASES[case])
     second = write(tmp_path / 'second.yaml', section('kinematics', 'a: 7.0'))
     assert assert_same(given_as(file, second, more=more), 'tendon_actuation') is not None
@@ -211,7 +206,7 @@ def test_arguments_are_read_in_the_order_of_the_command_line(
 @given(st.one_of(st.text('a1_.:/*~-', min_size=1, max_size=6), st.lists(st.sampled_from((
     'a', 'b1', '_x', '__', '1', '.', ':', '/', '**', '~', '__ns', 'rostopic', '://', ' ', '-')),
     min_size=1, max_size=5).map(''.join)))
-def test_what_an_argument_may_name_is_what_ros_takes(name: str) -> None:
+def test_what_an_argument_may_name_is_what_ros_takes(name):
     arguments = given_as(more=['-p', f'{name}:=1'])
     assert (of_suite(arguments, 'kinematics') is None) == (
         of_rclpy(arguments, 'kinematics') is None)
@@ -219,7 +214,7 @@ def test_what_an_argument_may_name_is_what_ros_takes(name: str) -> None:
 
 @pytest.mark.parametrize('name', ['a-b', 'a.', '.a', '1a', 'a..b', '/left/kinematics:a', '/**:a',
                                   '__a', 'a___b', 'a__b:c', 'a:b:c', 'a b'])
-def test_a_name_that_ros_does_not_take_is_refused_with_the_argument(name: str) -> None:
+def test_a_name_that_ros_does_not_take_is_refused_with_the_argument(name):
     with pytest.raises(ParameterError, match=re.escape(f'argument -p {name}:=1: expected ')):
         check_parameter_files(given_as(more=['-p', f'{name}:=1']), [])
 
@@ -237,7 +232,7 @@ TREES = st.recursive(SCALARS, lambda inner: st.dictionaries(KEYS, inner, min_siz
 SECTIONS = st.tuples(NAMES, st.dictionaries(KEYS, TREES, max_size=4))
 
 
-def in_flow(tree: Any) -> str:
+def in_flow(tree):
     """Return a tree in the flow style of YAML."""
     if isinstance(tree, str):
         return tree
@@ -250,7 +245,7 @@ def in_flow(tree: Any) -> str:
        st.lists(st.sampled_from(('a:=5', 'a.b:=6.0', 'kinematics:a:=7', 'b:=[x]')), max_size=2),
        st.sampled_from(('', '/left')))
 def test_whatever_files_and_arguments_say_is_read_as_a_node_is_given_it(
-        tmp_path: Path, files: Any, arguments: Sequence[str], namespace: str) -> None:
+        tmp_path, files, arguments, namespace):
     paths = [write(tmp_path / f'{k}.yaml', ''.join(
         f'{name}: {{ros__parameters: {in_flow(tree)}}}\n' for name, tree in sections))
         for k, sections in enumerate(files)]
@@ -261,7 +256,7 @@ def test_whatever_files_and_arguments_say_is_read_as_a_node_is_given_it(
 # What the suite makes of it.
 
 
-def test_the_arm_in_the_first_of_two_sections_is_that_of_nodes_and_library(tmp_path: Path) -> None:
+def test_the_arm_in_the_first_of_two_sections_is_that_of_nodes_and_library(tmp_path):
     path = write(tmp_path / 'arm.yaml', section(
         '/**', 'arm:', '  segment_lengths: [0.100, 0.100, 0.100]', 'speed_limit: 0.01')
         + section('/**', 'tension_limit: 40.0'))
@@ -271,7 +266,7 @@ def test_the_arm_in_the_first_of_two_sections_is_that_of_nodes_and_library(tmp_p
         assert (values['speed_limit'], values['tension_limit']) == (0.01, 40.0)
 
 
-def test_each_of_two_arms_in_one_file_is_that_of_its_namespace(tmp_path: Path) -> None:
+def test_each_of_two_arms_in_one_file_is_that_of_its_namespace(tmp_path):
     path = write(tmp_path / 'arms.yaml', section('/left/**', 'arm: {payload: 0.1}')
                  + section('/right/**', 'arm: {payload: 0.2}'))
     for node in ('', 'kinematics'):
@@ -281,7 +276,7 @@ def test_each_of_two_arms_in_one_file_is_that_of_its_namespace(tmp_path: Path) -
         load_description(path)
 
 
-def test_a_mistake_in_the_first_of_two_sections_is_seen_before_the_start(tmp_path: Path) -> None:
+def test_a_mistake_in_the_first_of_two_sections_is_seen_before_the_start(tmp_path):
     path = write(tmp_path / 'file.yaml', section('/**', 'spede_limit: 0.01')
                  + section('/**', 'tension_limit: 40.0'))
     with pytest.raises(ParameterError, match='spede_limit; did you mean speed_limit'):
@@ -291,8 +286,7 @@ def test_a_mistake_in_the_first_of_two_sections_is_seen_before_the_start(tmp_pat
 @pytest.mark.parametrize(('node', 'arguments'), [
     ('kinematics', []), ('kinematics', ['-r', '__ns:=/left']),
     ('other', ['-r', '__ns:=/left', '-r', '__node:=other'])])
-def test_no_node_starts_with_an_arm_of_its_own(
-        tmp_path: Path, node: str, arguments: Sequence[str]) -> None:
+def test_no_node_starts_with_an_arm_of_its_own(tmp_path, node, arguments):
     """Library, commands and other nodes would have another one."""
     path = write(tmp_path / 'file.yaml', section(f'/**/{node}', 'arm: {payload: 0.2}'))
     with pytest.raises(ParameterError, match='sets arm.payload for .* alone'):

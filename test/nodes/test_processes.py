@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """How the executables end: on a signal, in peace, whatever they are doing."""
 
-from collections.abc import Callable
 import os
 from pathlib import Path
 import select
@@ -11,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from typing import Any
 
 import pytest
 
@@ -19,8 +16,8 @@ from soft_continuum.cli.main import main
 from soft_continuum.ros.network import PARENT
 from soft_continuum.user_files import description_file
 from support.documented_commands import kept_signal_handlers
-from support.processes import assert_ended_in_peace, module_command, NodeProcess, Processes
-from support.ros_rig import ALL, DEADLINE, Rig
+from support.processes import assert_ended_in_peace, module_command
+from support.ros_rig import ALL, DEADLINE
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # While its modules are still being read, a signal ends it as it ends every program; and CPython
@@ -30,7 +27,7 @@ ENDED_EARLY = (0, 130, -signal.SIGTERM, -signal.SIGINT)
 
 
 def test_every_node_starts_without_any_parameter_and_ends_in_peace_on_a_signal_or_several(
-        rig: Rig, processes: Processes) -> None:
+        rig, processes):
     nodes = [processes.node(name, installed=True, files=[]) for name in ALL]
     rig.wait_until_ready(*ALL)  # as `ros2 run soft_continuum NODE` does
     for node, number in zip(nodes, 2 * SIGNALS, strict=True):
@@ -42,8 +39,7 @@ def test_every_node_starts_without_any_parameter_and_ends_in_peace_on_a_signal_o
 
 
 @pytest.mark.parametrize('name', ['kinematics', 'up'])
-def test_a_signal_while_python_takes_a_process_down_does_not_change_how_it_ended(
-        name: str, tmp_path: Path) -> None:
+def test_a_signal_while_python_takes_a_process_down_does_not_change_how_it_ended(name, tmp_path):
     late = tmp_path / 'late.py'
     main = 'up.main' if name == 'up' else f'partial(runtime.run, {name!r})'
     late.write_text(f"""\
@@ -66,7 +62,7 @@ sys.exit({main}())
     assert (ended.returncode, '/no/such/file' in ended.stderr) == (2, True), ended.stderr
 
 
-def children(process: NodeProcess) -> dict[str, int]:
+def children(process):
     """Return process ids by node of a supervisor."""
     found = {}
     for pid in process.children:
@@ -76,7 +72,7 @@ def children(process: NodeProcess) -> dict[str, int]:
 
 
 def test_up_starts_the_four_nodes_under_a_namespace_and_reports_one_that_is_killed(
-        make_rig: Callable[..., Rig], processes: Processes, tmp_path: Path) -> None:
+        make_rig, processes, tmp_path):
     patient = tmp_path / 'patient.yaml'
     patient.write_text('/**:\n  ros__parameters:\n    stale_timeout: 10.0\n')
     rig = make_rig(namespace='/lab/left')
@@ -116,8 +112,7 @@ Child('kinematics', sys.argv[5:], 'alone')._process.wait()
 
 @pytest.mark.parametrize(('start', 'number'), [
     (BY_LAUNCH, signal.SIGTERM), (BY_UP, signal.SIGKILL)], ids=['launch', 'up'])
-def test_a_node_ends_with_the_process_that_started_it(
-        rig: Rig, processes: Processes, start: str, number: signal.Signals) -> None:
+def test_a_node_ends_with_the_process_that_started_it(rig, processes, start, number):
     starter = processes.start([sys.executable, '-c', start, *module_command('kinematics'),
                                '--ros-args', '-r', f'__ns:={rig.namespace}'])
     rig.wait_for(lambda: len(rig.statuses['kinematics']), 'words of the node')
@@ -130,8 +125,7 @@ def test_a_node_ends_with_the_process_that_started_it(
 
 @pytest.mark.parametrize(('name', 'number'), [
     ('tendon_actuation', signal.SIGINT), ('shape_sequencer', signal.SIGTERM)])
-def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(
-        rig: Rig, processes: Processes, name: str, number: signal.Signals) -> None:
+def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(rig, processes, name, number):
     slow = {'tendon_speed': 0.002, 'jamming_timeout': 5.0, 'stale_timeout': 2.0}
     node = processes.node(name, parameters=slow)
     rig.start(*(n for n in ALL if n != name), **slow)
@@ -146,7 +140,7 @@ def test_a_node_ends_in_peace_in_the_middle_of_a_sequence(
         assert goal.result()[0] == 'ABORTED'
 
 
-def let_start(node: NodeProcess, until: Callable[[], bool], delay: float = 0.0) -> None:
+def let_start(node, until, delay=0.0):
     """Let a process start until something is true, and then for ``delay`` s: that is varied."""
     deadline = time.monotonic() + 2 * DEADLINE
     while not until():
@@ -159,8 +153,7 @@ def let_start(node: NodeProcess, until: Callable[[], bool], delay: float = 0.0) 
 
 @pytest.mark.parametrize(('number', 'delays'), [
     (signal.SIGINT, (0.0, 0.4)), (signal.SIGTERM, (0.2, 0.8))])
-def test_a_node_that_is_starting_ends_in_peace(
-        processes: Processes, number: signal.Signals, delays: tuple[float, ...]) -> None:
+def test_a_node_that_is_starting_ends_in_peace(processes, number, delays):
     for delay in delays:
         node = processes.node('shape_sequencer')
         maps = Path(f'/proc/{node.process.pid}/maps')
@@ -169,8 +162,7 @@ def test_a_node_that_is_starting_ends_in_peace(
         assert_ended_in_peace(node, ENDED_EARLY)
 
 
-def test_a_node_that_still_compiles_its_solver_ends_in_peace(
-        processes: Processes, tmp_path: Path) -> None:
+def test_a_node_that_still_compiles_its_solver_ends_in_peace(processes, tmp_path):
     # As on the first start after an installation: nothing is compiled yet.
     pytest.importorskip('numba')
     cache = tmp_path / 'cache'
@@ -182,13 +174,12 @@ def test_a_node_that_still_compiles_its_solver_ends_in_peace(
     assert_ended_in_peace(node, ENDED_EARLY)
 
 
-def said_by(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
-            *words: str) -> tuple[Any, str]:
+def said_by(monkeypatch, capfd, *words):
     """Return the exit status of a verb that ends by itself, in this process, and its errors."""
     monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
     with kept_signal_handlers():
         try:
-            status: Any = main(words)
+            status = main(words)
         except SystemExit as end:
             status = end.code
     return status, capfd.readouterr().err
@@ -203,8 +194,7 @@ def said_by(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
     (['kinematics', '--ros-args', '--no-such-flag'], ['--no-such-flag']),
 ])
 def test_arguments_that_cannot_be_are_named_before_anything_starts(
-        monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], arguments: list[str],
-        named: list[str]) -> None:
+        monkeypatch, capfd, arguments, named):
     status, output = said_by(monkeypatch, capfd, *arguments)
     assert status == 2
     assert all(word in output for word in named), output
@@ -213,7 +203,7 @@ def test_arguments_that_cannot_be_are_named_before_anything_starts(
 
 @pytest.mark.parametrize('verb', ['kinematics', 'up', 'status', 'browser'])
 def test_a_folder_for_logs_that_cannot_be_written_is_the_reason_that_is_said(
-        monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], verb: str) -> None:
+        monkeypatch, capfd, verb):
     monkeypatch.setenv('ROS_LOG_DIR', '/proc/none')
     status, output = said_by(monkeypatch, capfd, verb)
     assert status in (1, 2)

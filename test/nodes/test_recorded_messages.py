@@ -8,11 +8,10 @@ import pytest
 
 from recorded.comparing import worst
 from recorded.record_messages import MESSAGES, Run, RUNS
-from support.ros_rig import Rig
 
 
 @pytest.mark.parametrize('name', RUNS)
-def test_a_run_of_three_shapes_says_what_it_said(rig: Rig, name: str) -> None:
+def test_a_run_of_three_shapes_says_what_it_said(rig, name):
     recorded = json.loads((MESSAGES / f'{name}.json').read_text(encoding='utf-8'))
     off = worst(recorded, Run(rig, name).record())
     assert not off, '\n'.join(off)

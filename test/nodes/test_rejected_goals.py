@@ -1,11 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Goals that must not be accepted: each says why and what is allowed, and nothing moves."""
 
 import itertools
 import time
-from typing import Any
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Pose, Quaternion
@@ -18,19 +16,17 @@ from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes import kinematics, planning, shape_sequencer
 from soft_continuum.nodes.model import load_model
 from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.planner import Planner
 from soft_continuum.sequencing.plans import PlanError
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
-from support.ros_rig import ALL, LATCHED, Rig, shape_message
+from support.ros_rig import ALL, LATCHED, shape_message
 
 JOINTS = Chain(load_arm(description_file())).bodies
 LIBRARY = 'c_form, upright_c_form, s_form'
 
 
-def tip(x: float, z: float, y: float = 0.0, turn: tuple[float, float] = (0.0, 1.0),
-        **fields: Any) -> TipGoal:
+def tip(x, z, y=0.0, turn=(0.0, 1.0), **fields):
     """Return a goal of the tip; turn: y and w of its quaternion."""
     return TipGoal(pose=Pose(position=Point(x=x, y=y, z=z),
                              orientation=Quaternion(y=turn[0], w=turn[1])), **fields)
@@ -124,7 +120,7 @@ BAD_GOALS = {
 }
 
 
-def test_a_bad_goal_is_rejected_with_the_reason_and_moves_nothing(shared_arm: Rig) -> None:
+def test_a_bad_goal_is_rejected_with_the_reason_and_moves_nothing(shared_arm):
     pulls, flags = shared_arm.pulls, [len(r) for r in shared_arm.stiff]
     for case, (shapes, reasons) in BAD_GOALS.items():
         goal = shared_arm.goal(*shapes)
@@ -134,24 +130,23 @@ def test_a_bad_goal_is_rejected_with_the_reason_and_moves_nothing(shared_arm: Ri
     assert (shared_arm.pulls, [len(r) for r in shared_arm.stiff]) == (pulls, flags)
 
 
-def test_a_shape_beyond_the_tension_limit_is_rejected_before_anything_moves(
-        shared_arm: Rig) -> None:
+def test_a_shape_beyond_the_tension_limit_is_rejected_before_anything_moves(shared_arm):
     assert shared_arm.set_parameter('shape_sequencer', 'tension_limit', 1.0).successful
     shared_arm.goal((0.0, 0.0, 0.0), 'c_form').assert_rejected('c_form', 'tension_limit: 1 N')
     shared_arm.assert_rests_stiff()
     assert shared_arm.set_parameter('shape_sequencer', 'tension_limit', 60.0).successful
 
 
-def test_a_shape_beyond_the_travel_of_the_tendons_is_rejected(rig: Rig) -> None:
+def test_a_shape_beyond_the_travel_of_the_tendons_is_rejected(rig):
     rig.start_arm(pull_limits=(-0.01, 0.01))
     rig.goal('c_form').assert_rejected('pull_limits: -0.01 to 0.01 m')
     rig.assert_rests_stiff()
 
 
 @pytest.fixture
-def endless(monkeypatch: pytest.MonkeyPatch) -> None:
+def endless(monkeypatch):
     """Make planning last until the plan is abandoned."""
-    def plan(planner: Planner, *_: Any) -> None:
+    def plan(planner, *_):
         while not planner._abandoned():
             time.sleep(0.005)
         raise PlanError('the plan was abandoned')
@@ -160,7 +155,7 @@ def endless(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures('endless')
-def test_a_stop_is_obeyed_and_rejects_the_goal_while_it_is_being_planned(shared_arm: Rig) -> None:
+def test_a_stop_is_obeyed_and_rejects_the_goal_while_it_is_being_planned(shared_arm):
     goal = shared_arm.goal('c_form')
     assert shared_arm.trigger('tendon_actuation/stop').success
     goal.assert_rejected('~/stop was called')
@@ -170,7 +165,7 @@ def test_a_stop_is_obeyed_and_rejects_the_goal_while_it_is_being_planned(shared_
 
 
 @pytest.mark.usefixtures('endless')
-def test_of_many_goals_that_are_being_planned_each_is_answered(shared_arm: Rig) -> None:
+def test_of_many_goals_that_are_being_planned_each_is_answered(shared_arm):
     goals = [shared_arm.goal('c_form') for _ in range(20)]
     for goal in goals[:-1]:
         goal.assert_rejected('superseded by a newer goal')
@@ -179,10 +174,10 @@ def test_of_many_goals_that_are_being_planned_each_is_answered(shared_arm: Rig) 
 
 
 def test_a_goal_that_runs_can_be_canceled_while_its_next_shape_is_being_planned(
-        shared_arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+        shared_arm, monkeypatch):
     plan, calls, angles = planning.plan_shapes, itertools.count(), (0.0, 0.0, 0.2)
 
-    def plan_once(planner: Planner, state: Any, pulls: Any, shapes: Any, *options: Any) -> Any:
+    def plan_once(planner, state, pulls, shapes, *options):
         # Those of the test before may still be planned.  The first of this one is the check.
         if tuple(shapes[0].bending_angles) == angles and next(calls) > 0:
             while not planner._abandoned():
@@ -196,8 +191,7 @@ def test_a_goal_that_runs_can_be_canceled_while_its_next_shape_is_being_planned(
     assert shared_arm.pulls == before
 
 
-def test_a_rejected_goal_leaves_the_running_one_alone_and_its_reason_stays(
-        shared_arm: Rig) -> None:
+def test_a_rejected_goal_leaves_the_running_one_alone_and_its_reason_stays(shared_arm):
     running = shared_arm.goal((0.0, 0.0, 0.3), hold=60.0).wait_for_phase('softening')
     rejected = shared_arm.goal('d_form')
     rejected.assert_rejected()
@@ -215,19 +209,17 @@ def test_a_rejected_goal_leaves_the_running_one_alone_and_its_reason_stays(
     assert shared_arm.sequencer.last.error_code == RunShapeSequence.Result.CANCELED
 
 
-def test_a_goal_is_rejected_naming_the_nodes_that_are_missing(
-        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_goal_is_rejected_naming_the_nodes_that_are_missing(rig, monkeypatch):
     monkeypatch.setattr(shape_sequencer, 'FIRST_MESSAGE_TIMEOUT', 0.5)
     rig.start('shape_sequencer')
     rig.goal('c_form').assert_rejected('tendon_actuation', 'jamming_valves', 'kinematics')
 
 
-def test_a_goal_waits_for_nodes_that_are_just_starting_and_for_no_stop(
-        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_goal_waits_for_nodes_that_are_just_starting_and_for_no_stop(rig, monkeypatch):
     monkeypatch.setattr(shape_sequencer, 'FIRST_MESSAGE_TIMEOUT', 60.0)
     rig.start('shape_sequencer', 'tendon_actuation', 'jamming_valves')
 
-    def waiting() -> bool:
+    def waiting():
         return 'waiting for kinematics' in rig.statuses['shape_sequencer'].last.message
 
     early = rig.goal((0.0, 0.0, 0.1))
@@ -242,11 +234,10 @@ def test_a_goal_waits_for_nodes_that_are_just_starting_and_for_no_stop(
     assert later.result()[0] == 'SUCCEEDED'
 
 
-def test_a_goal_waits_longer_for_a_node_that_runs_and_still_loads(
-        rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_goal_waits_longer_for_a_node_that_runs_and_still_loads(rig, monkeypatch):
     monkeypatch.setattr(shape_sequencer, 'FIRST_MESSAGE_TIMEOUT', 0.0)
     monkeypatch.setattr(shape_sequencer, 'STARTING_TIMEOUT', 60.0)
-    loads: list[tuple[Any, ...]] = []
+    loads = []
     monkeypatch.setattr(kinematics, 'load_model', lambda *what: loads.append(what))
     rig.start(*ALL, ready=False)
     rig.wait_until_ready('tendon_actuation', 'jamming_valves', 'shape_sequencer')
@@ -257,7 +248,7 @@ def test_a_goal_waits_longer_for_a_node_that_runs_and_still_loads(
     assert goal.result()[0] == 'SUCCEEDED'
 
 
-def test_a_state_that_is_not_a_number_ends_no_node(shared_arm: Rig) -> None:
+def test_a_state_that_is_not_a_number_ends_no_node(shared_arm):
     # As from a broken node on the same topics; the nodes must neither die nor believe it.
     joints = [[nan] * JOINTS for nan in (np.nan, 1.7e308)]
     with shared_arm.stranger() as stranger:

@@ -1,12 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Valves and regulators of another node over real DDS: what is switched, and what is refused."""
 
-from collections.abc import Callable, Iterator
 from itertools import cycle
 from math import isnan, nan
-from typing import Any
 
 import pytest
 from sensor_msgs.msg import FluidPressure
@@ -25,7 +22,7 @@ from support.ros_valves import AMBIENT, REGULATORS, Regulators, VALVES, Valves
 TABLE = {p.name: p for p in NODE_PARAMETERS['jamming_valves']}
 
 
-def checked(given: dict[str, Any]) -> dict[str, Any]:
+def checked(given):
     """Return the parameters of the node; of a busy machine no answer is late."""
     values = {**{name: p.default for name, p in TABLE.items()}, **load_description(),
               'ros_jamming.timeout': 1.0, **given}
@@ -33,12 +30,12 @@ def checked(given: dict[str, Any]) -> dict[str, Any]:
 
 
 @pytest.fixture
-def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+def make(domain, monkeypatch):
     """Return a maker of a driver and of the board that it talks to."""
     monkeypatch.setattr(device, 'OPEN_TIMEOUT', 1.0)
-    closing: list[Any] = []
+    closing = []
 
-    def make_both(of: Any = Valves, **changes: Any) -> tuple[Any, Any]:
+    def make_both(of=Valves, **changes):
         board, lender = of(domain), OtherNodes(domain, 'jamming_valves')
         closing.extend([board, lender])
         given = VALVES if of is Valves else REGULATORS
@@ -53,7 +50,7 @@ def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[...,
         one.close()
 
 
-def test_valves_and_pump_are_switched_and_read_back(make: Callable[..., Any]) -> None:
+def test_valves_and_pump_are_switched_and_read_back(make):
     driver, board = make()
     driver.open()
     assert board.switched == 0
@@ -69,7 +66,7 @@ def test_valves_and_pump_are_switched_and_read_back(make: Callable[..., Any]) ->
     assert not isinstance(driver, RegulatorDriver)
 
 
-def test_regulators_take_a_set_point_each_and_keep_the_others(make: Callable[..., Any]) -> None:
+def test_regulators_take_a_set_point_each_and_keep_the_others(make):
     driver, board = make(Regulators)
     assert isinstance(driver, RegulatorDriver)
     driver.open()
@@ -84,7 +81,7 @@ def test_regulators_take_a_set_point_each_and_keep_the_others(make: Callable[...
 
 
 @pytest.mark.parametrize('of', [Valves, Regulators])
-def test_what_does_not_follow_its_command_is_named(make: Callable[..., Any], of: Any) -> None:
+def test_what_does_not_follow_its_command_is_named(make, of):
     driver, board = make(of)
     driver.open()
     board.obeys = False
@@ -93,7 +90,7 @@ def test_what_does_not_follow_its_command_is_named(make: Callable[..., Any], of:
     assert board.plant.read().evacuated == (True, True, True)
 
 
-def test_a_board_that_falls_silent_is_an_error_until_it_is_back(make: Callable[..., Any]) -> None:
+def test_a_board_that_falls_silent_is_an_error_until_it_is_back(make):
     driver, board = make()
     driver.open()
     board.publishes = False
@@ -104,7 +101,7 @@ def test_a_board_that_falls_silent_is_an_error_until_it_is_back(make: Callable[.
         driver.set_evacuated(0, False)
     board.publishes = True
 
-    def back() -> Any:
+    def back():
         try:
             return driver.read()
         except HardwareError:
@@ -115,8 +112,7 @@ def test_a_board_that_falls_silent_is_an_error_until_it_is_back(make: Callable[.
 
 @pytest.mark.parametrize('shown', [lambda p: 1e-3 * p, lambda p: 1e-5 * p, lambda p: p - AMBIENT,
                                    lambda p: p + 2 * AMBIENT], ids=['kPa', 'bar', 'gauge', 'high'])
-def test_pressures_in_another_unit_are_an_error(
-        make: Callable[..., Any], shown: Callable[[float], float]) -> None:
+def test_pressures_in_another_unit_are_an_error(make, shown):
     driver, board = make()
     board.pressure = shown
     driver.open()
@@ -124,21 +120,21 @@ def test_pressures_in_another_unit_are_an_error(
         driver.read()
 
 
-def test_a_pressure_that_is_nan_is_a_broken_sensor(make: Callable[..., Any]) -> None:
+def test_a_pressure_that_is_nan_is_a_broken_sensor(make):
     driver, board = make()
     board.pressure = lambda pressure: nan
     driver.open()
     assert all(map(isnan, driver.read().pressures))
 
 
-def test_set_points_in_another_unit_are_an_error(make: Callable[..., Any]) -> None:
+def test_set_points_in_another_unit_are_an_error(make):
     driver, _ = make(Regulators, vacuum_scale=-1e5)
     driver.open()
     with pytest.raises(HardwareError, match='check ros_jamming.vacuum_scale'):
         driver.read()
 
 
-def test_a_set_point_that_is_no_number_is_not_sent_back(make: Callable[..., Any]) -> None:
+def test_a_set_point_that_is_no_number_is_not_sent_back(make):
     driver, board = make(Regulators)
     driver.open()
     board.setpoint = lambda setpoint: nan
@@ -150,8 +146,7 @@ def test_a_set_point_that_is_no_number_is_not_sent_back(make: Callable[..., Any]
     assert board.switched == 0
 
 
-def test_noise_of_a_set_point_that_is_read_back_is_no_other_set_point(
-        make: Callable[..., Any]) -> None:
+def test_noise_of_a_set_point_that_is_read_back_is_no_other_set_point(make):
     driver, board = make(Regulators)
     noise = cycle((0.0, 0.3, -0.3))  # kPa
     board.setpoint = lambda setpoint: setpoint + next(noise)
@@ -166,8 +161,7 @@ def test_noise_of_a_set_point_that_is_read_back_is_no_other_set_point(
 
 @pytest.mark.parametrize('topic, kind', [
     ('pressure_1', FluidPressure), ('valve_1', Bool), ('pump_state', Bool)])
-def test_a_second_publisher_of_any_topic_is_an_error(
-        make: Callable[..., Any], domain: int, topic: str, kind: Any) -> None:
+def test_a_second_publisher_of_any_topic_is_an_error(make, domain, topic, kind):
     driver, board = make()
     driver.open()
     other = OtherNodes(domain, 'somebody_else')
@@ -186,7 +180,6 @@ def test_a_second_publisher_of_any_topic_is_an_error(
     ({'pressure_type': 'std_msgs/Float64MultiArray'}, 'needed: one topic, because'),
     ({'pressure_scales': [1.0, 1.0]}, 'has 2 values; the arm has 3 segments'),
     ({'regulators': True}, 'a regulator takes and reports numbers')])
-def test_parameters_that_do_not_fit_together_are_refused(
-        make: Callable[..., Any], given: dict[str, Any], words: str) -> None:
+def test_parameters_that_do_not_fit_together_are_refused(make, given, words):
     with pytest.raises(ParameterError, match=words):
         make(**given)

@@ -1,13 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Tendons on the joints of another node over real DDS: what is followed, and what is refused."""
 
-from collections.abc import Callable, Iterator
 from math import nan
 import threading
 import time
-from typing import Any
 
 import pytest
 from sensor_msgs.msg import JointState
@@ -19,22 +16,19 @@ from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.parameters.files import load_description
 from soft_continuum.ros_topics import device
-from soft_continuum.ros_topics.tendons import RosTendons
 from support.ros2_control import Controllers, DEADLINE, JOINTS, OtherNodes, until
 
 PERIOD = 0.02  # s
 SPEED = 0.03  # m/s
-Make = Callable[..., tuple[RosTendons, Controllers]]
 
 
 @pytest.fixture
-def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
+def make(domain, monkeypatch):
     """Return a maker of a driver and of the controllers that it talks to."""
     monkeypatch.setattr(device, 'OPEN_TIMEOUT', 1.0)
-    closing: list[Any] = []
+    closing = []
 
-    def make_both(kind: str = 'positions', *, start: float = 0.3, **parameters: Any
-                  ) -> tuple[RosTendons, Controllers]:
+    def make_both(kind='positions', *, start=0.3, **parameters):
         controllers = Controllers(domain, kind, start=start)
         lender = OtherNodes(domain, 'tendon_actuation')
         given = {f'ros_tendons.{name}': value for name, value in parameters.items()}
@@ -54,7 +48,7 @@ def make(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
         one.close()
 
 
-def ready(make: Make, kind: str = 'positions', **options: Any) -> tuple[RosTendons, Controllers]:
+def ready(make, kind='positions', **options):
     """Return a driver that is open and referenced."""
     driver, controllers = make(kind, **options)
     driver.open()
@@ -63,8 +57,7 @@ def ready(make: Make, kind: str = 'positions', **options: Any) -> tuple[RosTendo
     return driver, controllers
 
 
-def move(driver: RosTendons, way: float, tendons: tuple[int, ...] = (0, 1), speed: float = SPEED
-         ) -> None:
+def move(driver, way, tendons=(0, 1), speed=SPEED):
     """Send set-points as the node does: the right tendon by ``way`` (m), the left one back."""
     begin = driver.read().pulls
     steps = round(abs(way) / speed / PERIOD)
@@ -77,7 +70,7 @@ def move(driver: RosTendons, way: float, tendons: tuple[int, ...] = (0, 1), spee
 
 
 @pytest.mark.parametrize('kind', ['positions', 'trajectory'])
-def test_tendons_go_where_they_are_sent_and_a_stop_holds_them(make: Make, kind: str) -> None:
+def test_tendons_go_where_they_are_sent_and_a_stop_holds_them(make, kind):
     driver, controllers = ready(make, kind)
     assert controllers.commands == 0  # nothing is commanded before a motion
     move(driver, 0.006)
@@ -94,17 +87,16 @@ def test_tendons_go_where_they_are_sent_and_a_stop_holds_them(make: Make, kind: 
 
 
 @pytest.mark.parametrize('kind', ['positions', 'trajectory'])
-def test_a_motion_that_is_to_take_long_goes_in_steps_while_the_driver_is_read(
-        make: Make, kind: str) -> None:
+def test_a_motion_that_is_to_take_long_goes_in_steps_while_the_driver_is_read(make, kind):
     driver, _ = ready(make, kind)
-    sent: list[float] = []
+    sent = []
     message = driver._message
 
-    def noted(positions: tuple[float, ...], duration: float) -> Any:
+    def noted(positions, duration):
         sent.append(positions[0])
         assert duration <= PERIOD
         return message(positions, duration)
-    driver._message = noted  # type: ignore[method-assign]
+    driver._message = noted
     driver.move((0.005, -0.005), 0.5)
     time.sleep(0.1)  # who does not read for a while
     until(lambda: not driver.read().moving)
@@ -117,31 +109,31 @@ def test_a_motion_that_is_to_take_long_goes_in_steps_while_the_driver_is_read(
     assert driver.read().pulls[0] > 0.0045
 
 
-def test_a_stop_that_is_asked_for_again_and_again_is_confirmed(make: Make) -> None:
+def test_a_stop_that_is_asked_for_again_and_again_is_confirmed(make):
     driver, _ = ready(make)
     move(driver, 0.003)
     until(lambda: driver.stop() or not driver.read().moving)
 
 
-def frozen() -> Callable[[JointState], JointState]:
-    stamps: list[Any] = []
+def frozen():
+    stamps = []
 
-    def show(message: JointState) -> JointState:
+    def show(message):
         stamps.append(message.header.stamp)
         message.header.stamp = stamps[0]
         return message
     return show
 
 
-def with_positions(change: Callable[[float], float]) -> Callable[[JointState], JointState]:
-    def show(message: JointState) -> JointState:
+def with_positions(change):
+    def show(message):
         message.position = [change(p) for p in message.position]
         return message
     return show
 
 
-def without(field: str, count: int) -> Callable[[JointState], JointState]:
-    def show(message: JointState) -> JointState:
+def without(field, count):
+    def show(message):
         setattr(message, field, list(getattr(message, field))[:-count])
         return message
     return show
@@ -159,13 +151,13 @@ FAULTS = {
 
 
 @pytest.mark.parametrize('fault', FAULTS)
-def test_states_that_cannot_be_true_end_the_motion(make: Make, fault: str) -> None:
+def test_states_that_cannot_be_true_end_the_motion(make, fault):
     driver, controllers = ready(make)
     move(driver, 0.003)
     change, words = FAULTS[fault]
     controllers.message = change
 
-    def move_on() -> None:
+    def move_on():
         for _ in range(int(DEADLINE / PERIOD)):
             move(driver, 0.0006)
     sent = controllers.commands
@@ -186,15 +178,14 @@ def test_states_that_cannot_be_true_end_the_motion(make: Make, fault: str) -> No
 
 @pytest.mark.parametrize('parameters', [
     {'joints': JOINTS[::-1]}, {'scales': (-0.01, -0.01), 'command': -1.0}], ids=['order', 'signs'])
-def test_joints_that_do_something_else_than_they_were_sent_are_stopped(
-        make: Make, parameters: dict[str, Any]) -> None:
+def test_joints_that_do_something_else_than_they_were_sent_are_stopped(make, parameters):
     driver, controllers = ready(make)
     # The controller has its joints in another order, or its motors turn the other way.
     sign = parameters.pop('command', 1.0)
     taken = controllers.positions.copy()
     controllers.node.destroy_subscription(controllers.commanded)
 
-    def obey(message: Float64MultiArray) -> None:
+    def obey(message):
         controllers.targets.update({
             name: taken[name] + sign * (value - taken[name])
             for name, value in zip(parameters.get('joints', JOINTS), message.data, strict=True)})
@@ -206,7 +197,7 @@ def test_joints_that_do_something_else_than_they_were_sent_are_stopped(
     assert abs(driver._watch.pulls[0]) < 0.008
 
 
-def test_a_controller_that_does_not_follow_is_an_error(make: Make) -> None:
+def test_a_controller_that_does_not_follow_is_an_error(make):
     driver, controllers = ready(make)
     controllers.follows = False
     with pytest.raises(HardwareError, match='do not follow: sent to right_tendon'):
@@ -214,7 +205,7 @@ def test_a_controller_that_does_not_follow_is_an_error(make: Make) -> None:
     until(lambda: controllers.targets['spool_right'] == pytest.approx(0.3))  # where it is
 
 
-def test_a_stop_that_states_do_not_confirm_is_an_error(make: Make) -> None:
+def test_a_stop_that_states_do_not_confirm_is_an_error(make):
     driver, controllers = ready(make)
     move(driver, 0.003)
     begin = time.monotonic()
@@ -230,8 +221,7 @@ def test_a_stop_that_states_do_not_confirm_is_an_error(make: Make) -> None:
 @pytest.mark.parametrize('topic, kind', [
     ('joint_state_broadcaster/joint_states', JointState),
     ('position_controller/commands', Float64MultiArray)])
-def test_a_second_publisher_ends_a_motion_and_lets_none_begin(
-        make: Make, domain: int, topic: str, kind: Any) -> None:
+def test_a_second_publisher_ends_a_motion_and_lets_none_begin(make, domain, topic, kind):
     driver, controllers = ready(make)
     other = OtherNodes(domain, 'somebody_else')
     other.node.create_publisher(kind, topic, 10)
@@ -260,8 +250,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize('case', REFUSED)
-def test_what_does_not_fit_the_parameters_is_refused_before_anything_moves(
-        make: Make, case: str) -> None:
+def test_what_does_not_fit_the_parameters_is_refused_before_anything_moves(make, case):
     parameters, words = REFUSED[case]
     driver, controllers = make(**parameters)
     with pytest.raises(HardwareError, match=words):
@@ -269,7 +258,7 @@ def test_what_does_not_fit_the_parameters_is_refused_before_anything_moves(
     assert controllers.commands == 0
 
 
-def test_a_zero_lasts_as_long_as_the_node_that_reports_the_joints(make: Make) -> None:
+def test_a_zero_lasts_as_long_as_the_node_that_reports_the_joints(make):
     driver, controllers = ready(make)
     move(driver, 0.003)
     until(lambda: not driver.read().moving)
@@ -286,10 +275,10 @@ def test_a_zero_lasts_as_long_as_the_node_that_reports_the_joints(make: Make) ->
         driver.move((0.0, 0.0), PERIOD)
 
 
-def test_a_publisher_that_was_restarted_at_rest_at_zero_has_lost_its_zero(make: Make) -> None:
+def test_a_publisher_that_was_restarted_at_rest_at_zero_has_lost_its_zero(make):
     driver, controllers = ready(make)
 
-    def restart(message: JointState) -> JointState:
+    def restart(message):
         controllers.message = lambda message: message
         old, controllers._states = controllers._states, controllers.node.create_publisher(
             JointState, 'joint_state_broadcaster/joint_states', 10)
@@ -306,7 +295,7 @@ def test_a_publisher_that_was_restarted_at_rest_at_zero_has_lost_its_zero(make: 
     assert not driver.read().referenced
 
 
-def test_what_came_while_nobody_looked_was_not_missed(make: Make) -> None:
+def test_what_came_while_nobody_looked_was_not_missed(make):
     driver, controllers = ready(make, timeout=1.0)
     controllers.message = lambda message: None
     time.sleep(2.0)  # as on a computer on which neither this program nor DDS ran for a while
@@ -319,17 +308,17 @@ def test_what_came_while_nobody_looked_was_not_missed(make: Make) -> None:
         until(lambda: driver.read() and False)
 
 
-def test_absolute_joints_need_no_reference_after_a_start(make: Make) -> None:
+def test_absolute_joints_need_no_reference_after_a_start(make):
     driver, _ = make(start=0.5, absolute=True, zeros=(0.3, 0.7), scales=(0.01, -0.01))
     driver.open()
     assert driver.read().referenced
     assert driver.read().pulls == pytest.approx((0.002, 0.002))
 
 
-def test_efforts_become_tensions(make: Make) -> None:
+def test_efforts_become_tensions(make):
     driver, controllers = make(effort_scales=(100.0, -100.0))
 
-    def with_effort(message: JointState) -> JointState:
+    def with_effort(message):
         message.effort = [-0.02 if name == 'spool_left' else 0.05 for name in message.name]
         return message
     controllers.message = with_effort
@@ -337,11 +326,11 @@ def test_efforts_become_tensions(make: Make) -> None:
     assert driver.read().tensions == pytest.approx((5.0, 2.0))
 
 
-def test_a_driver_that_is_closed_while_it_waits_for_topics_ends_at_once(make: Make) -> None:
+def test_a_driver_that_is_closed_while_it_waits_for_topics_ends_at_once(make):
     driver, _ = make(state_topic='nowhere')
-    raised: list[str] = []
+    raised = []
 
-    def open_driver() -> None:
+    def open_driver():
         try:
             driver.open()
         except HardwareError as error:
@@ -354,7 +343,7 @@ def test_a_driver_that_is_closed_while_it_waits_for_topics_ends_at_once(make: Ma
     assert len(raised) == 1
 
 
-def test_a_message_of_another_type_of_bool_is_not_taken(make: Make, domain: int) -> None:
+def test_a_message_of_another_type_of_bool_is_not_taken(make, domain):
     driver, _ = make(state_topic='flags')
     other = OtherNodes(domain, 'flags')
     publisher = other.node.create_publisher(Bool, 'flags', 10)

@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The four nodes on the controllers and the board of somebody else, all over topics."""
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +13,7 @@ from support.ros_rig import Rig
 from support.ros_valves import REGULATORS, Regulators, VALVES, Valves
 
 BEND = (0.0, 0.0, 0.3)
-BOARDS: dict[Any, dict[str, Any]] = {Valves: VALVES, Regulators: REGULATORS}
+BOARDS = {Valves: VALVES, Regulators: REGULATORS}
 STATES = '/joint_state_broadcaster/joint_states'
 
 
@@ -27,7 +25,7 @@ class Bench:
     controllers: Controllers
     board: Any
 
-    def prepare(self) -> None:
+    def prepare(self):
         """Say that the arm is straight."""
         self.rig.wait_for(lambda: self.rig.trigger('tendon_actuation/reference').success,
                           'tendons at rest')
@@ -35,11 +33,11 @@ class Bench:
 
 
 @pytest.fixture
-def make(rig: Rig) -> Iterator[Callable[..., Bench]]:
+def make(rig):
     """Return a maker of an arm, stiff, straight and referenced, on topics."""
-    made: list[Bench] = []
+    made = []
 
-    def start(kind: str, command_topic: str, board: Any, **changes: Any) -> Bench:
+    def start(kind, command_topic, board, **changes):
         bench = Bench(rig, Controllers(rig.domain, kind), board(rig.domain))
         made.append(bench)
         rig.start_arm(**{
@@ -59,15 +57,14 @@ def make(rig: Rig) -> Iterator[Callable[..., Bench]]:
         bench.board.close()
 
 
-def assert_joints_agree(bench: Bench) -> None:
+def assert_joints_agree(bench):
     """Claim that the joints are where the node reports the tendons, and that they moved."""
     bench.rig.assert_rests()
     assert bench.rig.pulls == pytest.approx(bench.controllers.pulls, abs=1e-6)
     assert abs(bench.rig.pulls[0]) > 1e-3
 
 
-def test_joint_states_that_stop_end_the_goal_and_nothing_moves_before_resume(
-        make: Callable[..., Bench]) -> None:
+def test_joint_states_that_stop_end_the_goal_and_nothing_moves_before_resume(make):
     bench = make('positions', '/position_controller/commands', Valves)
     rig, controllers = bench.rig, bench.controllers
     goal = rig.goal_in_motion(BEND)
@@ -88,8 +85,7 @@ def test_joint_states_that_stop_end_the_goal_and_nothing_moves_before_resume(
     rig.assert_never_moved_all_stiff()
 
 
-def test_pressures_that_stop_end_the_goal_and_nothing_is_switched(
-        make: Callable[..., Bench]) -> None:
+def test_pressures_that_stop_end_the_goal_and_nothing_is_switched(make):
     bench = make('trajectory', '/trajectory_controller/joint_trajectory', Regulators,
                  stale_timeout=2.0, jamming_timeout=3.0)
     rig, board = bench.rig, bench.board

@@ -1,11 +1,8 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """doctor and calibrate on the controllers and the board of somebody else, and what may be said."""
 
-from collections.abc import Iterator
 import json
-from pathlib import Path
 
 import pytest
 from sensor_msgs.msg import JointState
@@ -22,7 +19,7 @@ TENDONS = {'tendon_driver': 'ros_topics', 'ros_tendons.joints': JOINTS,
 
 
 @pytest.fixture
-def file(domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
+def file(domain, monkeypatch, tmp_path):
     """Return the parameter file of a rig whose board runs."""
     monkeypatch.setattr(commissioning, 'LISTENING', 0.5)
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
@@ -36,7 +33,7 @@ def file(domain: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterat
 
 
 @pytest.fixture
-def controllers(domain: int) -> Iterator[Controllers]:
+def controllers(domain):
     """Return the controllers of the rig."""
     made = Controllers(domain, start=0.0)
     yield made
@@ -44,9 +41,8 @@ def controllers(domain: int) -> Iterator[Controllers]:
 
 
 def test_the_doctor_says_who_is_heard_and_finds_a_second_publisher(
-        file: Path, domain: int, controllers: Controllers, capsys: pytest.CaptureFixture[str]
-        ) -> None:
-    def ask() -> dict[str, tuple[str, str]]:
+        file, domain, controllers, capsys):
+    def ask():
         doctor.main(['--json', '--params-file', str(file)])
         checks = json.loads(capsys.readouterr().out)['checks']
         return {check['step']: (check['status'], check['message']) for check in checks}
@@ -70,7 +66,7 @@ def test_the_doctor_says_who_is_heard_and_finds_a_second_publisher(
 
 
 def test_the_zero_and_the_signs_of_joints_are_measured_and_kept_in_a_file(
-        file: Path, controllers: Controllers, tmp_path: Path) -> None:
+        file, controllers, tmp_path):
     common = ['--yes', '--output', str(tmp_path), '--params-file', str(file)]
     assert calibrate.main(['zero', '--take-up', '1', '0.5', *common]) == 0
     assert controllers.positions['spool_right'] == pytest.approx(0.1, abs=0.01)
@@ -84,7 +80,7 @@ def test_the_zero_and_the_signs_of_joints_are_measured_and_kept_in_a_file(
     assert steps['ros_tendons.scales'] == (0.011, 0.01)
 
 
-def test_what_drivers_publish_and_subscribe_to_is_told_by_their_parameters(file: Path) -> None:
+def test_what_drivers_publish_and_subscribe_to_is_told_by_their_parameters(file):
     topics = driver_topics(load_rig([file]))
     assert topics['tendon_driver'] == (
         {'position_controller/commands': 'std_msgs/Float64MultiArray'},

@@ -1,16 +1,13 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 The policy of SROS 2 is a file that sros2 takes, and of each who takes part it knows the place.
 
 test_interfaces.py compares it with what each node does.
 """
 
-from collections.abc import Callable
 from fnmatch import fnmatchcase
 from functools import partial
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
@@ -25,11 +22,10 @@ from soft_continuum.ros.interface_tables import documented_nodes
 from soft_continuum.ros.names import RECORDER
 from soft_continuum.user_files import description_file
 from support.policies import allowed, used
-from support.processes import Processes
-from support.ros_rig import ALL, DEADLINE, Rig
+from support.ros_rig import ALL, DEADLINE
 
 # Element, attributes and children, as policy.xsd of ros2/sros2 (0.2.0) has them.
-SCHEMA: dict[str, tuple[set[str], set[str], tuple[str, ...]]] = {
+SCHEMA = {
     'policy': ({'version'}, set(), ('enclaves',)),
     'enclaves': (set(), set(), ('enclave',)),
     'enclave': ({'path'}, set(), ('profiles',)),
@@ -42,7 +38,7 @@ SCHEMA: dict[str, tuple[set[str], set[str], tuple[str, ...]]] = {
 }
 
 
-def test_a_recorder_may_read_all_and_say_nothing_of_it(shared_arm: Rig) -> None:
+def test_a_recorder_may_read_all_and_say_nothing_of_it(shared_arm):
     values = load_rig([description_file()])
     text = policy(values, shared_arm.namespace)
     shared_arm.start(RECORDER, ready=False)
@@ -54,14 +50,13 @@ def test_a_recorder_may_read_all_and_say_nothing_of_it(shared_arm: Rig) -> None:
     assert used(shared_arm, RECORDER)['publish'] == may['publish']
 
 
-def within(now: dict[str, set[str]], may: dict[str, set[str]]) -> bool:
+def within(now, may):
     """Whether everything that is used is allowed; * stands for any text, as in DDS Security."""
     return all(any(fnmatchcase(name, one) for one in may[how])
                for how, names in now.items() for name in names)
 
 
-def test_who_commands_may_do_all_that_a_client_does_and_who_looks_may_not(
-        shared_arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_commands_may_do_all_that_a_client_does_and_who_looks_may_not(shared_arm, monkeypatch):
     monkeypatch.setenv('ROS_DOMAIN_ID', str(shared_arm.domain))
     text = policy(load_rig([description_file()]), shared_arm.namespace)
     commands, looks, feeds = (allowed(text, f'{shared_arm.namespace}/{name}')
@@ -91,10 +86,10 @@ def test_who_commands_may_do_all_that_a_client_does_and_who_looks_may_not(
     assert not any('set' in name or 'stop' in name for name in looks['request'])
 
 
-def test_each_process_takes_the_enclave_of_its_profile(rig: Rig, processes: Processes) -> None:
+def test_each_process_takes_the_enclave_of_its_profile(rig, processes):
     processes.node('kinematics', namespace=rig.namespace)
 
-    def enclaves() -> dict[str, str]:
+    def enclaves():
         return {name: path for name, _, path
                 in rig.observer.get_node_names_and_namespaces_with_enclaves()}
 
@@ -107,7 +102,7 @@ def test_each_process_takes_the_enclave_of_its_profile(rig: Rig, processes: Proc
 
 
 @pytest.mark.parametrize('namespace', ['', 'left', '/lab/left'])
-def test_the_policy_keeps_to_the_schema_of_sros2(namespace: str) -> None:
+def test_the_policy_keeps_to_the_schema_of_sros2(namespace):
     root = ElementTree.fromstring(policy(load_rig([]), namespace))
     assert root.tag == 'policy' and root.get('version') == '0.2.0'
     for element in root.iter():
@@ -124,7 +119,7 @@ def test_the_policy_keeps_to_the_schema_of_sros2(namespace: str) -> None:
     assert {path.rpartition('/')[0].strip('/') for path in paths} == {namespace.strip('/')}
 
 
-def test_an_arm_has_as_many_discs_as_it_is_described_with(tmp_path: Path) -> None:
+def test_an_arm_has_as_many_discs_as_it_is_described_with(tmp_path):
     spatial = description_file('tendon_arm')
     text = policy(load_rig([spatial]))
     count = len(load_rig([spatial])['arm.segment_lengths'])
@@ -140,8 +135,7 @@ RIG = """\
 """
 
 
-def test_topics_that_parameters_name_are_allowed_to_the_node_that_has_the_driver(
-        tmp_path: Path) -> None:
+def test_topics_that_parameters_name_are_allowed_to_the_node_that_has_the_driver(tmp_path):
     rig = tmp_path / 'my_rig.yaml'
     rig.write_text(RIG % '/motors/commands', encoding='utf-8')
     text = policy(load_rig([description_file(), rig]), 'left')
@@ -157,15 +151,13 @@ def test_topics_that_parameters_name_are_allowed_to_the_node_that_has_the_driver
 
 
 @pytest.mark.parametrize('namespace', ['a b', '1', 'left//arm', 'läft', 'a"/><enclave path="/'])
-def test_a_namespace_that_ros_does_not_take_is_refused(namespace: str) -> None:
+def test_a_namespace_that_ros_does_not_take_is_refused(namespace):
     with pytest.raises(ParameterError, match='namespace'):
         policy(load_rig([]), namespace)
 
 
-def test_the_command_writes_the_file_once(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write: Callable[[], int] = partial(
-        main, ['policy', '--namespace', 'left', '--output', str(tmp_path / 'new')])
+def test_the_command_writes_the_file_once(tmp_path, capsys):
+    write = partial(main, ['policy', '--namespace', 'left', '--output', str(tmp_path / 'new')])
     assert write() == 0
     assert '/left/client' in capsys.readouterr().out
     text = (tmp_path / 'new' / 'policy.xml').read_text(encoding='utf-8')

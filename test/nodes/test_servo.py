@@ -1,12 +1,9 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The node servo moves the soft segment after a target, and stops whenever anything interferes."""
 
-from collections.abc import Iterator
 from math import degrees, nan, radians
 import time
-from typing import Any
 from unittest.mock import Mock
 
 from builtin_interfaces.msg import Time
@@ -24,7 +21,7 @@ from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_to_ros
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import TendonTrajectory
-from support.ros_rig import Heard, LATCHED, pairs, RELIABLE, Rig, trajectory
+from support.ros_rig import assert_declined, LATCHED, pairs, RELIABLE, trajectory
 
 SEGMENT = 2
 PERIOD = 0.05  # s between two targets
@@ -35,71 +32,68 @@ SLOW = 0.001  # m/s: it takes many
 class Follower:
     """The servo of a running arm, and a publisher of its target."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig):
         self.rig = rig
-        self.node: Any
         self.node, = rig.start('servo', ready=False, tendon_speed=SPEED)
         self.statuses = rig.record(DiagnosticStatus, 'servo/status', LATCHED)
-        self.sent = rig.record(
-            TendonTrajectory, 'tendon_actuation/tendon_trajectory', RELIABLE)
-        self._target: Any = None
+        self.sent = rig.record(TendonTrajectory, 'tendon_actuation/tendon_trajectory', RELIABLE)
+        self._target = None
         self._timer = rig.observer.create_timer(PERIOD, self._publish)
         self._publishers = {kind: rig.publisher(kind, f'servo/{topic}') for kind, topic in (
             (Float64, 'target_angle'), (PointStamped, 'target_tip'))}
 
-    def _publish(self) -> None:
+    def _publish(self):
         if self._target is not None:
             self._publishers[type(self._target)].publish(self._target)
 
-    def enable(self, data: bool = True) -> Any:
+    def enable(self, data=True):
         """Call servo/enable."""
         return self.rig.call(SetBool, 'servo/enable', data=data)
 
-    def enabled(self) -> None:
+    def enabled(self):
         """Enable it, as soon as it may be."""
         self.rig.wait_for(lambda: self.enable().success, 'an enabled servo')
 
-    def target(self, angle: float | None) -> None:
+    def target(self, angle):
         """Publish a target angle, degrees, all the time from now on; None: none."""
         self._target = None if angle is None else Float64(data=radians(angle))
 
-    def tip(self, x: float, z: float, frame: str = 'base_link') -> None:
+    def tip(self, x, z, frame='base_link'):
         """Publish a target of the tip all the time from now on."""
         self._target = PointStamped()
         self._target.header.frame_id = frame
         self._target.point.x, self._target.point.z = x, z
 
-    def wait_for_status(self, text: str, after: int = 0) -> Heard:
+    def wait_for_status(self, text, after=0):
         """Return the first status with ``text``."""
-        found: Heard = self.rig.wait_for(
+        return self.rig.wait_for(
             lambda: next((h for h in self.statuses.heard[after:] if text in h.message.message),
                          None),
             f'servo/status: {text}; was: {[s.message for s in self.statuses]}')
-        return found
 
-    def sent_after(self, time: int) -> list[TendonTrajectory]:
+    def sent_after(self, time):
         """Return what was sent to the tendons after a time, as that of Heard."""
         return [h.message for h in self.sent.heard if h.time > time]
 
     @property
-    def angle(self) -> float:
+    def angle(self):
         """Bending angle of the segment that is followed, degrees."""
         joints = self.rig.joints.last
         return degrees(sum(position for name, position in zip(
             joints.name, joints.position, strict=True) if name.startswith(f'segment_{SEGMENT}_')))
 
-    def wait_for_angle(self, angle: float, within: float = 0.5) -> None:
+    def wait_for_angle(self, angle, within=0.5):
         """Wait until the segment is there, degrees."""
         self.rig.wait_for(lambda: abs(self.angle - angle) < within, f'{angle} degrees')
 
-    def move(self) -> None:
+    def move(self):
         """Enable it and let it move, for long."""
         assert self.rig.set_parameter('servo', 'tendon_speed', SLOW).successful
         self.enabled()
         self.target(-30.0 if self.angle > 0.0 else 30.0)
         self.rig.wait_for(lambda: self.rig.moving, 'a motion')
 
-    def end(self) -> None:
+    def end(self):
         """End the node."""
         if self.node is not None:
             self.rig.on_ros_thread(self._timer.cancel)
@@ -108,7 +102,7 @@ class Follower:
 
 
 @pytest.fixture
-def follower(shared_arm: Rig) -> Iterator[Follower]:
+def follower(shared_arm):
     """Return a servo of an arm with one soft segment, that is not enabled."""
     rig = shared_arm
     follower = Follower(rig)
@@ -119,7 +113,7 @@ def follower(shared_arm: Rig) -> Iterator[Follower]:
     rig.stiffen()
 
 
-def test_it_follows_an_angle_and_a_tip_and_holds_without_a_target(follower: Follower) -> None:
+def test_it_follows_an_angle_and_a_tip_and_holds_without_a_target(follower):
     follower.enabled()
     follower.target(12.0)
     follower.wait_for_angle(12.0)
@@ -143,11 +137,11 @@ def test_it_follows_an_angle_and_a_tip_and_holds_without_a_target(follower: Foll
 
 
 @pytest.fixture
-def measured(monkeypatch: pytest.MonkeyPatch) -> None:
+def measured(monkeypatch):
     """Let the servo see an arm that turns 0.8 times as far as kinematics predicts, as measured."""
     on_shape = ArmObserver._on_shape
 
-    def on_measured(observer: ArmObserver, message: Any) -> None:
+    def on_measured(observer, message):
         message.joint_angles = (0.8 * np.array(message.joint_angles)).tolist()
         message.held_angles = (0.8 * np.array(message.held_angles)).tolist()
         message.measured = message.stamp
@@ -156,7 +150,7 @@ def measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ArmObserver, '_on_shape', on_measured)
 
 
-def test_measurements_correct_it(measured: None, follower: Follower) -> None:
+def test_measurements_correct_it(measured, follower):
     follower.enabled()
     follower.target(10.0)
     follower.wait_for_angle(12.5, 0.2)
@@ -168,8 +162,7 @@ def test_measurements_correct_it(measured: None, follower: Follower) -> None:
 
 
 @pytest.mark.parametrize('resumed', [False, True])
-def test_a_stop_disables_it_also_when_it_is_resumed_at_once(
-        follower: Follower, resumed: bool) -> None:
+def test_a_stop_disables_it_also_when_it_is_resumed_at_once(follower, resumed):
     follower.move()
     follower.rig.trigger('tendon_actuation/stop')
     if resumed:
@@ -180,13 +173,11 @@ def test_a_stop_disables_it_also_when_it_is_resumed_at_once(
     assert not follower.sent_after(disabled.time)
     assert abs(follower.angle) < 25.0
     if not resumed:
-        answer = follower.enable()
-        assert not answer.success
-        assert 'stopped' in answer.message
+        assert_declined(follower.enable(), 'stopped')
 
 
 @pytest.mark.parametrize('killed', [False, True])
-def test_when_it_ends_the_arm_stops(follower: Follower, killed: bool) -> None:
+def test_when_it_ends_the_arm_stops(follower, killed):
     rig = follower.rig
     follower.move()
     if killed:
@@ -199,8 +190,8 @@ def test_when_it_ends_the_arm_stops(follower: Follower, killed: bool) -> None:
     assert abs(follower.angle) < 25.0
 
 
-def test_a_bad_target_or_what_is_none_changes_nothing_and_is_reported(follower: Follower) -> None:
-    def no_messages() -> None:
+def test_a_bad_target_or_what_is_none_changes_nothing_and_is_reported(follower):
+    def no_messages():
         targets, now = follower.node._targets, time.monotonic()
         targets.clear()  # the last one is reported
         targets[Float64] = now, b'no message'
@@ -222,8 +213,7 @@ def test_a_bad_target_or_what_is_none_changes_nothing_and_is_reported(follower: 
     assert follower.rig.pulls == pulls
 
 
-def test_a_flood_of_targets_is_read_once_a_cycle(
-        follower: Follower, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flood_of_targets_is_read_once_a_cycle(follower, monkeypatch):
     follower.enabled()
     taken = []
     monkeypatch.setattr(follower.node, '_take_target', lambda *target: taken.append(target))
@@ -234,21 +224,19 @@ def test_a_flood_of_targets_is_read_once_a_cycle(
     assert len(taken) <= 2 + 25.0 * (time.monotonic() - begin) * 2.0
 
 
-def test_it_is_not_enabled_unless_exactly_one_segment_is_soft(follower: Follower) -> None:
+def test_it_is_not_enabled_unless_exactly_one_segment_is_soft(follower):
     rig = follower.rig
     follower.enabled()
     rig.set_stiff(SEGMENT, True)
     follower.wait_for_status('disabled: a segment changed between soft and stiff')
-    answer = follower.enable()
-    assert not answer.success
-    assert 'exactly one segment has to be soft; soft: none' in answer.message
+    assert_declined(follower.enable(), 'exactly one segment has to be soft; soft: none')
     rig.soften(1)
     rig.soften(SEGMENT)
     # The servo may hear later than this test that both are soft.
     rig.wait_for(lambda: 'soft: 1, 2' in follower.enable().message, 'a refusal')
 
 
-def test_a_sequence_ends_it_and_it_is_not_enabled_while_one_runs(follower: Follower) -> None:
+def test_a_sequence_ends_it_and_it_is_not_enabled_while_one_runs(follower):
     follower.enabled()
     goal = follower.rig.goal('c_form', hold=60.0)
     assert goal.accepted
@@ -261,8 +249,7 @@ def test_a_sequence_ends_it_and_it_is_not_enabled_while_one_runs(follower: Follo
     assert straight.result()[0] == 'SUCCEEDED'
 
 
-def test_it_knows_when_the_arm_had_its_shape_and_when_it_was_measured(
-        monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_knows_when_the_arm_had_its_shape_and_when_it_was_measured(monkeypatch):
     for module in ('ros.ros_time', 'hardware.clock'):
         monkeypatch.setattr(f'soft_continuum.{module}.monotonic', lambda: 100.0)
     node = Mock()
@@ -284,11 +271,11 @@ def test_it_knows_when_the_arm_had_its_shape_and_when_it_was_measured(
     assert observed.estimate.measured_time is None
 
 
-def stamp(seconds: float) -> Time:
+def stamp(seconds):
     return Time(sec=int(seconds), nanosec=int(seconds % 1.0 * 1e9))
 
 
-def test_another_trajectory_disables_it(follower: Follower) -> None:
+def test_another_trajectory_disables_it(follower):
     rig = follower.rig
     follower.enabled()
     follower.target(5.0)

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """An arm whose regulators hold segments between soft and stiff, as ROS sees it."""
 
 from geometry_msgs.msg import Point, Pose
@@ -9,29 +8,29 @@ import pytest
 
 from soft_continuum_interfaces.msg import KinematicsState, Shape, TipGoal
 from soft_continuum_interfaces.srv import SetVacuum
-from support.ros_rig import AMBIENT, Rig, STREAM, trajectory
+from support.ros_rig import AMBIENT, STREAM, trajectory
 
 VACUUMS = (25e3, 80e3, 40e3)
 
 
 @pytest.fixture
-def regulated(rig: Rig) -> Rig:
+def regulated(rig):
     """Return an arm that lies, with regulators and a law for its jams."""
     rig.start_arm(simulated_jamming__regulators=True, arm__stiffness_ratios=(10.0,),
                   arm__mounting_angle=1.2, arm__bodies_per_segment=4)
     return rig
 
 
-def vacuum(rig: Rig, segment: int) -> float:
+def vacuum(rig, segment):
     return AMBIENT - float(rig.pressures[segment - 1].last.fluid_pressure)
 
 
-def wait_until_told(rig: Rig) -> None:
+def wait_until_told(rig):
     rig.wait_for(lambda: list(rig.states['jamming_valves'].last.vacuums) == pytest.approx(VACUUMS),
                  'the vacuums of the goal')
 
 
-def test_a_goal_with_vacuums_ends_at_its_angles_or_its_tip(regulated: Rig) -> None:
+def test_a_goal_with_vacuums_ends_at_its_angles_or_its_tip(regulated):
     angles = [0.3, 0.2, -0.2]
     goal = regulated.goal(Shape(name='held', bending_angles=angles, vacuums=VACUUMS))
     result = goal.assert_ended('SUCCEEDED')
@@ -48,10 +47,10 @@ def test_a_goal_with_vacuums_ends_at_its_angles_or_its_tip(regulated: Rig) -> No
     wait_until_told(regulated)
 
 
-def test_the_model_takes_a_partial_vacuum_by_its_law_and_tendons_may_move(regulated: Rig) -> None:
+def test_the_model_takes_a_partial_vacuum_by_its_law_and_tendons_may_move(regulated):
     states = regulated.record(KinematicsState, 'kinematics/state', STREAM)
 
-    def tip() -> float:
+    def tip():
         return float(np.sum(states.last.joint_angles))
 
     regulated.wait_for_more(states)
@@ -73,7 +72,7 @@ def test_the_model_takes_a_partial_vacuum_by_its_law_and_tendons_may_move(regula
 
 
 def test_a_goal_is_planned_from_the_full_vacuum_however_late_the_model_has_it(
-        regulated: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+        regulated, monkeypatch):
     regulated.set_parameter('shape_sequencer', 'settle_timeout', 60.0)
     assert regulated.call(SetVacuum, 'jamming_valves/segment_1/set_vacuum', vacuum=25e3).success
     states = regulated.record(KinematicsState, 'kinematics/state', STREAM)
@@ -84,7 +83,7 @@ def test_a_goal_is_planned_from_the_full_vacuum_however_late_the_model_has_it(
     plan = planning.plan
     monkeypatch.setattr(model, 'follow', lambda *given: None if late else follow(*given))
 
-    def planned(shapes: object, first: bool = False) -> object:
+    def planned(shapes, first=False):
         if not first:
             begins.append(list(planning._observed.kinematics.vacuum))
         return plan(shapes, first)

@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Arms in space over DDS: described in a file, moved by trajectories, where geometry has them."""
 
-from collections.abc import Callable, Mapping
 from math import cos, radians, sin
 
 import numpy as np
@@ -11,17 +9,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState, Joy
 from std_msgs.msg import String
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.nodes import conflicts
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_from_ros
-from soft_continuum_interfaces.msg import (
-    MotionRequest,
-    TeleopState,
-)
+from soft_continuum_interfaces.msg import MotionRequest, TeleopState
 from support.descriptions import check_urdf, given, JAMMING, TENDON_ARM
-from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, trajectory
+from support.ros_rig import DEADLINE, LATCHED, RELIABLE, trajectory
 
 NAMES = load_arm(TENDON_ARM).tendon_names
 OFFSET, SEGMENT, BASE, DISC = 0.008, 0.08, 0.01, 0.005  # m, as config/tendon_arm.yaml has them
@@ -32,13 +27,12 @@ SLACK = -0.02  # m: of the tendons that are not to do anything
 class Driven:
     """An arm that runs, and trajectories for it."""
 
-    def __init__(self, rig: Rig, names: tuple[str, ...]) -> None:
+    def __init__(self, rig, names):
         self.rig, self._names = rig, names
         self._count = 0
         self.rig.wait_for_shape()
 
-    def send(self, pulls: Mapping[str, float], others: float = 0.0,
-             names: tuple[str, ...] = ()) -> MotionRequest:
+    def send(self, pulls, others=0.0, names=()):
         """Send a trajectory of half a second; return what happened to it, once it has ended."""
         self._count += 1
         names = names or self._names
@@ -47,25 +41,25 @@ class Driven:
         self.rig.send(trajectory(points, names), this)
         states = self.rig.states['tendon_actuation']
 
-        def ended() -> MotionRequest | None:
+        def ended():
             return next((one for one in (states.last.accepted, states.last.refused)
                          if one.id == this and one.status != MotionRequest.FOLLOWING), None)
         return self.rig.wait_for(ended, 'an end of the motion')
 
-    def poses(self) -> np.ndarray:
+    def poses(self):
         """Return the poses (2 * discs, 7) of the arm at rest, as published."""
         self.rig.wait_for_more(self.rig.tendons, 3)
         return poses_from_ros(list(self.rig.wait_for_more(self.rig.disc_poses, 2))[-1])
 
 
 @pytest.fixture(scope='module')
-def tendon_arm(module_rig: Rig) -> Driven:
+def tendon_arm(module_rig):
     """Return the tendon arm without gravity: kinematics and tendon_actuation, nothing else."""
     module_rig.start('kinematics', 'tendon_actuation', **given(TENDON_ARM, arm__gravity=0.0))
     return Driven(module_rig, NAMES)
 
 
-def constant_curvature(direction: float, angle: float) -> np.ndarray:
+def constant_curvature(direction, angle):
     """
     Return the tip of an arm whose three segments are arcs, between rigid discs.
 
@@ -81,7 +75,7 @@ def constant_curvature(direction: float, angle: float) -> np.ndarray:
     return np.array([x * cos(direction), x * sin(direction), z])
 
 
-def test_a_pulled_tendon_bends_the_arm_towards_itself(tendon_arm: Driven) -> None:
+def test_a_pulled_tendon_bends_the_arm_towards_itself(tendon_arm):
     for name, degrees in (('tip_1', 80.0), ('tip_2', 200.0)):
         assert tendon_arm.send({name: PULL}, SLACK).status == MotionRequest.DONE
         poses = tendon_arm.poses()
@@ -94,7 +88,7 @@ def test_a_pulled_tendon_bends_the_arm_towards_itself(tendon_arm: Driven) -> Non
         assert turn[2] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_tendon_bends_the_segments_up_to_its_end_only(tendon_arm: Driven) -> None:
+def test_a_tendon_bends_the_segments_up_to_its_end_only(tendon_arm):
     assert tendon_arm.send({'base_1': PULL}, SLACK).status == MotionRequest.DONE
     discs = tendon_arm.poses()[2::2]
     turns = [np.linalg.norm(Rotation.from_quat(pose[3:]).as_rotvec()) for pose in discs]
@@ -103,7 +97,7 @@ def test_a_tendon_bends_the_segments_up_to_its_end_only(tendon_arm: Driven) -> N
     assert abs(discs[-1, 1]) < 1e-4
 
 
-def test_the_joints_and_the_urdf_give_the_published_poses(tendon_arm: Driven) -> None:
+def test_the_joints_and_the_urdf_give_the_published_poses(tendon_arm):
     rig = tendon_arm.rig
     assert tendon_arm.send({'tip_1': PULL, 'base_2': PULL}, SLACK).status == MotionRequest.DONE
     urdf = rig.record(String, 'robot_description', LATCHED)
@@ -114,7 +108,7 @@ def test_the_joints_and_the_urdf_give_the_published_poses(tendon_arm: Driven) ->
     check_urdf(urdf.last.data, joints, poses)
 
 
-def test_tensions_are_those_that_bend_the_rod(tendon_arm: Driven) -> None:
+def test_tensions_are_those_that_bend_the_rod(tendon_arm):
     rig = tendon_arm.rig
     tensions = rig.record(JointState, 'tendon_tensions', RELIABLE)
     assert tendon_arm.send({'tip_1': PULL}, SLACK).status == MotionRequest.DONE
@@ -126,7 +120,7 @@ def test_tensions_are_those_that_bend_the_rod(tendon_arm: Driven) -> None:
     assert set(found.values()) == {0.0}
 
 
-def test_too_much_tension_is_refused(tendon_arm: Driven) -> None:
+def test_too_much_tension_is_refused(tendon_arm):
     straight = tendon_arm.send({})
     assert straight.status == MotionRequest.DONE
     before = tendon_arm.poses()
@@ -137,14 +131,14 @@ def test_too_much_tension_is_refused(tendon_arm: Driven) -> None:
     assert tendon_arm.poses() == pytest.approx(before, abs=1e-9)
 
 
-def test_names_of_other_tendons_are_refused(tendon_arm: Driven) -> None:
+def test_names_of_other_tendons_are_refused(tendon_arm):
     for names in ('right_tendon', 'left_tendon'), NAMES[:3], (*NAMES[:-1], 'tip_4'):
         refused = tendon_arm.send({}, names=names)
         assert (refused.status, refused.reason) == (MotionRequest.REFUSED, MotionRequest.INVALID)
         assert "needed: ['base_1', 'base_2'" in refused.message
 
 
-def test_no_valves_are_needed_and_none_waited_for(tendon_arm: Driven) -> None:
+def test_no_valves_are_needed_and_none_waited_for(tendon_arm):
     rig = tendon_arm.rig
     topics = dict(rig.observer.get_topic_names_and_types())
     counts = {topic: rig.observer.count_subscribers(topic) for topic in topics
@@ -154,13 +148,13 @@ def test_no_valves_are_needed_and_none_waited_for(tendon_arm: Driven) -> None:
     assert rig.status_value('kinematics', 'soft') == '1 2 3'
 
 
-def test_the_markers_stand_where_the_arm_is(tendon_arm: Driven) -> None:
+def test_the_markers_stand_where_the_arm_is(tendon_arm):
     rig = tendon_arm.rig
     assert tendon_arm.send({'tip_1': PULL}, SLACK).status == MotionRequest.DONE
     markers = rig.record(MarkerArray, 'shape_markers', RELIABLE)
     poses = tendon_arm.poses()
     rig.wait_for_more(markers, 2)
-    found: dict[str, list[Marker]] = {}
+    found = {}
     for marker in markers.last.markers:
         found.setdefault(marker.ns, []).append(marker)
     assert {ns: len(some) for ns, some in found.items()} == {
@@ -173,8 +167,7 @@ def test_the_markers_stand_where_the_arm_is(tendon_arm: Driven) -> None:
         assert np.linalg.norm(np.array([last.x, last.y, last.z]) - disc) == pytest.approx(OFFSET)
 
 
-def test_only_the_soft_segment_of_a_jamming_arm_bends(
-        make_rig: Callable[..., Rig]) -> None:
+def test_only_the_soft_segment_of_a_jamming_arm_bends(make_rig):
     rig = make_rig()
     rig.start('kinematics', 'tendon_actuation', 'jamming_valves', **given(JAMMING))
     arm = Driven(rig, ('tendon_1', 'tendon_2', 'tendon_3'))
@@ -193,7 +186,7 @@ def test_only_the_soft_segment_of_a_jamming_arm_bends(
     assert 0.07 - chord == pytest.approx(0.004, rel=0.02)
 
 
-def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig: Callable[..., Rig]) -> None:
+def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig):
     rig = make_rig()
     _, actuation = rig.start('kinematics', 'tendon_actuation', arm__jamming=False,
                              arm__gravity=0.0)
@@ -210,15 +203,14 @@ def test_a_planar_arm_without_jamming_bends_as_a_whole(make_rig: Callable[..., R
     states = rig.record(TeleopState, 'teleop/state', LATCHED)
     joystick = rig.publisher(Joy, 'joy')
 
-    def refuses() -> bool:
+    def refuses():
         joystick.publish(Joy(axes=[0.0] * 8, buttons=[0] * 11))
         return 'without jamming' in states.last.message if states.heard else False
     rig.wait_for(refuses, 'a reason')
     rig.end(teleop)
 
 
-def test_nothing_moves_if_the_nodes_disagree_about_jamming(
-        make_rig: Callable[..., Rig], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_moves_if_the_nodes_disagree_about_jamming(make_rig, monkeypatch):
     monkeypatch.setattr(conflicts, 'ENDED_AFTER', DEADLINE)  # of a busy machine
     rig = make_rig()
     rig.start('kinematics', 'jamming_valves')

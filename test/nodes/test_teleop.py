@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The node teleop moves the arm while the enable button of a joystick is held, no longer."""
 
-from collections.abc import Iterator
 from contextlib import closing
 from math import nan
 from time import sleep
@@ -14,12 +12,11 @@ from std_msgs.msg import Bool
 
 from soft_continuum_interfaces.msg import TeleopState
 from support.joystick import A, B, BACK, Joystick, LB, LEFT, PATIENT, RB, RIGHT, START, X
-from support.processes import Processes
-from support.ros_rig import LATCHED, Rig
+from support.ros_rig import LATCHED
 
 
 @pytest.fixture(scope='module')
-def plugged(shared_arm: Rig) -> Iterator[Joystick]:
+def plugged(shared_arm):
     """Return a joystick that stays plugged in, a teleop and a servo."""
     joystick = Joystick(shared_arm)
     yield joystick
@@ -27,7 +24,7 @@ def plugged(shared_arm: Rig) -> Iterator[Joystick]:
 
 
 @pytest.fixture
-def joystick(plugged: Joystick) -> Iterator[Joystick]:
+def joystick(plugged):
     """Return that joystick at rest, segment 2 soft and chosen, bending angles steered."""
     rig = plugged.rig
     rig.clear()
@@ -46,8 +43,7 @@ def joystick(plugged: Joystick) -> Iterator[Joystick]:
     rig.stiffen()
 
 
-def test_it_moves_while_held_to_where_the_stick_points_and_rests_on_release(
-        joystick: Joystick) -> None:
+def test_it_moves_while_held_to_where_the_stick_points_and_rests_on_release(joystick):
     rig = joystick.rig
     joystick.show(x=RIGHT)  # without the button
     rig.assert_rests()
@@ -62,8 +58,7 @@ def test_it_moves_while_held_to_where_the_stick_points_and_rests_on_release(
         joystick.assert_rests()
 
 
-def test_it_rests_when_the_joystick_is_unplugged_and_goes_on_only_when_pressed_again(
-        joystick: Joystick) -> None:
+def test_it_rests_when_the_joystick_is_unplugged_and_goes_on_only_when_pressed_again(joystick):
     joystick.steer(RIGHT)
     joystick.unplug()
     joystick.wait_for('nothing received', connected=False, enabled=False)
@@ -80,15 +75,14 @@ def test_it_rests_when_the_joystick_is_unplugged_and_goes_on_only_when_pressed_a
     (Joy(axes=[nan] * 8, buttons=[0, 0, 0, 0, 1] + [0] * 6), 'axis 0 is nan'),
     (Joy(axes=[RIGHT, 0.0], buttons=[0, 0, 0, 0, 1] + [0] * 6), 'has 2 axes, none with'),
 ])
-def test_it_rests_when_a_message_is_not_one_of_the_pad(
-        joystick: Joystick, message: Joy, text: str) -> None:
+def test_it_rests_when_a_message_is_not_one_of_the_pad(joystick, message, text):
     joystick.steer(RIGHT)
     joystick._message = message
     joystick.wait_for(text)
     joystick.assert_rests()
 
 
-def test_it_rests_when_teleop_is_killed(arm: Rig, processes: Processes) -> None:
+def test_it_rests_when_teleop_is_killed(arm, processes):
     arm.soften(3)
     teleop = processes.node('teleop_node', parameters=PATIENT)
     with closing(Joystick(arm, teleop=False)) as joystick:
@@ -98,8 +92,7 @@ def test_it_rests_when_teleop_is_killed(arm: Rig, processes: Processes) -> None:
         joystick.assert_rests()
 
 
-def test_the_emergency_stop_stays_until_it_is_reset_and_nothing_moves_before_a_resume(
-        joystick: Joystick) -> None:
+def test_the_emergency_stop_stays_until_it_is_reset_and_nothing_moves_before_a_resume(joystick):
     rig = joystick.rig
     joystick.steer(RIGHT)
     joystick.show(LB, B, x=RIGHT)
@@ -114,14 +107,14 @@ def test_the_emergency_stop_stays_until_it_is_reset_and_nothing_moves_before_a_r
     joystick.assert_rests()
     joystick.steer(LEFT)
 
-    def says_nothing() -> bool:
+    def says_nothing():
         late = rig.record(Bool, 'emergency_stop', LATCHED)
         sleep(0.3)
         return not late.heard
     rig.wait_for(says_nothing, 'silence: what is over is not published for ever')
 
 
-def test_no_other_publisher_turns_its_emergency_stop_off(joystick: Joystick) -> None:
+def test_no_other_publisher_turns_its_emergency_stop_off(joystick):
     rig = joystick.rig
     states = rig.states['tendon_actuation']
     joystick.press(B, 'the emergency stop is on')
@@ -143,7 +136,7 @@ def test_no_other_publisher_turns_its_emergency_stop_off(joystick: Joystick) -> 
     joystick.press(START, 'ready')
 
 
-def test_a_stop_by_others_ends_it_and_a_resume_does_not_move_it(joystick: Joystick) -> None:
+def test_a_stop_by_others_ends_it_and_a_resume_does_not_move_it(joystick):
     rig = joystick.rig
     joystick.steer(RIGHT)
     rig.trigger('tendon_actuation/stop')
@@ -153,8 +146,7 @@ def test_a_stop_by_others_ends_it_and_a_resume_does_not_move_it(joystick: Joysti
     joystick.assert_rests()
 
 
-def test_only_one_segment_is_soft_at_a_time_and_none_is_switched_while_it_is_held(
-        joystick: Joystick) -> None:
+def test_only_one_segment_is_soft_at_a_time_and_none_is_switched_while_it_is_held(joystick):
     rig = joystick.rig
     joystick.show(LB)
     joystick.wait_for('', enabled=True)
@@ -183,7 +175,7 @@ def test_only_one_segment_is_soft_at_a_time_and_none_is_switched_while_it_is_hel
     assert rig.stiff[2].last.data
 
 
-def test_two_joysticks_or_two_teleops_move_nothing(joystick: Joystick) -> None:
+def test_two_joysticks_or_two_teleops_move_nothing(joystick):
     rig = joystick.rig
     other = rig.on_ros_thread(rig.observer.create_publisher, Joy, 'joy', 5)
     joystick.wait_for('joy is published by observer and observer')

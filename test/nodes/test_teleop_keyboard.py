@@ -1,24 +1,19 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The keyboard of a terminal moves an arm; a terminal that is closed ends the motion."""
 
-from collections.abc import Callable
-from pathlib import Path
 import time
-from typing import Any
 
 from soft_continuum.teleop.enable_button import MOVE
 from soft_continuum_interfaces.msg import TeleopState
 from support.command import Terminal
-from support.ros_rig import DEADLINE, LATCHED, Rig
+from support.ros_rig import DEADLINE, LATCHED
 
 RIGHT = '\x1bOC'  # the arrow, as an xterm sends it
 REPEAT = 0.03  # s
 
 
-def test_a_key_that_is_held_moves_the_arm_until_the_terminal_is_closed(
-        make_rig: Callable[..., Rig], tmp_path: Path) -> None:
+def test_a_key_that_is_held_moves_the_arm_until_the_terminal_is_closed(make_rig, tmp_path):
     rig = make_rig()
     rig.start_arm(arm__gravity=9.806650001)  # the servo has to have every digit
     path = tmp_path / 'patient.yaml'
@@ -28,7 +23,7 @@ def test_a_key_that_is_held_moves_the_arm_until_the_terminal_is_closed(
         'teleop', '--namespace', rig.namespace, '--timeout', DEADLINE, '--params-file', path,
         size=(12, 60), ROS_DOMAIN_ID=str(rig.domain), TERM='xterm')
 
-    def wait_for(text: str, **fields: Any) -> None:
+    def wait_for(text, **fields):
         rig.wait_for(
             lambda: states.last and text in states.last.message and all(
                 getattr(states.last, name) == value for name, value in fields.items()),

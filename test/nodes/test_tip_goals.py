@@ -1,11 +1,8 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Goals of the tip, plans of them, and obstacles that come into their way, over DDS."""
 
-from collections.abc import Iterator
 from math import hypot, inf
-from typing import Any
 
 from geometry_msgs.msg import Point, Pose
 import pytest
@@ -16,23 +13,23 @@ from soft_continuum.sequencing.plans import PlanError
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, TipGoal
 from soft_continuum_interfaces.srv import PlanShapes
-from support.ros_rig import LATCHED, Rig
+from support.ros_rig import LATCHED
 
 PLACE = (0.15, 0.22)  # x, z, m
 TOLERANCE = 1e-3  # m
 
 
-def at(x: float, z: float, **fields: Any) -> Shape:
+def at(x, z, **fields):
     """Return a shape with the tip at a place."""
     return Shape(tips=[TipGoal(pose=Pose(position=Point(x=x, z=z)), **fields)])
 
 
-def plan(rig: Rig, *shapes: Shape, **more: float) -> Any:
+def plan(rig, *shapes, **more):
     """Return the answer of plan_shapes."""
     return rig.call(PlanShapes, 'shape_sequencer/plan_shapes', shapes=list(shapes), **more)
 
 
-def ball(rig: Rig, name: str, x: float, z: float, diameter: float) -> None:
+def ball(rig, name, x, z, diameter):
     """Put a ball there, and wait until the sequencer knows it."""
     marker = Marker(ns=name, type=Marker.SPHERE, action=Marker.ADD)
     marker.header.frame_id = 'base_link'
@@ -42,35 +39,35 @@ def ball(rig: Rig, name: str, x: float, z: float, diameter: float) -> None:
     rig.wait_for(lambda: any(m.ns == name for m in known(rig)), 'the ball to be known')
 
 
-def clear(rig: Rig) -> None:
+def clear(rig):
     """Take all obstacles away."""
     rig.publisher(MarkerArray, 'obstacles').publish(
         MarkerArray(markers=[Marker(action=Marker.DELETEALL)]))
     rig.wait_for(lambda: not known(rig), 'no obstacles')
 
 
-def known(rig: Rig) -> list[Marker]:
+def known(rig):
     """Return the obstacles that are known."""
     last = rig.obstacles.last
     return [m for m in last.markers if m.action == Marker.ADD] if last else []
 
 
 @pytest.fixture(scope='module')
-def watched(shared_arm: Rig) -> Rig:
+def watched(shared_arm):
     """Return the shared arm with its obstacles recorded."""
     shared_arm.obstacles = shared_arm.record(MarkerArray, 'known_obstacles', LATCHED)
     return shared_arm
 
 
 @pytest.fixture
-def arm(watched: Rig) -> Iterator[Rig]:
+def arm(watched):
     """Return the arm straight, and afterwards without obstacles."""
     assert watched.goal((0.0, 0.0, 0.0)).result()[0] == 'SUCCEEDED'
     yield watched
     clear(watched)
 
 
-def test_a_plan_says_what_would_be_done_and_moves_nothing(arm: Rig) -> None:
+def test_a_plan_says_what_would_be_done_and_moves_nothing(arm):
     ball(arm, 'lamp', -0.2, 0.3, 0.04)
     pulls = arm.pulls
     answer = plan(arm, at(*PLACE), Shape(name='c_form'))
@@ -90,14 +87,14 @@ def test_a_plan_says_what_would_be_done_and_moves_nothing(arm: Rig) -> None:
 
 
 def test_a_sequence_of_a_tip_and_angles_that_was_planned_and_shown_is_run_as_it_was_shown(
-        arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+        arm, monkeypatch):
     ball(arm, 'lamp', -0.2, 0.3, 0.04)
     shapes = at(*PLACE), Shape(name='c_form')
     # Few states find another plan than the goal would, so that it can be told from it.
     answer = plan(arm, *shapes, states=200)
     assert answer.success, answer.message
 
-    def forbidden(*_: Any) -> Any:
+    def forbidden(*_):
         raise AssertionError('it was planned once more')
     monkeypatch.setattr(planning, 'plan_shapes', forbidden)
     for shape in shapes:
@@ -115,15 +112,14 @@ def test_a_sequence_of_a_tip_and_angles_that_was_planned_and_shown_is_run_as_it_
     assert fractions == sorted(fractions)
 
 
-def test_what_was_planned_is_planned_again_when_something_has_changed(
-        arm: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stop() -> None:
+def test_what_was_planned_is_planned_again_when_something_has_changed(arm, monkeypatch):
+    def stop():
         stops = arm.states['tendon_actuation'].last.stops
         arm.trigger('tendon_actuation/stop')
         arm.trigger('tendon_actuation/resume')
         arm.wait_for(lambda: arm.states['tendon_actuation'].last.stops > stops, 'a stop')
 
-    def again(*_: Any) -> None:
+    def again(*_):
         raise PlanError('planned again')
 
     for change in (
@@ -138,7 +134,7 @@ def test_what_was_planned_is_planned_again_when_something_has_changed(
     arm.set_parameter('shape_sequencer', 'reach.seed', 0)
 
 
-def test_a_plan_that_there_is_not_says_why(arm: Rig) -> None:
+def test_a_plan_that_there_is_not_says_why(arm):
     ball(arm, 'lamp', *PLACE, 0.1)
     answer = plan(arm, at(*PLACE), states=500)
     assert not answer.success
@@ -153,20 +149,20 @@ def test_a_plan_that_there_is_not_says_why(arm: Rig) -> None:
     arm.set_stiff(2, True)
 
 
-def test_a_plan_is_not_made_while_a_sequence_runs(arm: Rig) -> None:
+def test_a_plan_is_not_made_while_a_sequence_runs(arm):
     goal = arm.goal((0.1, 0.0, 0.0), hold=600.0).wait_for_phase('holding')
     assert 'a sequence runs' in plan(arm, at(*PLACE)).message
     goal.cancel()
     goal.result()
 
 
-def test_angles_are_refused_when_an_obstacle_is_in_their_way(arm: Rig) -> None:
+def test_angles_are_refused_when_an_obstacle_is_in_their_way(arm):
     ball(arm, 'lamp', 0.17, 0.2, 0.1)
     arm.goal('c_form').assert_rejected('c_form', 'lamp is in the way')
 
 
 @pytest.mark.parametrize('on_change', ['replan', 'abort'])
-def test_an_obstacle_that_comes_into_the_way_stops_the_motion(arm: Rig, on_change: str) -> None:
+def test_an_obstacle_that_comes_into_the_way_stops_the_motion(arm, on_change):
     for name, value in (('obstacles.on_change', on_change), ('tendon_speed', 0.02)):
         assert arm.set_parameter('shape_sequencer', name, value).successful
     goal = arm.goal(at(*PLACE)).wait_for_phase('moving')

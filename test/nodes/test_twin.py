@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The nodes drive the twin as they drive a rig, and see no more of it."""
 
-from collections.abc import Iterator
 from pathlib import Path
 import signal
 
@@ -19,14 +17,14 @@ from soft_continuum.sensing.rigid import planar_pose
 from soft_continuum.twin.model_errors import load_cell_parameters
 from soft_continuum.user_files import description_file
 from support.descriptions import given_in
-from support.processes import module_command, NodeProcess, Processes
-from support.ros_rig import Recording, Rig, STREAM, trajectory
+from support.processes import module_command
+from support.ros_rig import STREAM, trajectory
 
 BEND = (0.0, 0.0, -0.3)
 START_TIMEOUT = 120.0  # s for eight processes to import what they need, on a busy machine
 
 
-def ideal_twin(rig: Rig, processes: Processes, *options: str) -> Iterator[Recording]:
+def ideal_twin(rig, processes, *options):
     """Start the ideal twin; return its disc_poses, its tendon_states, and load_cells."""
     twin = processes.start([*module_command('twin'), '--preset', 'ideal', '--namespace',
                             rig.namespace, *options])
@@ -36,8 +34,7 @@ def ideal_twin(rig: Rig, processes: Processes, *options: str) -> Iterator[Record
         yield rig.record(kind, topic, STREAM)
 
 
-def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
-        rig: Rig, processes: Processes, tmp_path: Path) -> None:
+def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(rig, processes, tmp_path):
     links = {name: tmp_path / name for name in ('grbl', 'modbus')}
     discs, tendons, cells = ideal_twin(
         rig, processes, *(f'--{name}-link={link}' for name, link in links.items()))
@@ -60,13 +57,11 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
     rig.wait_for_more(cells, 5)
     assert cells.last.name == ['right_tendon', 'left_tendon']
     assert cells.last.effort == pytest.approx(tendons.last.effort, abs=0.05)
-    for n, (imu, (_, _, angle)) in enumerate(
-            zip(imus, planar_pose(is_there[::2]), strict=True)):
+    for n, (imu, (_, _, angle)) in enumerate(zip(imus, planar_pose(is_there[::2]), strict=True)):
         force = imu.last.linear_acceleration
         assert np.arctan2(-force.x, force.z) == pytest.approx(angle, abs=0.01)
         assert imu.last.angular_velocity.y == pytest.approx(0.0, abs=0.01)
-        assert imu.last.header.frame_id == 'arm_under_test/' + (
-            f'disc_{n}' if n else 'base_link')
+        assert imu.last.header.frame_id == 'arm_under_test/' + (f'disc_{n}' if n else 'base_link')
         assert imu.last.orientation_covariance[0] == -1.0
     # The truth is for tests: what the suite knows comes through the serial ports.
     of_twin = [name for name, _ in rig.observer.get_topic_names_and_types() if '/twin/' in name]
@@ -77,7 +72,7 @@ def test_the_nodes_set_a_shape_on_the_ideal_twin_and_it_has_it(
 
 
 def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
-        rig: Rig, processes: Processes, tmp_path: Path) -> None:
+        rig, processes, tmp_path):
     file = description_file().with_name('tendon_arm.yaml')
     discs, tendons, cells = ideal_twin(
         rig, processes, '--params-file', str(file), f'--grbl-link={tmp_path / "grbl"}')
@@ -96,7 +91,7 @@ def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
     rig.wait_for_more(rig.disc_poses, 1)
     rig.wait_for_more(discs, 1)
 
-    def apart() -> float:
+    def apart():
         truth, known = (poses_from_ros(each.last) for each in (discs, rig.disc_poses))
         return float(np.abs(truth - known).max())
     rig.wait_for(lambda: apart() < 3e-4, 'an arm at rest where the model has it')
@@ -107,7 +102,7 @@ def test_nine_tendons_of_an_arm_in_space_move_the_twin_through_three_boards(
                  'load cells that have settled')
 
 
-def children(up: NodeProcess) -> set[str]:
+def children(up):
     """Return the names of the processes that one of `up` started and that run."""
     found = set()
     for path in Path('/proc').glob('[0-9]*/cmdline'):
@@ -120,8 +115,7 @@ def children(up: NodeProcess) -> set[str]:
     return found
 
 
-def test_up_starts_the_twin_and_a_camera_too_and_both_end_with_it(
-        rig: Rig, processes: Processes, tmp_path: Path) -> None:
+def test_up_starts_the_twin_and_a_camera_too_and_both_end_with_it(rig, processes, tmp_path):
     tip = rig.record(PoseWithCovarianceStamped, 'disc_3/measured_pose', STREAM)
     own = tmp_path / 'own_rig.yaml'  # of another camera and other load cells
     own.write_text('/**: {ros__parameters: {camera: {source: /dev/video99, '

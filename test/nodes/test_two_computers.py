@@ -1,9 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The hardware nodes on one computer, the others on another, and a cable that is bad, or cut."""
 
-from collections.abc import Iterator
 import json
 from pathlib import Path
 import time
@@ -26,19 +24,18 @@ pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or 'namespaces
 
 
 @pytest.fixture
-def split(domain: int, tmp_path: Path) -> Iterator[SplitArm]:
+def split(domain, tmp_path):
     """Return an arm on two computers, whose cable delays and loses."""
     with SplitArm(domain, tmp_path, LOSSY, SLOW) as arm:
         yield arm
 
 
-def links() -> set[str]:
+def links():
     """Return the network interfaces of this computer."""
     return {path.name for path in Path('/sys/class/net').iterdir()}
 
 
-def test_goals_succeed_over_a_slow_and_lossy_cable_and_a_cut_ends_all_motion(
-        split: SplitArm) -> None:
+def test_goals_succeed_over_a_slow_and_lossy_cable_and_a_cut_ends_all_motion(split):
     doctor = split.start(split.computers.workstation, 'doctor', '--network', '--json')
     doctor.wait()
     checks = {c['step']: c for c in json.loads(doctor.output.splitlines()[-1])['checks']}
@@ -79,7 +76,7 @@ def test_goals_succeed_over_a_slow_and_lossy_cable_and_a_cut_ends_all_motion(
     assert split.valves == valves
 
 
-def test_nothing_is_left_behind() -> None:
+def test_nothing_is_left_behind():
     before = links()
     with Computers() as computers:
         pids = computers.rig.pid, computers.workstation.pid

@@ -1,24 +1,26 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """RViz and Foxglove find all that their layouts show and call, and see where the arm goes."""
 
-from collections.abc import Iterator
 import json
 from pathlib import Path
 import re
-from typing import Any
 
-import mujoco
+from builtin_interfaces.msg import Time
 import pytest
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 import yaml
 
+from soft_continuum.colours import PREDICTED, WRONG
 from soft_continuum.mechanics import Chain
+from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.conversions import poses_from_ros
+from soft_continuum.user_files import description_file
+from support.descriptions import check_urdf
 from support.ros2_commands import interface
-from support.ros_rig import LATCHED, Rig
+from support.ros_rig import LATCHED
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 RVIZ = yaml.safe_load((CONFIG / 'arm.rviz').read_text(encoding='utf-8'))
@@ -30,18 +32,18 @@ VALUE = re.compile(r'(/[\w/]+)((?:\.\w+(?:\[\d\])?)*)')
 
 
 @pytest.fixture
-def arm(shared_arm: Rig) -> Rig:
+def arm(shared_arm):
     """Return an arm that all of these tests only look at, but for one goal."""
     return shared_arm
 
 
-def topics(rig: Rig) -> dict[str, str]:
+def topics(rig):
     """Return the type of each topic by its name as it is without a namespace."""
     return {name.removeprefix(rig.namespace): types[0]
             for name, types in rig.observer.get_topic_names_and_types()}
 
 
-def panel_ids(part: Any) -> Iterator[str]:
+def panel_ids(part):
     """Return the panels that a part of a Foxglove layout has, in their order."""
     if isinstance(part, str):
         yield part
@@ -50,7 +52,7 @@ def panel_ids(part: Any) -> Iterator[str]:
         yield from panel_ids(part['second'])
 
 
-def test_rviz_shows_topics_that_there_are(arm: Rig) -> None:
+def test_rviz_shows_topics_that_there_are(arm):
     shown = [(display['Class'].split('/')[1], display.get('Topic') or display['Description Topic'])
              for display in RVIZ['Visualization Manager']['Displays']
              if display['Class'] != 'rviz_default_plugins/Grid']
@@ -63,11 +65,11 @@ def test_rviz_shows_topics_that_there_are(arm: Rig) -> None:
     assert latched == {'robot_description', 'target_markers', 'known_obstacles'}
 
 
-def test_foxglove_lays_out_every_panel_once() -> None:
+def test_foxglove_lays_out_every_panel_once():
     assert sorted(panel_ids(FOXGLOVE['layout'])) == sorted(FOXGLOVE['configById'])
 
 
-def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(arm: Rig) -> None:
+def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(arm):
     there = topics(arm)
     services = {name.removeprefix(arm.namespace): types[0]
                 for name, types in arm.observer.get_service_names_and_types()}
@@ -78,7 +80,7 @@ def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(
               for path in panel.get('paths', [])]
     assert len(series) == 10
     for value in series:
-        topic, fields = VALUE.fullmatch(value).groups()  # type: ignore[union-attr]
+        topic, fields = VALUE.fullmatch(value).groups()
         message = interface(there[topic])()
         for field in re.findall(r'\.(\w+)', fields):
             assert hasattr(message, field), value
@@ -90,8 +92,7 @@ def test_foxglove_plots_fields_that_there_are_and_calls_services_that_there_are(
         request(**json.loads(panel['requestPayload']))
 
 
-def test_a_ghost_stands_where_the_arm_goes_and_the_published_robot_where_the_poses_are(
-        arm: Rig) -> None:
+def test_a_ghost_stands_where_the_arm_goes_and_the_published_robot_where_the_poses_are(arm):
     heard = arm.record(MarkerArray, 'target_markers', LATCHED)
     robot = arm.record(String, 'robot_description', LATCHED)
     angles = (0.3, -0.2, 0.25)
@@ -108,14 +109,54 @@ def test_a_ghost_stands_where_the_arm_goes_and_the_published_robot_where_the_pos
     assert 0.0 < ghost.color.a < 1.0
     arm.assert_rests()
     arm.wait_for(lambda: len(robot), 'robot_description')
-    keep = '<mujoco><compiler fusestatic="false" discardvisual="false"/></mujoco></robot>'
-    model = mujoco.MjModel.from_xml_string(robot.last.data.replace('</robot>', keep))
-    data = mujoco.MjData(model)
-    joints, poses = arm.joints.last, arm.segment_poses.last
-    for name, angle in zip(joints.name, joints.position, strict=True):
-        data.joint(name).qpos[:] = angle
-    mujoco.mj_kinematics(model, data)
-    for number, pose in enumerate(poses.poses, start=1):
-        p, q = pose.position, pose.orientation
-        assert data.body(f'disc_{number}').xpos == pytest.approx((p.x, p.y, p.z), abs=1e-9)
-        assert data.body(f'disc_{number}').xquat == pytest.approx((q.w, q.x, q.y, q.z), abs=1e-9)
+    joints = dict(zip(arm.joints.last.name, arm.joints.last.position, strict=True))
+    check_urdf(robot.last.data, joints, poses_from_ros(arm.disc_poses.last))
+
+
+# What is shown beside the arm: where the model alone has it, and what is wrong with it.
+
+CHAIN = Chain(load_arm(description_file()))
+BENT = CHAIN.uniform((0.3, -0.2, 0.25))
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
+ALARM = ('left_tendon is 4.0 mm longer than its motor reports: it slipped in its clamp or left a '
+         'guide')
+
+
+def colour(marker):
+    """Return red, green and blue, 0 to 255."""
+    return tuple(round(255 * part) for part in (marker.color.r, marker.color.g, marker.color.b))
+
+
+def is_gone_when_not_repeated(marker):
+    """Whether a view removes a marker by itself."""
+    return 0.0 < marker.lifetime.sec + 1e-9 * marker.lifetime.nanosec <= 1.0
+
+
+def test_the_prediction_is_a_translucent_ghost_along_the_backbone():
+    marker = prediction_marker(BENT, 'base_link', Time(sec=3))
+    assert (marker.type, marker.header.frame_id, marker.header.stamp.sec) == (
+        Marker.LINE_STRIP, 'base_link', 3)
+    assert colour(marker) == PREDICTED and 0.0 < marker.color.a < 1.0
+    x, _, z = BENT.tip
+    assert (marker.points[-1].x, marker.points[-1].z) == pytest.approx((x, z))
+    assert is_gone_when_not_repeated(marker)
+
+
+def test_what_is_wrong_stands_above_the_arm_in_lines_that_can_be_read():
+    marker = alarm_marker([ALARM, 'the camera has moved'], 0.4, 'base_link', Time())
+    assert marker.type == Marker.TEXT_VIEW_FACING and colour(marker) == WRONG
+    assert marker.text.replace('\n', ' ') == f'{ALARM} the camera has moved'
+    assert max(map(len, marker.text.splitlines())) <= 60
+    assert marker.pose.position.z >= 0.4 and marker.scale.z > 0.0
+    assert is_gone_when_not_repeated(marker)
+
+
+def test_rviz_shows_both_beside_the_arm():
+    displays = yaml.safe_load((CONFIG / 'arm.rviz').read_text(encoding='utf-8'))[
+        'Visualization Manager']['Displays']
+    namespaces, = (one['Namespaces'] for one in displays
+                   if one.get('Topic', {}).get('Value') == 'shape_markers')
+    arm = shape_markers(CHAIN, BENT, (True,) * 3, 50.0, 'base_link', Time()).markers
+    extra = [prediction_marker(BENT, 'base_link', Time()), alarm_marker([], 0.4, '', Time())]
+    assert namespaces.keys() == {marker.ns for marker in [*arm, *extra]}
+    assert all(namespaces[marker.ns] for marker in extra)

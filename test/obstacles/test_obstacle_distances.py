@@ -70,8 +70,7 @@ def cloud(chain, state):
             for height in np.linspace(0.0, length, 15 if is_disc else 5):
                 faces = rims if is_disc and height in (0.0, length) else rims[-1:]
                 for rim in faces:
-                    points.append(start + (circle * rim + [0.0, 0.0, height])
-                                  @ rotations[j + 1].T)
+                    points.append(start + (circle * rim + [0.0, 0.0, height]) @ rotations[j + 1].T)
     for guides in state.tendon_points:
         for one, other in zip(guides, guides[1:], strict=False):
             points.append(one + np.linspace(0.0, 1.0, 30)[:, None] * (other - one))

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What kinematics publishes of its estimate makes the same model in the other nodes."""
 
 from dataclasses import replace
@@ -9,9 +8,8 @@ from math import exp, log, pi
 import numpy as np
 import pytest
 
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator
-from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
@@ -174,8 +172,7 @@ def test_of_an_arm_without_jamming_no_ratio_is_published():
     without = parameters_to_ros(estimator, jamming=False)
     assert [p.name for p in without] == [
         name for name in SPATIAL_VALUES if not name.startswith('stiff_ratio')]
-    model, loose = (model_from_ros(p, SPATIAL)
-                    for p in (published(estimator).parameters, without))
+    model, loose = (model_from_ros(p, SPATIAL) for p in (published(estimator).parameters, without))
     assert np.array_equal(loose.offsets, model.offsets)
     assert loose.chain.arm.segments[0].stiffness_x == model.chain.arm.segments[0].stiffness_x
 

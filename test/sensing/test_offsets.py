@@ -10,7 +10,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 import yaml
 
-from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.parameter import ParameterError
@@ -140,7 +139,7 @@ def test_a_window_of_a_slow_sensor_has_its_last_five_measurements():
 
 
 def test_the_straight_arm_is_as_high_as_its_parts():
-    arm: Arm = load_arm(description_file())
+    arm = load_arm(description_file())
     assert straight_heights(arm) == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The arm of the model is drawn over the picture where a camera would see it."""
 
 import cv2

@@ -131,8 +131,7 @@ def test_a_pass_that_makes_the_shape_worse_is_the_last_and_is_taken_back_and_sai
     again = asked_to_soften(rig)[2:]  # once, and once more to set it back
     assert again in [a + b for a in PASSES for b in PASSES]
     assert 'correcting it made it worse, it was 2.' in rig.runner.warning
-    assert not once or (rig.error < errors[0] + REACHED
-                        and 'and was undone' in rig.runner.warning)
+    assert not once or (rig.error < errors[0] + REACHED and 'and was undone' in rig.runner.warning)
 
 
 def test_several_shapes_are_set_one_after_the_other():
@@ -215,8 +214,7 @@ def test_without_measurements_it_does_just_what_an_open_loop_does():
 
 @pytest.mark.parametrize('lost_after', [1.0, 3.0, 6.0])
 def test_when_measurements_stop_it_goes_on_as_predicted(lost_after):
-    rig = MeasuredRig((SHAPE,), lost_after=lost_after,
-                      loop=replace(LOOP, abort_when_lost=False))
+    rig = MeasuredRig((SHAPE,), lost_after=lost_after, loop=replace(LOOP, abort_when_lost=False))
     outcome = rig.run(one_soft_at_most_and_none_moved_stiff)
     assert (outcome.code, outcome.shapes_completed) == (Code.SUCCESSFUL, 1)
     assert outcome.lost and not outcome.measured

@@ -3,12 +3,19 @@
 """Plans that were shown are run, as long as nothing has changed since."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from soft_continuum.mechanics.chain import Chain
+from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
+from soft_continuum.nodes.planning import Planning
 from soft_continuum.obstacles import CollisionScene
-from soft_continuum.sequencing.kept_plans import KeptPlans
+from soft_continuum.ros.estimates import Model
+from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.sequencing.arm_port import Observation
+from soft_continuum.sequencing.plan_watch import KeptPlans
 from soft_continuum.sequencing.planner import Planner
 from soft_continuum.sequencing.plans import Shape, TipGoal
 from soft_continuum.sequencing.reach import ReachSettings
@@ -87,3 +94,32 @@ def test_a_plan_that_does_not_get_there_is_not_kept(kept, found):
     kept.keep(SITUATION, found[0].plan.state, (0.0, 0.0), [TIP],
               [replace(found[0], why='out of reach')])
     assert not find(kept, [TIP])
+
+
+@pytest.fixture
+def planning():
+    model = Model(Chain(ARM), np.zeros(2), np.zeros(2))
+    straight, scene = model.chain.straight(), CollisionScene(ARM)
+    rests = Observation((0.0, 0.0), False, (True,) * 3, (80e3,) * 3)
+    observed = SimpleNamespace(
+        tendons=SimpleNamespace(stops=0), shape=straight, pulls=(0.0, 0.0),
+        shape_and_model=(straight, model), observation=lambda *_: rests)
+    parameters = {p.name: p.default for p in NODE_PARAMETERS[SHAPE_SEQUENCER]}
+    planning = Planning(ARM, parameters, observed, lambda: scene, print)
+    yield planning
+    planning.close()
+
+
+def moves_of(plans):
+    return plans.result()[0].moves
+
+
+def test_a_shape_by_angles_is_planned_once_to_be_accepted_and_run(planning):
+    accepted = moves_of(planning.plan([BOW], first=True))
+    assert moves_of(planning.plan([BOW])) is accepted
+    assert moves_of(planning.plan([BOW])) is not accepted  # on its way it is planned again
+
+
+def test_each_goal_is_checked_by_a_plan_of_its_own(planning):
+    accepted = moves_of(planning.plan([BOW], first=True))
+    assert moves_of(planning.plan([BOW], first=True)) is not accepted

@@ -157,8 +157,7 @@ def test_a_segment_is_set_twice_where_no_two_settings_of_a_whole_grid_get_there(
                 node = validator.go(start, first, about_y(one))
                 for other in grid:
                     with suppress(BlockedError):
-                        end = validator.go(
-                            node, second, about_y(other)).state.backbone[-1]
+                        end = validator.go(node, second, about_y(other)).state.backbone[-1]
                         away = np.linalg.norm(end - query.goal.position)
                         assert away > query.goal.position_tolerance
                         ends += 1

@@ -11,7 +11,6 @@ import pytest
 
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.obstacles import CollisionScene, Obstacle, Sphere
-from soft_continuum.sequencing.arm_port import Observation
 from soft_continuum.sequencing.plan_watch import PlanWatch
 from soft_continuum.sequencing.planner import Planner
 from soft_continuum.sequencing.plans import ObstructedError, PlanError, Shape, TipGoal
@@ -60,7 +59,7 @@ class TipRig(MeasuredRig):
         return tip_aim(shape, self.arm) if shape.tips else super().aim(shape)
 
     def observe(self):
-        observation: Observation = super().observe()
+        observation = super().observe()
         runner = getattr(self, 'runner', None)
         if runner is None or runner.plan is None or not runner.plan.steps:
             return observation

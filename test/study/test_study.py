@@ -63,8 +63,7 @@ def rows_of(results):
     return [path.read_bytes() for path in results.join()]
 
 
-def test_a_killed_worker_loses_nothing_and_the_numbers_are_those_of_one_process(
-        two_workers):
+def test_a_killed_worker_loses_nothing_and_the_numbers_are_those_of_one_process(two_workers):
     study = read_study(study_file(SMALL))
     results = Results(Path('killed'), study)
     todo = results.missing()
@@ -73,8 +72,7 @@ def test_a_killed_worker_loses_nothing_and_the_numbers_are_those_of_one_process(
         if n == 1:
             os.kill(min(two_workers.run(os.getpid).values()), signal.SIGKILL)
     assert not results.missing()
-    assert [path.read_bytes() for path in results.join()] == rows_of(
-        Results(Path('alone'), study))
+    assert [path.read_bytes() for path in results.join()] == rows_of(Results(Path('alone'), study))
 
 
 def test_a_study_goes_on_where_it_was_interrupted():

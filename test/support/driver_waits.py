@@ -1,21 +1,22 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What tests wait for, on the clock of an emulated device, whatever driver it has."""
+"""What tests wait for, on the clock of an emulated device or of the computer."""
 
 import pytest
 
 from soft_continuum.hardware.protocols import HardwareError
 
-TIMEOUT = 60.0  # s of emulated time for anything to happen
+TIMEOUT = 60.0  # s for anything to happen
 
 
 def until(device, condition, what='', step=0.002):
-    """Look every ``step`` s of a device or driver until something is true; fail if it never is."""
+    """Return something once it is true, looking every ``step`` s of a device, driver or clock."""
     clock = getattr(device, 'clock', device)
     deadline = clock() + TIMEOUT
-    while not condition():
+    while not (value := condition()):
         assert clock() < deadline, f'never: {what or condition}'
         clock.sleep(step)
+    return value
 
 
 def at_rest(tendons):

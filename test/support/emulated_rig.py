@@ -4,8 +4,8 @@
 
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from time import monotonic
 from unittest.mock import patch
 
 import yaml
@@ -14,7 +14,7 @@ from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.grbl import session as grbl_session
-from support import grbl_rig
+from support import driver_waits, grbl_rig
 from support.virtual_clock import VirtualClock
 
 DEADLINE = 60.0  # s until a test gives up waiting; a loaded computer is slow
@@ -22,6 +22,7 @@ SPEED = 8.0
 """By which emulators in real time live faster."""
 PATIENCE = 50  # queries to the stepper board in this process: a busy computer answers late
 TIMEOUT = 1.0  # s that a Modbus reply may take on one
+until = partial(driver_waits.until, STEADY, step=0.05)
 
 
 @dataclass
@@ -102,14 +103,6 @@ def is_referenced(rig):
     referenced = tendons.read().referenced
     tendons.close()
     return referenced
-
-
-def until(condition, what):
-    """Wait until something is true; fail if it never is."""
-    deadline = monotonic() + DEADLINE
-    while not condition():
-        assert monotonic() < deadline, f'never: {what}'
-        STEADY.sleep(0.05)
 
 
 def shorten(rig):

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Tendons, valves and cameras that say whatever a test wants them to, for kinematics alone."""
 
 from collections.abc import Callable, Sequence

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 A client of FollowJointTrajectory in a process of its own, which has control_msgs.
 

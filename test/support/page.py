@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A page in a real browser, and what can be seen on it."""
 
 from collections.abc import Callable
@@ -212,9 +211,6 @@ def olive(colours: Any) -> Any:
     """Whether pixels are as olive as obstacles."""
     return (abs(colours[..., 0] - colours[..., 1]) < 12) & (
         colours[..., 2] < colours[..., 1] - 15)
-
-
-OpenPage = Callable[..., Page]
 
 
 def start_view(processes: Processes, verb: str, *options: str) -> NodeProcess:

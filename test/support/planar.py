@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What is measured of a planar arm, as a person writes it: x, z and angle."""
 
 from typing import Any

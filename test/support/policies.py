@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What a policy of SROS 2 allows, and what a node does, by full names."""
 
 import re

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Nodes as processes of their own, as `ros2 run` starts them."""
 
 from collections.abc import Sequence

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Controllers as ros2_control has them, on joints that move at a limited speed: a plant on topics.
 
@@ -10,10 +9,10 @@ in a context of their own, as in another process.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import isfinite, nan
 import threading
 import time
-from typing import Any
 
 import rclpy
 from rclpy.context import Context
@@ -23,22 +22,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
+from soft_continuum.hardware.clock import STEADY
 from soft_continuum.ros.executor import make_executor
+from support import driver_waits
 
 DEADLINE = 20.0  # s
 RATE = 100.0  # Hz
 RADIUS = 0.01  # m per rad
 JOINTS = ('spool_right', 'spool_left')
+until = partial(driver_waits.until, STEADY, step=0.005)
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    """Wait until something is true, and return it."""
-    deadline = time.monotonic() + DEADLINE
-    while not (value := condition()):
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-    return value
 
 
 class OtherNodes:

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """
 Nodes in this process on a ROS domain of their own, and an observer that talks to them over DDS.
 
@@ -11,7 +10,7 @@ observer.  A test waits for what it is told, with a deadline, and never for time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, ExitStack
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from inspect import signature
 import threading
 import time
@@ -759,6 +758,30 @@ def shape_message(shape: str | Sequence[float] | Shape, hold: float = 0.0) -> Sh
     else:
         message.bending_angles = [float(a) for a in shape]
     return message
+
+
+def assert_declined(answer: Any, *reasons: str) -> None:
+    """Claim that a service was not done, and that the answer has all of the reasons."""
+    assert not answer.success
+    for reason in reasons:
+        assert reason in answer.message, answer.message
+
+
+def set_in(message: Any, **fields: Any) -> None:
+    """Set fields of a message: __ stands between the parts of a path, a number is an index."""
+    for name, value in fields.items():
+        part, (*path, last) = message, name.split('__')
+        for step in path:
+            part = getattr(part, step)
+        if last.isdecimal():
+            part[int(last)] = value
+        else:
+            setattr(part, last, value)
+
+
+def spoil(**fields: Any) -> Callable[[Any], None]:
+    """Return what sets these fields of a message, as set_in does."""
+    return partial(set_in, **fields)
 
 
 def pairs(status: DiagnosticStatus | None) -> dict[str, str]:

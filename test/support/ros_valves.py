@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """Valves with a pump, or vacuum regulators, as a board has them: a plant on topics."""
 
 from collections.abc import Callable

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """An arm whose hardware nodes run on one computer and the others on another: see two_computers."""
 
 from collections.abc import Callable, Mapping

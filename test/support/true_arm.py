@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from soft_continuum.estimation.commands import ActuatorState
 from soft_continuum.estimation.estimator import Estimator
-from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, TensionMeasurement
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """A joystick moves an arm only while its enable button is held, and all is as it should be."""
 
 import pytest

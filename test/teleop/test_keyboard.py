@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """The keys of a terminal, which tells no release, act as a joystick."""
 
 import pytest

@@ -1,6 +1,5 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-
 """What a joystick says is read as its parameters describe it, or refused with the reason."""
 
 from math import inf, nan

@@ -88,8 +88,7 @@ def test_a_stiff_segment_springs_back_by_one_part_in_k(ratio):
 
 
 def test_a_jam_that_bears_too_much_gives_way_for_good():
-    found = plant(ARM.without_gravity(), stiff_ratio=50.0, yield_moment=0.03,
-                  damping_time=0.005)
+    found = plant(ARM.without_gravity(), stiff_ratio=50.0, yield_moment=0.03, damping_time=0.005)
     pulls = bent(found, 1, radians(30))
     run(found, pulls, FREE, STIFF, 2.0)
     # The leaf spring is left with what the jam bears.

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
+from soft_continuum.parameters.files import load_arm
+from soft_continuum.twin.model_errors import read_model_errors
 from soft_continuum.twin.plant import Sensors, TIME_STEP
+from soft_continuum.twin.rig import MAX_LATENESS, PERIOD, TwinRig
+from soft_continuum.user_files import description_file
 from support.plants import ARM, FREE, only, plant, points_of, run, SOFT, STIFF
 
 PULLS = np.array([0.012, -0.05])
@@ -96,3 +100,35 @@ def test_to_read_the_sensors_changes_nothing_that_the_arm_does():
         shapes.append(found.joint_angles)
     assert np.abs(shapes[0]).max() > 1e-5
     assert np.array_equal(*shapes)
+
+
+# On a computer that is late.
+
+PAUSE, ROUNDS = 0.5, 40
+
+
+class LateClock:
+    """The computer stands still for PAUSE before the first look at the boards."""
+
+    def __init__(self):
+        self.now, self.times = 0.0, []
+
+    def __call__(self):
+        return self.now
+
+    def sleep(self, seconds):
+        self.times.append(self.rig.plant.time)
+        self.now += seconds if len(self.times) > 1 else PAUSE
+        self.rig._closing = len(self.times) == ROUNDS
+
+
+def test_a_late_plant_makes_up_for_it_and_keeps_its_sensors_waiting_for_20_ms_only():
+    clock = LateClock()
+    clock.rig = rig = TwinRig(
+        load_arm(description_file()),
+        read_model_errors(description_file().with_name('twin.yaml'), 'ideal'), clock=clock)
+    rig._run()
+    passed = [b - a for a, b in zip(clock.times, clock.times[1:], strict=False)]
+    assert max(passed) == pytest.approx(0.02)
+    assert rig.lost == pytest.approx(PAUSE - MAX_LATENESS)
+    assert rig.plant.time == pytest.approx(clock.now - rig.lost, abs=TIME_STEP + PERIOD)

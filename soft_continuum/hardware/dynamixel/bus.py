@@ -267,8 +267,9 @@ class DynamixelBus(Wakeable):
                              f'({reason}); check the cable and the power')
 
 
-def latency_timer(port: str, folder: Path = Path('/sys/class/tty')) -> int | None:
+def latency_timer(port: str) -> int | None:
     """Return the latency timer (ms) of a USB adapter (FTDI); None if unknown."""
     with contextlib.suppress(OSError, ValueError):
-        return int((folder / Path(port).resolve().name / 'device' / 'latency_timer').read_text())
+        return int(Path('/sys/class/tty', Path(port).resolve().name, 'device', 'latency_timer'
+                        ).read_text())
     return None

@@ -58,6 +58,7 @@ BAUD_RATES = 57600, 1000000, 115200, 2000000, 3000000, 4000000, 9600
 PINGS = 3
 """Requests to each servo: two of the same ID rarely damage each other's replies always alike."""
 MAX_MISSED = 1  # of them, where the computer is busy
+BUSY_TIME = 0.1  # s to the next request after one without a reply
 MIN_PWM_LIMIT = 443  # half of what the supply gives
 OVERHEATING = 0x04
 STOP_SHARE = 0.6  # of the lag: best of 0 to 1 with the emulated servos
@@ -256,6 +257,7 @@ def _ping(bus: DynamixelBus, number: int, name: str, ids: Sequence[int]) -> int:
             model, late = bus.ping(number), False
         except NoReplyError:
             missed, late = missed + 1, True
+            bus.clock.sleep(BUSY_TIME)
         except DamagedReplyError:  # to a computer that is busy, the last reply may come with this
             damaged, late = damaged + (not late), False
     if damaged:

@@ -10,6 +10,7 @@ finds the next stable equilibrium.
 
 from collections.abc import Sequence
 from math import isfinite
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -20,11 +21,21 @@ from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.plane import _newton
 from soft_continuum.mechanics.plane._active_set import LENGTH_TOLERANCE, TAUT_TOLERANCE
-from soft_continuum.mechanics.plane._arrays import ANGLE, LENGTH, State, TendonDrive, TENSION
-from soft_continuum.mechanics.plane._problem import Point, Problem
+from soft_continuum.mechanics.plane._arrays import (
+    ANGLE,
+    LENGTH,
+    State,
+    System,
+    TendonDrive,
+    TENSION,
+)
 from soft_continuum.mechanics.plane.chain import PlaneChain
-from soft_continuum.mechanics.plane.joints import JointLaws
+from soft_continuum.mechanics.plane.joints import compliances, JointLaws, tension_ratios
 
+# How far a segment may turn in one solve, rad; beyond, the path is followed in smaller steps.
+TURN_LIMIT = 2.0
+TURN_LIMIT_NOT_CONVEX = 0.1  # where loads can outweigh springs, so that paths may end
+TURN_LIMIT_BOTH_TAUT = 0.05  # where both tendons are taut, so that the arm may buckle
 # Amplitudes of the waves, rad, that make a straight arm between two taut tendons buckle.
 BUCKLING_PERTURBATIONS = (1e-3, -2e-3, 4e-3, -8e-3, 0.016, -0.032)
 MIN_STEP = 1e-4  # of the path; below it the path has ended
@@ -33,6 +44,62 @@ MAX_FRICTION_ITERATIONS = 100
 MAX_DAMPING = 1e9  # N m/rad
 DEGENERATE = 0.05  # of the slopes of the tendons' lengths, relative: taken as zero
 MAX_MOTION, SLOW_MOTION, AT_REST = 0.3, 0.02, 0.1  # rad per step of the overdamped motion
+
+
+class Point(NamedTuple):
+    """
+    A state on the path, and how the solve for it ended.
+
+    theta: (bodies,) rad, absolute angles.  tension: (2,) N.  lengths: (2,) m, as in State.  slack:
+    (2,) m, of the tendons at the start, inf where unknown.
+    turned: rad, the largest sum over the joints of one segment of how far they turned: what folds
+    up inside a segment may end as it began.
+    """
+
+    theta: Array
+    tension: Array
+    lengths: Array
+    status: int = _newton.FAILED
+    residual: float = np.inf
+    iterations: int = 0
+    turned: float = 0.0
+    slack: Array | None = None
+
+
+class Problem(NamedTuple):
+    """
+    Degrees of freedom, loads and driven tendons in one solve.
+
+    groups: number of rigid groups.  turn_limit: rad, of a segment in one solve.  tolerance: (3,),
+    as in _newton.newton.  locked_angles: (joints,) rad, kept by locked joints.  stiff, vacuum: as
+    in Equilibrium.
+    """
+
+    system: System
+    drive: TendonDrive
+    groups: int
+    turn_limit: float
+    tolerance: Array
+    locked_angles: Array
+    stiff: tuple[bool, ...]
+    vacuum: tuple[float, ...] = ()
+
+    def with_friction(self, chain: PlaneChain, angles: Array, sliding: Sequence[int]) -> Self:
+        """Return the problem with the tendons' friction and stretch at joint angles (joints,)."""
+        return self._replace(
+            system=self.system._replace(ratios=tension_ratios(chain, angles, sliding)),
+            drive=self.drive._replace(compliance=compliances(chain, angles, sliding)))
+
+    def reached_by(self, end: Point) -> bool:
+        """Return whether a solve found the equilibrium that continues the one it began at."""
+        return self.reached(end.status, end.turned, end.tension)
+
+    def reached(self, status: int, turned: float, tension: Array) -> bool:
+        """Return the same, of how a solve ended, how far segments turned, and tension (2,)."""
+        if status != _newton.CONVERGED or turned > self.turn_limit:
+            return False
+        return (turned <= TURN_LIMIT_BOTH_TAUT or tension[RIGHT] <= NO_TENSION
+                or tension[LEFT] <= NO_TENSION)
 
 
 class Continuation:

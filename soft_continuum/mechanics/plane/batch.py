@@ -12,7 +12,7 @@ from soft_continuum.mechanics._linear_algebra import NO_TENSION
 from soft_continuum.mechanics.batch import Batch, in_parts, Problems
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.plane import _newton
-from soft_continuum.mechanics.plane._problem import Point, TURN_LIMIT_BOTH_TAUT
+from soft_continuum.mechanics.plane._continuation import Point, TURN_LIMIT_BOTH_TAUT
 from soft_continuum.mechanics.plane.statics import PlaneStatics
 
 

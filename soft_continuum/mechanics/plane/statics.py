@@ -33,8 +33,12 @@ from soft_continuum.mechanics.plane._arrays import (
     TendonDrive,
     TENSION,
 )
-from soft_continuum.mechanics.plane._continuation import Continuation
-from soft_continuum.mechanics.plane._problem import Problem, TURN_LIMIT, TURN_LIMIT_NOT_CONVEX
+from soft_continuum.mechanics.plane._continuation import (
+    Continuation,
+    Problem,
+    TURN_LIMIT,
+    TURN_LIMIT_NOT_CONVEX,
+)
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.mechanics.plane.joints import compliances, JointLaws
 from soft_continuum.mechanics.statics import HeldBending, PRETENSIONS, Statics

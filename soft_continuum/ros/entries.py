@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Guarded entry points of a node: bounded messages, services, which may ask, and timers."""
+"""Entry points of a node, bounded and guarded: messages, services, which may ask, and timers."""
 
 from collections.abc import Callable
 import traceback
@@ -10,12 +10,14 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.timer import Timer
 
-from soft_continuum.ros import entry
-from soft_continuum.ros.entry import LOG_PERIOD
 from soft_continuum.ros.ros_time import Age
 
+MAX_BYTES = 65536
+"""Largest size of a message; converting one blocks every thread of a process for up to 0.1 s."""
+LOG_PERIOD = 1.0  # s between two log lines of one kind
 ANSWER_TIMEOUT = 30.0  # s within which the same request, made again, is the answer
 FAILED = 'this request failed in the node; see its log'
 
@@ -40,10 +42,34 @@ def guarded(node: Any, function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def subscribe(node: Any, kind: Any, topic: str, callback: Callable[[Any], None],
-              qos: QoSProfile, max_bytes: int = entry.MAX_BYTES, **options: Any) -> Any:
-    """Return a guarded subscription; messages that are too long are ignored."""
-    return entry.subscribe(
+              qos: QoSProfile, max_bytes: int = MAX_BYTES, **options: Any) -> Any:
+    """Return a guarded subscription; options: as of ``subscribe_unguarded``."""
+    return subscribe_unguarded(
         node, kind, topic, guarded(node, callback), qos, max_bytes, **options)
+
+
+def subscribe_unguarded(node: Node, kind: Any, topic: str, callback: Callable[[Any], object],
+                        qos: QoSProfile | int, max_bytes: int = MAX_BYTES,
+                        convert: Callable[[bytes, Any], Any] = deserialize_message) -> Any:
+    """
+    Return a subscription; messages that are too long or malformed are ignored.
+
+    convert: makes what ``callback`` gets, of a serialized message and its kind.
+    """
+    def on_data(data: bytes) -> None:
+        problem = f'{len(data)} bytes; allowed: {max_bytes}'
+        if len(data) <= max_bytes:
+            try:
+                message = convert(data, kind)
+            except Exception as error:  # whatever the conversion finds wrong
+                problem = str(error)
+            else:
+                callback(message)
+                return
+        node.get_logger().warning(f'ignored a message on {topic}: {problem}',
+                                  throttle_duration_sec=LOG_PERIOD)
+
+    return node.create_subscription(kind, topic, on_data, qos, raw=True)
 
 
 def serve(node: Any, kind: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
