@@ -24,11 +24,7 @@ from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import (
-    load_arm,
-    load_description,
-    write_parameters,
-)
+from soft_continuum.parameters.files import load_arm, load_description, write_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import angles_problem, PAPER_SHAPES, shapes_from_parameters
 from support.descriptions import JAMMING, PLANAR, TENDON_ARM

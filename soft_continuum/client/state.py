@@ -5,7 +5,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from math import atan2, copysign, degrees, dist, hypot, isfinite
+from math import atan2, copysign, degrees, dist, hypot, isfinite, nan
 from typing import Any
 
 from soft_continuum.client.estimate import (
@@ -320,8 +320,9 @@ def state_page(state: ArmState) -> str:
         lines.append(f'segment {i + 1}  {jam}end at {_model_pose_text(pose)}')
     lines.append(f'tip        {_model_pose_text(state.tip)}')
     for n, (seen, error) in enumerate(zip(state.measured_discs, state.disc_errors, strict=True)):
-        apart = ('' if error is None else f', {error[0] * 1e3:.1f} mm from the model'
-                 if isfinite(error[0]) else f', {degrees(error[1]):+.1f} deg from the model')
+        away, turned = (nan, nan) if error is None else error
+        apart = (f', {away * 1e3:.1f} mm from the model' if isfinite(away) else
+                 f', {degrees(turned):+.1f} deg from the model' if isfinite(turned) else '')
         lines.append(f'disc {n}     seen at {_model_pose_text(seen)}{apart}')
     lines += estimate_lines(state.estimate)
     for node in (*state.nodes, *state.sensors):

@@ -93,9 +93,9 @@ class _Listening:
                 self.heard[topic] = []
                 of_kind = '/'.join((kind.__module__.split('.')[0], 'msg', kind.__name__))
                 if of_kind in kinds:
-                    most = urdf.MAX_BYTES if topic == urdf.ROBOT_DESCRIPTION else MAX_BYTES
                     subscribe_unguarded(
-                        self._node, kind, topic, partial(self._note, topic), qos, most)
+                        self._node, kind, topic, partial(self._note, topic), qos,
+                        urdf.MAX_BYTES if topic == urdf.ROBOT_DESCRIPTION else MAX_BYTES)
 
     def _is_taken(self, name: str) -> bool:
         """Whether disc_sensors of this arm subscribes to a topic."""

@@ -4,6 +4,7 @@
 
 from unittest.mock import Mock
 
+from geometry_msgs.msg import Pose, PoseArray
 import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
@@ -73,6 +74,11 @@ def test_discs_of_a_spatial_arm_are_seen_in_space_before_its_shape_is_known():
         np.array([0.0, 0.02, 0.1, 0.6, 0.0, 0.0, 0.8]), 1e-6 * np.eye(6)))
     seen = arm.snapshot().measured_discs[1]
     assert seen is not None and seen.position[1] == 0.02
+    receive('disc_poses', PoseArray(poses=4 * [Pose()]))
+    receive('disc_0/measured_pose', tracked_pose_to_ros(  # as of an IMU: no turn about z
+        np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]), np.diag([1e9, 1e9, 1e9, 1.0, 1.0, 1e9])))
+    state = arm.snapshot()
+    assert state.disc_errors[0] is not None and 'nan' not in str(state)
 
 
 def test_a_callback_that_fails_is_reported_to_its_node_and_answered():
