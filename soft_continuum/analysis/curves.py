@@ -302,6 +302,9 @@ def _starts(u: Array) -> list[int]:
             turns.append(extreme)
             extreme, upwards, share = i, -upwards, RISE if upwards > 0.0 else SWING
     cycles = list(zip(turns[::2], [*turns[1::2], extreme], strict=False))
+    close = NEW_PAGE * np.ptp(u)
+    if len(turns) % 2 and u[turns[-1]] < u[0] - close and u[extreme] < u[0] + close:
+        cycles.pop()  # the way back from the other side to where it began
     whole = [top - start >= MIN_POINTS - 1 or u[top] - u[start] > swing for start, top in cycles]
     return [0, *(start for (start, _), before, own in zip(cycles[1:], whole, whole[1:],
                                                           strict=False) if before and own)]

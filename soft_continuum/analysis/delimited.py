@@ -608,7 +608,8 @@ def _decimal(measured: Sequence[Column], delimiter: str, table: Sequence[Sequenc
     table: the cells of all columns, which decide if the required ones allow both marks.
     """
     if delimiter == ',':
-        halves = () if any('.' in cell for cells in table for cell in cells) else table
+        # What is in the first column, such as the number of a sample, ends no other one.
+        halves = () if any('.' in cell for cells in table for cell in cells) else table[1:]
         for cells in (*(column.cells for column in measured), *halves):
             for cell, line in zip(cells, measured[0].lines, strict=True):
                 if re.fullmatch(r'[-+]?0\d+', cell):

@@ -368,7 +368,7 @@ class _Tables:
         before, self._before = self._before, state
         if before is not None and before.running and before.phase != 'holding' and (
                 state.shape_index > before.shape_index if state.running
-                else state.error_code == SUCCESSFUL):
+                else state.error_code == SUCCESSFUL and any(state.goal_id.uuid)):
             self._event(time, 'progress', f'{before.shape}: holding')
         if state.running:
             where = f' segment {state.segment}' if state.segment else ''

@@ -236,10 +236,11 @@ class ArmShape:
             self.settings.prior, rigid_ratio=MAX_RATIO)
         if self.estimator is None or (seen and self.estimator.prior != prior):
             found = self._first_estimator(time, discs if base_stands else [], commands, prior)
-            if found is None:
-                return None
-            self.estimator = found
-            self._watch.refer_to(self.estimator, time)
+            if found is not None:  # otherwise that of the tensions goes on
+                self.estimator = found
+                self._watch.refer_to(found, time)
+        if self.estimator is None:
+            return None
         innovation = self.estimator.measure(time, measurements, base_stands)
         self._measured = self.estimator.seen
         if innovation is not None and discs:

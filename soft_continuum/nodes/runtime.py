@@ -201,7 +201,7 @@ def check_parameter_files(arguments: Sequence[str], nodes: Sequence[str]) -> Ove
     overrides = Overrides.of_arguments(arguments)
     for name in nodes:
         full_name = full_name_of(arguments, name)
-        described(overrides, full_name)
+        described(overrides, full_name, alone=True)
         for key, (value, where) in overrides.of(full_name).items():
             _refuse_whole_numbers(where, key, value)
     return overrides

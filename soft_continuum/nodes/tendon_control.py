@@ -176,7 +176,7 @@ class TendonControl(DeviceControl):
         if problem := self._guard.refusal(controller.reading, request.pulls, limit):
             raise MotionRefusedError(Reason.TENSION, problem)
         begins = not controller.busy
-        if begins:
+        if not controller.following:
             self._jump()  # what it was at rest does not count
         trajectory, delay = self._trajectory(controller, request)
         controller.accept(*trajectory, self._goes_on(request))
@@ -371,7 +371,7 @@ class TendonControl(DeviceControl):
         controller = self._controller
         if controller is None:
             return
-        jump = self._jump() if controller.busy else 0.0
+        jump = self._jump() if controller.following else 0.0
         try:
             if not self._ended and (
                     interlock := self._cycle_interlock(controller, late, jump)):

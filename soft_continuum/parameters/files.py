@@ -79,8 +79,13 @@ def load_description(*paths: str | Path, node: str = '', namespace: str = ''
     return described(overrides, name)
 
 
-def described(overrides: Overrides, node: str) -> dict[str, Value]:
-    """Return every parameter for a node, by its full name; raises as load_description does."""
+def described(overrides: Overrides, node: str, alone: bool = False) -> dict[str, Value]:
+    """
+    Return every parameter for a node, by its full name; raises as load_description does.
+
+    alone: these are all that it gets, so a section of its name may describe the arm: launch_ros
+    and ros2 param dump write such sections.
+    """
     namespace = node.rpartition('/')[0]
     values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
     values[FRAME.name] = default_frame(namespace)
@@ -97,6 +102,8 @@ def described(overrides: Overrides, node: str) -> dict[str, Value]:
         value = everywhere.get(p.name, (p.default, ''))[0]
         if values[p.name] != (tuple(value) if isinstance(value, list) else value):
             section, path = overrides.last_section(node, p.name)
+            if alone and section.strip('/') == node.strip('/'):
+                continue
             raise ParameterError(
                 f'{path}: section {section} sets {p.name} for {node.rpartition("/")[2]} alone, '
                 'which is not the arm that other nodes and commands read; write it below '

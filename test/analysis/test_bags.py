@@ -251,6 +251,40 @@ def test_a_bag_of_another_program_is_reported_and_exported(tmp_path, capsys):
     assert '--force' in capsys.readouterr().err
 
 
+SEQUENCER = """\
+bool running
+unique_identifier_msgs/UUID goal_id
+uint32 shape_index
+string shape
+uint32 segment
+string phase
+int32 error_code
+================================================================================
+MSG: unique_identifier_msgs/UUID
+uint8[16] uuid
+"""
+
+
+@pytest.mark.parametrize(('goal', 'held'), [(7, ['a: moving', 'a: holding']), (0, ['a: moving'])])
+def test_a_sequencer_that_was_started_again_has_held_no_shape(tmp_path, goal, held):
+    path = tmp_path / 'a.mcap'
+    with path.open('wb') as file:
+        writer = OtherWriter(file)
+        joints = writer.register_msgdef('sensor_msgs/msg/JointState', JOINTS)
+        states = writer.register_msgdef(
+            'soft_continuum_interfaces/msg/ShapeSequencerState', SEQUENCER)
+        writer.write_message('/tendon_states', joints, {
+            'header': {'stamp': {'sec': 0, 'nanosec': 0}, 'frame_id': ''}, 'name': ['b', 'a'],
+            'position': [0.0, 0.0], 'velocity': [], 'effort': []}, log_time=5)
+        for time, (running, one, shape) in enumerate(((True, 7, 'a'), (False, goal, ''))):
+            writer.write_message('/shape_sequencer/state', states, {
+                'running': running, 'goal_id': {'uuid': [one] * 16}, 'shape_index': 0,
+                'shape': shape, 'segment': 0, 'phase': 'moving' * running, 'error_code': 0},
+                log_time=10 + time)
+        writer.finish()
+    assert [text for *_, text in read_recording(path).events] == held
+
+
 def test_of_two_arms_one_is_chosen(tmp_path):
     path = tmp_path / 'two.mcap'
     other_run(path, ('/left', '/right'))

@@ -120,6 +120,12 @@ def test_loops_that_grow_or_shrink_are_repetitions(tmp_path, largest, sign):
     assert regress(curves).slope == pytest.approx(files.SLOPE)
 
 
+def test_the_way_back_from_the_other_side_is_no_repetition(tmp_path):
+    both = [*loops(8e-3), *((-u, -f) for u, f in loops(8e-3))]
+    assert len(read_curves([files.export(tmp_path / 'a.csv', both)])) == 1
+    assert len(read_curves([files.export(tmp_path / 'b.csv', [*both, *both])])) == 2
+
+
 @pytest.mark.parametrize('tail', [(0.3e-3,), (4e-3,)])
 def test_a_small_loop_of_few_points_makes_no_repetition(tmp_path, tail):
     path = files.export(tmp_path / 'a.csv', [*loops(8e-3), *loops(*tail, points=6)])

@@ -225,6 +225,12 @@ def test_habits_of_programs_give_the_same_curve(habit):
     assert curve.force == pytest.approx(FORCE, abs=1e-5)
 
 
+def test_numbers_of_samples_before_whole_numbers_are_no_halves_of_others():
+    curve, = read(table('Sample,Weg [um],Kraft [mN]',
+                        lambda u, f: f'001,{1e3 * u:.0f},{1e3 * f:.0f}'))
+    assert curve.displacement == pytest.approx(UP, abs=1e-6)
+
+
 @pytest.mark.parametrize(('text', 'message'), [
     (table('Weg [mm],Kraft [N]', lambda u, f: f'"{comma(u + 1, 3)}","{comma(f + 1, 3)}"'),
      r"line 2: Kraft \[N\] is '1,000', which may be 1000 or 1: .* --decimal \. or --decimal ,"),

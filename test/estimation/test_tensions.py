@@ -8,7 +8,7 @@ from math import inf, pi
 import numpy as np
 import pytest
 
-from soft_continuum.estimation.measuring import ActuatorState, predicted
+from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, predicted
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of
@@ -169,6 +169,26 @@ def test_tensions_alone_do_not_bend_what_is_described_as_rigid():
     assert shape.state.bending[:, 1] == pytest.approx([0.6] * 3, abs=5e-3)
     shape.measure(time, truth.seen())  # now they may give
     assert np.exp(shape.estimate.values[shape.estimate.layout.ratio]).max() < 1000.0
+
+
+def test_a_disc_counts_where_tensions_alone_know_the_shape():
+    truth, shape, time = TrueArm(ratio=inf), ArmShape(ARM, 1e-3), 100.0
+    bent = truth.statics.bend(truth.state, 0, 0.6)
+    pulls = np.where(bent.tensions > 0.0, truth.statics.commanded_pulls(bent), -0.05)
+    truth.follow(pulls, only(0))
+    shape.follow(commands(time, np.zeros(2), STIFF))
+    for _ in range(15):
+        time += 0.2
+        shape.follow(commands(time, pulls, only(0)))
+        shape.measure(time, truth.pulled())
+    shape.unpredicted = ShapeError('the model has none')  # when the segment is stiffened
+    for _ in range(15):
+        time += 0.2
+        with pytest.raises(ShapeError, match='unknown'):
+            shape.follow(commands(time, pulls, STIFF))
+    tip = DiscMeasurement(3, truth.state.poses[::2][3], np.diag([1e-6] * 6))
+    assert shape.measure(time, [tip]) is not None
+    shape.follow(commands(time, pulls, STIFF))
 
 
 def test_tensions_do_not_hide_that_the_shape_is_not_known_any_more():

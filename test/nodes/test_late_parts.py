@@ -7,6 +7,7 @@ One that was given up moves nothing, and what rests is reported seldom.
 """
 
 from contextlib import nullcontext
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -172,6 +173,16 @@ def test_a_trajectory_that_was_given_up_is_not_followed(begun):
         MotionRequest.ENDED if begun else MotionRequest().status)
     with pytest.raises(MotionRefusedError, match='withdrew it'):
         control.prepare(request)
+
+
+def test_a_jump_of_the_clock_before_a_motion_does_not_end_it(steered, monkeypatch):
+    resting = steered.controller.reading
+    steered.controller.reading = replace(resting, speeds=(0.01, 0.0))  # moved by hand
+    jumps = iter([9.0])
+    monkeypatch.setattr(steered.control, '_jump', lambda: next(jumps, 0.0))
+    steered.send(0.0, 1.0)
+    steered.go_on(0.1)
+    assert steered.control.snapshot().state.accepted.status == MotionRequest.FOLLOWING
 
 
 # What does not change is sent ten times a second; every reading of a motion is sent.

@@ -293,3 +293,12 @@ def test_no_node_starts_with_an_arm_of_its_own(tmp_path, node, arguments):
         check_parameter_files(given_as(path, more=arguments), ['kinematics'])
     everywhere = write(tmp_path / 'all.yaml', section('/**', 'arm: {payload: 0.2}'))
     check_parameter_files(given_as(everywhere, path, more=arguments), ['kinematics'])
+
+
+def test_a_node_takes_the_arm_that_a_launch_file_gives_it(tmp_path):
+    """launch_ros writes parameters of a launch file below the full name of the node."""
+    path = write(tmp_path / 'file.yaml', section('/left/kinematics', 'arm: {payload: 0.2}'))
+    check_parameter_files(given_as(path, more=['-r', '__ns:=/left']), ['kinematics'])
+    both = write(tmp_path / 'both.yaml', path.read_text() + section('/**', 'frame_id: base'))
+    with pytest.raises(ParameterError, match='sets arm.payload for kinematics alone'):
+        load_description(both, namespace='left')
