@@ -551,17 +551,17 @@ def _factor(where: str, quantity: Quantity, header: str, below: Sequence[str], g
     """Return the factor of a column to SI; raises MeasurementError for units that do not fit."""
     if not quantity.unit:
         return 1.0
+    option = f'--{quantity.name}-unit' if quantity.options else ''
     if not given and SCALED.search(header):
         raise MeasurementError(
             f'{where}: column {header!r} may hold other numbers than its unit says; export it '
-            'unscaled, or rename it')
+            'unscaled, ' + (f'or give {option}' if option else 'or rename it'))
     inside = BRACKETS.findall(header)[::-1]
     suffix = SUFFIX.fullmatch(header)
     said = [text.strip(EDGES) for text in (
         [given] if given else [*inside, *below, *([suffix[2]] if suffix else [])])]
     wanted = _unit(quantity.unit)
     allowed = UNITS[quantity.unit]
-    option = f'--{quantity.name}-unit' if quantity.options else ''
     fitting = {text: unit[0] for text in said
                if (unit := _unit(text)) and wanted and unit[1] == wanted[1]}
     rows = {text.strip(EDGES) for text in below} & fitting.keys()

@@ -242,7 +242,7 @@ def test_numbers_of_samples_before_whole_numbers_are_no_halves_of_others():
            lambda u, f: f'{comma(u, 1)},{comma(u, 1)},{comma(f, 3)}'),
      "line 2: '000' may be the end of another number; decimal commas need semicolons"),
     *((table(f'Displacement [mm],{header}', lambda u, f: f'{u:.2f},{f:.2f}'),
-       'may hold other numbers than its unit says; export it unscaled, or rename it')
+       'may hold other numbers than its unit says; export it unscaled, or give --force-unit')
       for header in ('Force (x10) [N]', 'Force*100 [N]', 'Force/2 [N]', '1000 * Force [N]',
                      'log Force [N]', 'Force^2 [N]', 'Force (divided by 10) [N]')),
     (table('Displacement [mm],Force (lbf) / N', lambda u, f: f'{u:.2f},{f:.2f}'),
