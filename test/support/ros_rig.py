@@ -371,10 +371,11 @@ class Rig:
         heard = {
             'tendon_actuation': [self.tendons, self.states['tendon_actuation']],
             'jamming_valves': self.pressures,
-            'kinematics': [self.statuses['kinematics']],
-            'shape_sequencer': [self.statuses['shape_sequencer'], self.sequencer],
+            'kinematics': [],
+            'shape_sequencer': [self.sequencer],
         }
-        self.wait_for(lambda: all(all(map(len, heard[name])) for name in names),
+        self.wait_for(lambda: all(all(map(len, [self.statuses[name], *heard[name]]))
+                                  for name in names),
                       f'words from {", ".join(names)}')
         if 'jamming_valves' in names:
             state = self.states['jamming_valves']
