@@ -26,8 +26,9 @@ def full_steps(given: Problems) -> Batch:
     models: Sequence[PlaneStatics] = given.models
     starts, count = given.starts, given.count
     kinds = count if max(len(models), len(starts), len(given.masks), len(given.vacuum)) > 1 else 1
+    none = np.zeros(2)  # each row has its own target
     problems = [models[i % len(models)].problem(
-        starts[i % len(starts)], given.masks[i % len(given.masks)], np.zeros(2),
+        starts[i % len(starts)], given.masks[i % len(given.masks)], none,
         given.vacuum[i % len(given.vacuum)]) for i in range(kinds)]
     straight = np.array([m.chain.straight_paths for m in models])
     target = np.ascontiguousarray(straight - np.broadcast_to(given.pulls, (count, 2)))
