@@ -243,6 +243,11 @@ class JointWatch:
         self._begin, self._travelled = (stamp, positions), [0.0] * len(positions)
 
     @property
+    def received(self) -> float:
+        """Time at which the last state was received, s."""
+        return self._window[-1][0]
+
+    @property
     def watched(self) -> bool:
         """Whether states of REST_TIME were received, enough to detect rest."""
         return bool(self._window) and self._window[-1][0] - self._window[0][0] >= REST_TIME

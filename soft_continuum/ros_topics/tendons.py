@@ -203,7 +203,7 @@ class RosTendons(RosDevice):
                 self._go_on(*self._way)
 
     def stop(self) -> None:
-        """Command every joint to its present position, until states confirm that it rests."""
+        """Command every joint to where it is, until states confirm that it rests."""
         with self._lock:
             self._receive()
             if self._moving():
@@ -266,7 +266,10 @@ class RosTendons(RosDevice):
             return
         assert self._watch.positions is not None
         self._stop_by = self._now() + STOP_TIMEOUT
-        self._send(self._watch.positions, self._period)
+        # Joints that were seen long ago are where they were sent since: back would be a motion.
+        unseen = self._now() - self._watch.received > LONGEST_STEP
+        self._send(self._setpoint if unseen and self._setpoint else self._watch.positions,
+                   self._period)
 
     # States.
 

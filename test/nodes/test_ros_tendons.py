@@ -218,6 +218,22 @@ def test_a_stop_that_states_do_not_confirm_is_an_error(make):
     assert controllers.positions['spool_right'] == pytest.approx(at, abs=0.2)
 
 
+@pytest.mark.parametrize('kind', ['positions', 'trajectory'])
+def test_a_stop_of_joints_that_are_no_longer_seen_does_not_move_them_back(make, kind):
+    driver, controllers = ready(make, kind, following_error=0.03)
+    move(driver, 0.003)
+    until(lambda: not driver.read().moving)
+    controllers.message = lambda message: None
+    move(driver, 0.012)
+    until(lambda: controllers.pulls == pytest.approx((0.015, -0.015), abs=1e-6))
+    commands = controllers.commands
+    driver.stop()
+    until(lambda: controllers.commands > commands)
+    controllers.message = lambda message: message
+    until(lambda: not driver.read().moving)
+    assert driver.read().pulls == pytest.approx((0.015, -0.015), abs=1e-6)
+
+
 @pytest.mark.parametrize('topic, kind', [
     ('joint_state_broadcaster/joint_states', JointState),
     ('position_controller/commands', Float64MultiArray)])
