@@ -29,7 +29,7 @@ distribution = setup(
     maintainer='The soft_continuum authors',
     maintainer_email='soft-continuum@example.org',
     packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
-    package_data={PACKAGE: ['py.typed', 'browser/page.html']},
+    package_data={PACKAGE: ['py.typed', 'ui/browser/page.html']},
     python_requires='>=3.11',
     zip_safe=False,
     data_files=[

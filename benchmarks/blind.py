@@ -17,7 +17,7 @@ from benchmarks.loop import judged, judged_in, random_goal, Result
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.measuring import DiscMeasurement
-from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
+from soft_continuum.sim.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 FIRST_SEED, SEEDS = 200, 20  # of rigs on which nothing was tried before

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
+from soft_continuum.estimation.sensing.corners import TagDetector
+from soft_continuum.estimation.sensing.layout import TagLayout
+from soft_continuum.estimation.sensing.rigid import planar_pose
 from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.corners import TagDetector
-from soft_continuum.sensing.layout import TagLayout
-from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.twin.camera import TwinCamera
-from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
+from soft_continuum.ros.description import load_description
+from soft_continuum.sim.twin.camera import TwinCamera
+from soft_continuum.sim.twin.model_errors import ModelErrors, PRESETS, read_model_errors
 from soft_continuum.user_files import description_file
 
 IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)  # of a covariance (6, 6)

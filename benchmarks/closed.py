@@ -16,20 +16,20 @@ from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
-from soft_continuum.sequencing.arm_port import Observation
-from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import Shape, ShapePlan
-from soft_continuum.sequencing.progress import Phase
-from soft_continuum.sequencing.settings import (
+from soft_continuum.planning.aiming import Aim, next_step, segments_worth_correcting
+from soft_continuum.planning.planner import Planner
+from soft_continuum.planning.plans import Shape, ShapePlan
+from soft_continuum.planning.settings import (
     DEAD_BAND,
     LOCK_IN_STDDEV,
     LoopSettings,
     RunnerSettings,
 )
-from soft_continuum.sequencing.shape_plans import plans_to
-from soft_continuum.twin.plant import TIME_STEP
+from soft_continuum.planning.shape_plans import plans_to
+from soft_continuum.sequencing.arm_port import Observation
+from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
+from soft_continuum.sequencing.progress import Phase
+from soft_continuum.sim.twin.plant import TIME_STEP
 
 TICK = 0.02  # s
 PICTURE_PERIOD = 0.2  # s; pictures are drawn only while the arm is to be measured

@@ -15,12 +15,12 @@ import numpy as np
 
 from benchmarks.tables import machine, Section
 from benchmarks.timing import progress
-from soft_continuum.emulators.driving import BAUD_RATE, board_links, SPOOL_RADIUS, STEPS_PER_MM
 from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblBoards, GrblTendons
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
+from soft_continuum.sim.emulators.driving import BAUD_RATE, board_links, SPOOL_RADIUS, STEPS_PER_MM
 
 TENDONS = 'first', 'second', 'third', 'fourth'
 RATE = 100.0  # Hz at which tendons are sent set-points and read

@@ -17,19 +17,19 @@ from benchmarks.loop import ANGLE
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, Measurement
+from soft_continuum.estimation.sensing.mounted_imus import MountedImus
+from soft_continuum.estimation.sensing.rigid import displacement, IDENTITY
+from soft_continuum.estimation.sensing.tilt import ImuSample, SensorError
 from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.measurements import MeasuredTensions
-from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.mounted_imus import MountedImus
-from soft_continuum.sensing.rigid import displacement, IDENTITY
-from soft_continuum.sensing.tilt import ImuSample, SensorError
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import PlanError, Shape, ShapePlan
-from soft_continuum.sequencing.shape_plans import plans_to
-from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
+from soft_continuum.planning.planner import Planner
+from soft_continuum.planning.plans import PlanError, Shape, ShapePlan
+from soft_continuum.planning.shape_plans import plans_to
+from soft_continuum.ros.description import load_description
+from soft_continuum.sim.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'severe')

@@ -19,11 +19,11 @@ from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.orientations import bending_between, matrices
-from soft_continuum.sequencing.planner import Planner, PlanSettings
-from soft_continuum.sequencing.plans import Move, PlanError, Shape
-from soft_continuum.sequencing.shape_plans import plans_to
-from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.planning.planner import Planner, PlanSettings
+from soft_continuum.planning.plans import Move, PlanError, Shape
+from soft_continuum.planning.shape_plans import plans_to
+from soft_continuum.sim.twin.model_errors import ModelErrors
+from soft_continuum.sim.twin.plant import Plant, TIME_STEP
 
 PERIOD = 0.02  # s of the motors' positions
 VACUUM_TIME = 0.2  # s, time constant of the valves

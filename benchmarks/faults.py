@@ -29,7 +29,7 @@ from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
+from soft_continuum.sim.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 RUNS, OPEN, CLOSED = 20, 60, 120  # of each fault; sequences without one; goals of a closed loop

@@ -16,19 +16,19 @@ import numpy as np
 
 from benchmarks.sight import Sight
 from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.sensing.layout import layout_of
+from soft_continuum.estimation.sensing.rigid import mean_pose, planar_pose, UNKNOWN
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.mechanics import Arm
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.orientations import bending_between, matrices
-from soft_continuum.nodes.parameter_table import jamming_settings
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.layout import layout_of
-from soft_continuum.sensing.rigid import mean_pose, planar_pose, UNKNOWN
-from soft_continuum.sequencing.planner import PlanSettings
-from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.plant import Plant, Sensors, TIME_STEP
+from soft_continuum.planning.planner import PlanSettings
+from soft_continuum.ros.description import load_description
+from soft_continuum.ros.parameter_table import jamming_settings
+from soft_continuum.sim.twin.model_errors import ModelErrors
+from soft_continuum.sim.twin.plant import Plant, Sensors, TIME_STEP
 from soft_continuum.user_files import description_file
 
 CAMERA, TWO_CAMERAS, TRUTH, NOTHING = 'camera', 'two cameras', 'truth', 'none'

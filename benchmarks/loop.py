@@ -23,13 +23,13 @@ from benchmarks.contenders import (
 from benchmarks.lab import CAMERA, Description, Lab, LabError
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
+from soft_continuum.estimation.sensing.tilt import SensorError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.sensing.tilt import SensorError
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import PlanError, Shape
-from soft_continuum.sequencing.shape_plans import plans_to
-from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
+from soft_continuum.planning.planner import Planner
+from soft_continuum.planning.plans import PlanError, Shape
+from soft_continuum.planning.shape_plans import plans_to
+from soft_continuum.sim.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'severe')

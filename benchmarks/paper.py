@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from soft_continuum.mechanics import Arm, Equilibrium, LEFT, RIGHT, SLACK, Statics
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 
 DESCRIPTION = Path(__file__).parents[1] / 'config' / 'manipulator.yaml'
 ANGLE = radians(36.0)

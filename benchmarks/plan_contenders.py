@@ -13,11 +13,11 @@ from benchmarks.queries import MARGIN, Query
 from soft_continuum.mechanics import bending_for_tip, set_shape
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.obstacles import CollisionScene
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import Move, PlanError, Shape
-from soft_continuum.sequencing.reach import ReachSettings
-from soft_continuum.sequencing.shape_plans import plan_shapes, plans_to
+from soft_continuum.planning.obstacles import CollisionScene
+from soft_continuum.planning.planner import Planner
+from soft_continuum.planning.plans import Move, PlanError, Shape
+from soft_continuum.planning.reach import ReachSettings
+from soft_continuum.planning.shape_plans import plan_shapes, plans_to
 
 UNLIMITED = 10**9  # states: contenders have the same time
 STEP = 0.05  # rad between two states that OMPL has looked at

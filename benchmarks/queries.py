@@ -18,9 +18,9 @@ from scipy.spatial.transform import Rotation
 from benchmarks.lab import Description
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
-from soft_continuum.sequencing.planner import Planner, soft_segments
-from soft_continuum.sequencing.plans import Move, PlanError, TipGoal
+from soft_continuum.planning.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
+from soft_continuum.planning.planner import Planner, soft_segments
+from soft_continuum.planning.plans import Move, PlanError, TipGoal
 
 MARGIN = 0.005  # m that plans keep
 ASIDE = 0.015  # m that obstacles are away from the motion by which a goal is known to be reached

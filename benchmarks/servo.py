@@ -18,9 +18,9 @@ from benchmarks.tables import DOCUMENTS, machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import Arm, Jam, Statics
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.sequencing.servo import AngleServo, ServoSettings
-from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
+from soft_continuum.sim.twin.model_errors import ModelErrors, read_model_errors
 from soft_continuum.user_files import description_file
 
 IMAGE = DOCUMENTS / 'images' / 'servo.svg'

@@ -25,8 +25,8 @@ from soft_continuum.mechanics import (
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.sequencing.servo import AngleServo, ServoSettings
-from soft_continuum.twin.model_errors import ModelErrors
-from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.sim.twin.model_errors import ModelErrors
+from soft_continuum.sim.twin.plant import Plant, TIME_STEP
 
 CONTROL_PERIOD = 0.02  # s, of tendon_actuation
 LATENCY = 0.01  # s from the servo to tendon_actuation, and from the target to the servo

@@ -7,11 +7,11 @@ from math import pi
 
 import numpy as np
 
+from soft_continuum.estimation.sensing.layout import FRONT, Layout
+from soft_continuum.estimation.sensing.rigid import displaced, displacement
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.sensing.layout import FRONT, Layout
-from soft_continuum.sensing.rigid import displaced, displacement
-from soft_continuum.twin.camera import TwinCamera
-from soft_continuum.twin.model_errors import ModelErrors
+from soft_continuum.sim.twin.camera import TwinCamera
+from soft_continuum.sim.twin.model_errors import ModelErrors
 
 DIRECTIONS = (FRONT, FRONT - pi / 3.0)  # from where the first and the second camera look
 Seen = tuple[Array, Array]

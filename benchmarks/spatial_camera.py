@@ -12,15 +12,15 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
+from soft_continuum.estimation.sensing.layout import FRONT, RingLayout
+from soft_continuum.estimation.sensing.pictures import Array
+from soft_continuum.estimation.sensing.tag_camera import DiscPose
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.layout import FRONT, RingLayout
-from soft_continuum.sensing.pictures import Array
-from soft_continuum.sensing.tag_camera import DiscPose
-from soft_continuum.twin.camera import TwinCamera
-from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
+from soft_continuum.ros.description import load_description
+from soft_continuum.sim.twin.camera import TwinCamera
+from soft_continuum.sim.twin.model_errors import ModelErrors, PRESETS, read_model_errors
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'

@@ -5,7 +5,7 @@
 from benchmarks.faults import alarms, HEAD, row, simulated, total
 from benchmarks.lab import Description
 from benchmarks.tables import machine, Section, table
-from soft_continuum.twin.model_errors import read_model_errors
+from soft_continuum.sim.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'

@@ -14,14 +14,14 @@ from benchmarks.spatial_loop import ARM
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
+from soft_continuum.estimation.sensing.mounted_imus import MountedImus
+from soft_continuum.estimation.sensing.tilt import ImuSample, SensorError
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.mounted_imus import MountedImus
-from soft_continuum.sensing.tilt import ImuSample, SensorError
-from soft_continuum.twin.model_errors import ModelErrors, read_model_errors
-from soft_continuum.twin.plant import TIME_STEP
+from soft_continuum.ros.description import load_description
+from soft_continuum.sim.twin.model_errors import ModelErrors, read_model_errors
+from soft_continuum.sim.twin.plant import TIME_STEP
 from soft_continuum.user_files import description_file
 
 PRESETS = ('typical', 'severe')

@@ -12,7 +12,7 @@ from benchmarks.lab import CAMERA, Description, NOTHING, TWO_CAMERAS
 from benchmarks.loop import ANGLE, judged, line, random_goal, Result
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.twin.model_errors import read_model_errors
+from soft_continuum.sim.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 ARM = 'spatial_jamming.yaml'

@@ -12,9 +12,9 @@ from typing import Any
 
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.study.design import read_study, Study
-from soft_continuum.study.running import cluster, Results
-from soft_continuum.study.running import run_units as compute
+from soft_continuum.lab.study.design import read_study, Study
+from soft_continuum.lab.study.running import cluster, Results
+from soft_continuum.lab.study.running import run_units as compute
 
 SOLVES, QUICK_SOLVES = 1_000_000, 20_000
 SOLVES_PER_SHAPE = 2.0  # on average: one to three segments of the paper's arm are bent
@@ -83,7 +83,7 @@ def measured(study: Study, directory: Path, processes: int, killed: bool
 
 def loaded() -> Any:
     """Load in a worker what units need."""
+    from soft_continuum.lab.study import work
     from soft_continuum.mechanics.statics import warm_up
-    from soft_continuum.study import work
     warm_up()
     return work.__name__

@@ -14,9 +14,9 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import Jam, pulls_for_bending, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, Array, mounted, STANDARD_GRAVITY
-from soft_continuum.parameters.files import load_arm
-from soft_continuum.twin.model_errors import ModelErrors, PRESETS, read_model_errors
-from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.ros.description import load_arm
+from soft_continuum.sim.twin.model_errors import ModelErrors, PRESETS, read_model_errors
+from soft_continuum.sim.twin.plant import Plant, TIME_STEP
 from soft_continuum.user_files import description_file
 
 SEQUENCES, IN_SPACE, STEPS = 50, 20, 6  # a step: soften a segment, pull, stiffen it

@@ -6,7 +6,7 @@ from docutils import nodes
 from docutils.parsers.rst import roles
 from pygments.lexers.special import TextLexer
 
-from soft_continuum.cli.reference import main as write_parameter_tables
+from soft_continuum.ui.cli.reference import main as write_parameter_tables
 
 write_parameter_tables()
 
@@ -33,9 +33,9 @@ apidoc_modules = [{
     'path': '../soft_continuum',
     'destination': 'docs/reference/api',
     'exclude_patterns': [f'../soft_continuum/{part}' for part in (
-        'browser', 'cli', 'commissioning', 'emulators', 'new_arm', 'nodes', 'ros', 'ros_topics',
-        'twin', '__main__.py', 'arguments.py', 'colours.py', 'extras.py', 'lazy.py', 'text.py',
-        'user_files.py')],
+        'commissioning', 'lab/new_arm', 'nodes', 'parameters/arguments.py', 'ros', 'ros_topics',
+        'sim', 'ui/browser', 'ui/cli', '__main__.py', 'colours.py', 'extras.py', 'lazy.py',
+        'text.py', 'user_files.py')],
     'separate_modules': True,
     'module_first': True,
     'automodule_options': {'members', 'show-inheritance', 'ignore-module-all'},

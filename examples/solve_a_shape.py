@@ -8,7 +8,7 @@ from pathlib import Path
 from matplotlib import pyplot
 
 from soft_continuum.mechanics import set_shape, Statics
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 
 statics = Statics(load_arm(Path(__file__).parents[1] / 'config' / 'manipulator.yaml'))
 c_form = set_shape(statics, [radians(36)] * 3)

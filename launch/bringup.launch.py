@@ -11,7 +11,14 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from soft_continuum.cli.up import (
+from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.description import load_description
+from soft_continuum.ros.names import KINEMATICS, NODES, TELEOP
+from soft_continuum.ros.network import PARENT, SAID
+from soft_continuum.ros.urdf import arm_urdf
+from soft_continuum.ui.cli.up import (
     ALL,
     asked_file,
     check_launch,
@@ -21,13 +28,6 @@ from soft_continuum.cli.up import (
     nodes_on,
     STEERING,
 )
-from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
-from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.names import KINEMATICS, NODES, TELEOP
-from soft_continuum.ros.network import PARENT, SAID
-from soft_continuum.ros.urdf import arm_urdf
 
 DRIVERS = {'tendon_driver': ('driver of the tendon motors', TENDON_DRIVERS),
            'jamming_driver': ('driver of pump, valves and pressure sensors', JAMMING_DRIVERS)}

@@ -15,10 +15,10 @@ from pathlib import Path
 import time
 from typing import Any, ClassVar, Generic, TypeVar
 
-from soft_continuum.emulators.driving import dynamixel_parameters
-from soft_continuum.emulators.dynamixel import DynamixelEmulator
-from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
+from soft_continuum.sim.emulators.driving import dynamixel_parameters
+from soft_continuum.sim.emulators.dynamixel import DynamixelEmulator
+from soft_continuum.sim.emulators.grbl import GrblEmulator
 from support.ros_rig import TENDONS
 from support.servo_rig import repair, servos, SIGNS, TOLERANCE
 from support.servo_stops import REST_SPEED, watch_rest

@@ -8,7 +8,7 @@ from random import Random
 from typing import Any
 
 from soak.workbench import Workbench
-from soft_continuum.emulators.grbl import GrblEmulator
+from soft_continuum.sim.emulators.grbl import GrblEmulator
 from support.ros_rig import SEGMENTS
 from support.servo_rig import FAULTS as SERVO_FAULTS
 

@@ -30,7 +30,7 @@ def _run(words: list[str]) -> NoReturn:
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     choose_own_network()
     choose_log_folder(os.environ)
-    from soft_continuum.cli.main import main
+    from soft_continuum.ui.cli.main import main
     try:
         status = main(words)
     except SystemExit as end:  # of argparse

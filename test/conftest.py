@@ -36,16 +36,15 @@ with suppress(ImportError, AttributeError):  # an older hypothesis knows no such
     # It draws numbers of whatever modules of ours are imported by then: in every worker others.
     providers._get_local_constants = providers.Constants
 
-SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'test_installation.py',
-        'test_examples.py', 'analysis/test_commands.py', 'analysis/test_identification.py',
-        'analysis/test_identification_in_space.py', 'estimation/test_anomaly_causes.py',
-        'estimation/test_space.py', 'mechanics/test_elastica.py',
-        'mechanics/test_inverse_problems.py', 'mechanics/test_kernel.py',
-        'mechanics/test_mujoco.py', 'sensing/test_cameras.py', 'sensing/test_printing.py',
-        'sensing/test_ring_camera.py', 'sensing/test_tag_camera.py', 'sequencing/test_aiming.py',
-        'sequencing/test_angle_servo.py', 'sequencing/test_closed_loop.py',
-        'sequencing/test_held_shapes.py', 'sequencing/test_reach.py',
-        'sequencing/test_tip_runs.py', 'study', 'twin')
+SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'sim', 'test_installation.py',
+        'test_examples.py', 'estimation/test_anomaly_causes.py', 'estimation/test_cameras.py',
+        'estimation/test_printing.py', 'estimation/test_ring_camera.py',
+        'estimation/test_space.py', 'estimation/test_tag_camera.py', 'lab/test_commands.py',
+        'lab/test_identification.py', 'lab/test_identification_in_space.py', 'lab/test_study.py',
+        'mechanics/test_elastica.py', 'mechanics/test_inverse_problems.py',
+        'mechanics/test_kernel.py', 'mechanics/test_mujoco.py', 'planning/test_aiming.py',
+        'planning/test_held_shapes.py', 'planning/test_reach.py', 'sequencing/test_angle_servo.py',
+        'sequencing/test_closed_loop.py', 'sequencing/test_tip_runs.py')
 """
 Tests below these start nodes, devices, programs or other solvers, draw many pictures, search for
 tips, plans and causes of faults, or run whole analyses and whole sequences with measurements.

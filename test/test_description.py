@@ -13,9 +13,7 @@ import pytest
 import yaml
 
 from soft_continuum.mechanics.laws import MomentCurvature
-from soft_continuum.nodes.parameter_table import ALL_PARAMETERS, NODE_PARAMETERS
 from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
-from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import (
     angles_problem,
@@ -23,6 +21,8 @@ from soft_continuum.parameters.shapes import (
     SHAPE_PREFIX,
     shapes_from_parameters,
 )
+from soft_continuum.ros.description import load_arm, load_description
+from soft_continuum.ros.parameter_table import ALL_PARAMETERS, NODE_PARAMETERS
 from support.flat_arm import guides_of
 
 DESCRIPTION = Path(__file__).resolve().parents[1] / 'config' / 'manipulator.yaml'

@@ -25,9 +25,9 @@ import sys
 import numba
 
 from soft_continuum import version
-from soft_continuum.analysis.workspace import sample_workspace
+from soft_continuum.lab.analysis.workspace import sample_workspace
 from soft_continuum.mechanics import Arm, Disc, Segment, set_shape, Statics, tendon_pair
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import pages
 
 arm = Arm((Segment.leaf_spring(0.1, 0.01),), (Disc(0.01), Disc(0.01)), tendon_pair(0.02, end=1),

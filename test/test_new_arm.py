@@ -11,12 +11,13 @@ from hypothesis import given, HealthCheck, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.cli.up import nodes_of
-from soft_continuum.new_arm import description as new_arm
-from soft_continuum.new_arm.description import complete, describe_arm, questions_of
-from soft_continuum.new_arm.drawings import DRAWINGS
-from soft_continuum.new_arm.questions import AnswerError, KINDS, QUESTIONS
-from soft_continuum.parameters.files import load_arm, load_description, parameters_text
+from soft_continuum.lab.new_arm import description as new_arm
+from soft_continuum.lab.new_arm.description import complete, describe_arm, questions_of
+from soft_continuum.lab.new_arm.drawings import DRAWINGS
+from soft_continuum.lab.new_arm.questions import AnswerError, KINDS, QUESTIONS
+from soft_continuum.parameters.files import parameters_text
+from soft_continuum.ros.description import load_arm, load_description
+from soft_continuum.ui.cli.up import nodes_of
 from support.flat_arm import guides_of
 
 

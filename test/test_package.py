@@ -124,7 +124,7 @@ def test_a_version_differs_where_the_sources_do_and_nowhere_else(tmp_path):
     found = {version()}
     for change in (lambda: (tmp_path / 'a' / 'text.py').open('a').write('#'),
                    lambda: (tmp_path / 'a' / 'text.py').rename(tmp_path / 'a' / 'texts.py'),
-                   lambda: (tmp_path / 'a' / 'browser' / 'page.html').open('a').write(' '),
+                   lambda: (tmp_path / 'a' / 'ui' / 'browser' / 'page.html').open('a').write(' '),
                    lambda: (tmp_path / 'a' / 'new.py').touch()):
         change()
         found.add(version_in(tmp_path / 'a'))

@@ -9,7 +9,7 @@ from textwrap import dedent
 
 import pytest
 
-from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.description import load_description
 from support.documented_commands import blocks, Checker, is_ros2, LINES, NOT_OURS, PAGES, ROOT
 
 FENCE = re.compile(r'^ *```.*?^ *```', re.MULTILINE | re.DOTALL)

@@ -10,21 +10,21 @@ from hypothesis import strategies as st
 import pytest
 import yaml
 
-from soft_continuum.cli.reference import (
+from soft_continuum.hardware.drivers import driver_parameters, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.parameters import files
+from soft_continuum.parameters.arm import ARM_PARAMETERS
+from soft_continuum.parameters.overrides import full_name, Overrides
+from soft_continuum.parameters.parameter import Parameter, ParameterError, RENAMED
+from soft_continuum.parameters.shapes import SHAPE_PREFIX
+from soft_continuum.ros.description import load_arm, load_description
+from soft_continuum.ros.parameter_table import ALL_PARAMETERS, NODE_PARAMETERS
+from soft_continuum.ui.cli.reference import (
     COMMAND,
     generated_pages,
     page_with_table,
     parameter_tables,
     table,
 )
-from soft_continuum.hardware.drivers import driver_parameters, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes.parameter_table import ALL_PARAMETERS, NODE_PARAMETERS
-from soft_continuum.parameters import files
-from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.files import load_description
-from soft_continuum.parameters.overrides import full_name, Overrides
-from soft_continuum.parameters.parameter import Parameter, ParameterError, RENAMED
-from soft_continuum.parameters.shapes import SHAPE_PREFIX
 
 RATE = Parameter('rate', 50.0, 'how often', 5.0, 500.0, unit='Hz')
 COUNT = Parameter('count', 3, 'how many', 1, 10)
@@ -127,7 +127,7 @@ def test_an_arm_that_single_nodes_would_read_otherwise_is_refused(
                           + section('autostart: true\narm.segment_lengths: [0.1, 0.1, 0.1]', own))
     with pytest.raises(ParameterError, match=re.escape(f'section {own} sets arm.segment_lengths '
                                                        'for ')) as error:
-        files.load_arm(path, namespace=namespace)
+        load_arm(path, namespace=namespace)
     assert str(error.value).startswith(str(path))
     assert str(error.value).endswith(f'write it below {section_name}')
 

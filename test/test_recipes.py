@@ -44,7 +44,7 @@ class Copy:
 
     def page(self, name):
         """Return a page after the tables were written."""
-        done = self.run('-m', 'soft_continuum.cli.reference')
+        done = self.run('-m', 'soft_continuum.ui.cli.reference')
         assert done.returncode == 0, done.stderr
         return (self.root / name).read_text(encoding='utf-8')
 
@@ -63,39 +63,39 @@ def domain(monkeypatch):
 
 
 def test_a_parameter_is_one_entry_and_then_checked_and_described(suite):
-    suite.add('nodes/parameter_table.py',
+    suite.add('ros/parameter_table.py',
               "        Parameter('pose_interval', 0.0, 'shortest time between two poses', 0.0, "
               "10.0,\n                  unit='s'),\n", below='    KINEMATICS: (\n')
     (suite.root / 'given.yaml').write_text(
         'kinematics: {ros__parameters: {pose_interval: 11.0}}', encoding='utf-8')
-    done = suite.run('-c', 'from soft_continuum.parameters.files import load_description\n'
+    done = suite.run('-c', 'from soft_continuum.ros.description import load_description\n'
                      'print(load_description(node="kinematics")["pose_interval"])\n'
                      'load_description("given.yaml", node="kinematics")')
     assert done.stdout == '0.0\n'
     assert 'pose_interval' in done.stderr and '10' in done.stderr.splitlines()[-1]
     assert '| `pose_interval` | double `0.0` s | 0 to 10 | shortest time' in suite.page(
         'msg_docs/kinematics.md')
-    assert suite.touched == {'nodes/parameter_table.py'}
+    assert suite.touched == {'ros/parameter_table.py'}
 
 
 def test_a_planner_is_a_module_a_row_with_the_shapes_that_it_suits_and_its_settings(suite):
-    suite.add('sequencing/staying.py', """
+    suite.add('planning/staying.py', """
 import numpy as np
 
-from soft_continuum.sequencing.plans import PlanResult
+from soft_continuum.planning.plans import PlanResult
 
 
 def stay(validator, start, shape, first):
     away = float(np.linalg.norm(start.state.tip - shape.tips[0].position))
     return PlanResult(start.plan(shape), tip_error=away)
 """)
-    suite.add('sequencing/shape_plans.py',
-              'from soft_continuum.sequencing.staying import stay\n',
-              below='from soft_continuum.sequencing.reach.passage import BlockedError, Node\n')
-    suite.add('sequencing/shape_plans.py',
+    suite.add('planning/shape_plans.py',
+              'from soft_continuum.planning.staying import stay\n',
+              below='from soft_continuum.planning.reach.passage import BlockedError, Node\n')
+    suite.add('planning/shape_plans.py',
               '    (stay, lambda shape, settings: bool(shape.tips) and settings.stay),\n',
               below='Callable[[Shape, ReachSettings], bool]], ...] = (\n')
-    suite.add('sequencing/settings.py',
+    suite.add('planning/settings.py',
               "    stay: bool = setting(False, 'stay where the arm is', read_only=False)\n",
               below='    lock_in: float = LOCK_IN_STDDEV\n')
     (suite.root / 'given.yaml').write_text(
@@ -105,18 +105,19 @@ def stay(validator, start, shape, first):
              for more in ([], ['--params-file', 'given.yaml'])]
     assert steps[0] and not steps[1]
     assert '| `reach.stay` * | bool `false` |' in suite.page('msg_docs/shape_sequencer.md')
-    assert suite.touched == {'sequencing/shape_plans.py', 'sequencing/settings.py'}
+    assert suite.touched == {'planning/shape_plans.py', 'planning/settings.py'}
 
 
 def test_a_verb_is_one_line_and_the_module_with_its_function(suite):
-    suite.add('cli/wave.py', 'def main():\n    print("a wave")\n    return 0\n')
-    suite.add('cli/registry.py', "        Verb('wave', 'wave at the arm', 'cli.wave:main'),\n",
+    suite.add('ui/cli/wave.py', 'def main():\n    print("a wave")\n    return 0\n')
+    suite.add('ui/cli/registry.py',
+              "        Verb('wave', 'wave at the arm', 'ui.cli.wave:main'),\n",
               below="    'start': (\n")
     done = suite.run('-m', 'soft_continuum', 'wave')
     assert (done.stdout, done.returncode) == ('a wave\n', 0)
     assert 'wave at the arm' in suite.run('-m', 'soft_continuum', '--help').stdout
     assert '| `wave` | wave at the arm |' in suite.page('docs/reference/command_line.md')
-    assert suite.touched == {'cli/registry.py'}
+    assert suite.touched == {'ui/cli/registry.py'}
 
 
 def test_a_topic_is_a_publisher_a_row_with_its_reader_and_a_field_of_the_state(suite, domain):
@@ -161,12 +162,12 @@ rclpy.shutdown()
 
 
 def test_a_sensor_is_a_module_an_input_of_disc_sensors_and_its_parameters(suite, domain):
-    suite.add('sensing/inclinometer.py', """
+    suite.add('estimation/sensing/inclinometer.py', """
 from math import cos, sin
 
 import numpy as np
 
-from soft_continuum.sensing.rigid import UNKNOWN
+from soft_continuum.estimation.sensing.rigid import UNKNOWN
 
 
 def pose_of(angle, stddev):
@@ -176,7 +177,8 @@ def pose_of(angle, stddev):
 """)
     suite.add('nodes/disc_sensors.py', 'from geometry_msgs.msg import Vector3Stamped\n',
               below='from typing import Any\n\n')
-    suite.add('nodes/disc_sensors.py', 'from soft_continuum.sensing import inclinometer\n',
+    suite.add('nodes/disc_sensors.py',
+              'from soft_continuum.estimation.sensing import inclinometer\n',
               below='from soft_continuum.ros.ros_time import Age\n')
     suite.add('nodes/disc_sensors.py', "            'tilt': (Vector3Stamped, self._take_tilt),\n",
               below='Callable[[int, _Feed, Any], None]]] = {\n')
@@ -187,7 +189,7 @@ def pose_of(angle, stddev):
         self._publish(n, feed, message.header.stamp, tracked_pose_to_ros(*found))
 
 """, below='    # What all have.\n\n')
-    suite.add('nodes/parameter_table.py', """\
+    suite.add('ros/parameter_table.py', """\
         Parameter('tilt.stddev', 0.02, 'standard deviation of an inclinometer', 1e-6, 1.0,
                   unit='rad'),
 """, below='    DISC_SENSORS: (\n')
@@ -218,5 +220,5 @@ rclpy.shutdown()
 """)
     assert done.stdout == '0.247 0.0004\n', done.stderr
     assert '| `tilt.stddev` | double `0.02` rad |' in suite.page('msg_docs/disc_sensors.md')
-    assert suite.touched == {'nodes/disc_sensors.py', 'nodes/parameter_table.py',
+    assert suite.touched == {'nodes/disc_sensors.py', 'ros/parameter_table.py',
                              '../msg_docs/disc_sensors.md'}

@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.analysis.identification import spread_out
-from soft_continuum.cli.operate import parse_bendings
-from soft_continuum.cli.up import nodes_of
 from soft_continuum.client.sequence import goal
 from soft_continuum.client.state import _model_pose_text, Pose, Reached, reached_text
 from soft_continuum.hardware.grbl.motion import Motors
+from soft_continuum.lab.analysis.identification import spread_out
 from soft_continuum.mechanics import Chain
 from soft_continuum.mechanics.arm import ArmError, Tendon
 from soft_continuum.mechanics.directions import bending_vectors
@@ -24,9 +22,12 @@ from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes.prediction import TensionPrediction
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_arm, load_description, write_parameters
+from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import angles_problem, PAPER_SHAPES, shapes_from_parameters
+from soft_continuum.ros.description import load_arm, load_description
+from soft_continuum.ui.cli.operate import parse_bendings
+from soft_continuum.ui.cli.up import nodes_of
 from support.descriptions import JAMMING, PLANAR, TENDON_ARM
 from support.spatial_arms import in_space
 

@@ -11,7 +11,7 @@ import pytest
 from soft_continuum.mechanics import Chain, Disc, Segment
 from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
 from soft_continuum.mechanics.orientations import full_poses
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.urdf import arm_urdf, joint_names
 from soft_continuum.user_files import description_file
 from support.descriptions import check_urdf, JAMMING, parsed, PLANAR, TENDON_ARM

@@ -13,10 +13,10 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.tasks import until
 from soft_continuum.estimation.measuring import DiscMeasurement
+from soft_continuum.estimation.sensing.rigid import displaced, displacement
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.orientations import matrices
 from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
-from soft_continuum.sensing.rigid import displaced, displacement
 
 FIRST_TIMEOUT = 2.0  # s for the first measured pose
 MIN_SAMPLES = 3

@@ -12,8 +12,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from soft_continuum.client.errors import ClientError, NoAnswerError, RefusedError
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
-from soft_continuum.obstacles import Obstacle, ObstacleError
-from soft_continuum.obstacles.files import load_obstacles, UNITS
+from soft_continuum.planning.obstacles import Obstacle, ObstacleError
+from soft_continuum.planning.obstacles.files import load_obstacles, UNITS
 from soft_continuum.ros.entries import subscribe_unguarded
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.obstacles import (

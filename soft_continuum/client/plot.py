@@ -12,8 +12,8 @@ from soft_continuum.client.observed import KINEMATICS_STATE, ObservedArm
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.drawing import draw_arm, projection_of
-from soft_continuum.obstacles import Obstacle
-from soft_continuum.obstacles.drawing import draw_obstacles
+from soft_continuum.planning.obstacles import Obstacle
+from soft_continuum.planning.obstacles.drawing import draw_obstacles
 from soft_continuum.ros.conversions import equilibrium_from_ros
 
 if TYPE_CHECKING:

@@ -13,8 +13,9 @@ from geometry_msgs.msg import Point, Pose, Quaternion
 from soft_continuum.client.errors import NoAnswerError
 from soft_continuum.client.state import pose_of, Progress, progress_of, Reached, SequenceResult
 from soft_continuum.client.tip import Tip
+from soft_continuum.planning import TIP_KINDS
 from soft_continuum.ros.ros_time import duration_to_ros
-from soft_continuum.sequencing.progress import AIMS, Code, TIP_KINDS
+from soft_continuum.sequencing.progress import AIMS, Code
 from soft_continuum.text import MAX_ITEMS, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, ShapeSequencerState, TipGoal

@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 from math import cos, hypot, isfinite, sin
 
-from soft_continuum.sequencing.progress import TipKind
+from soft_continuum.planning import TipKind
 
 
 @dataclass(frozen=True)

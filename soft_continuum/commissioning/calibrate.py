@@ -12,18 +12,6 @@ import signal
 import sys
 from typing import Any
 
-from soft_continuum.analysis.results import reserve_outputs
-from soft_continuum.analysis.verbs import run_verb
-from soft_continuum.arguments import (
-    ask,
-    confirm,
-    FOR_ANALYSIS,
-    number,
-    number_in,
-    one_of,
-    Parser,
-    WRONG_USAGE,
-)
 from soft_continuum.commissioning import (
     calibrate_camera,
     calibrate_load_cells,
@@ -54,12 +42,25 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
 )
 from soft_continuum.hardware.tendon_controller import TendonLimits
-from soft_continuum.nodes.parameter_table import jamming_settings
+from soft_continuum.lab.analysis.results import reserve_outputs
+from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.parameters.arguments import (
+    ask,
+    confirm,
+    FOR_ANALYSIS,
+    number,
+    number_in,
+    one_of,
+    Parser,
+    WRONG_USAGE,
+)
 from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
-from soft_continuum.parameters.files import load_rig, write_parameters
+from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
+from soft_continuum.ros.description import load_rig
 from soft_continuum.ros.names import CAMERA, LOAD_CELLS
+from soft_continuum.ros.parameter_table import jamming_settings
 
 MM = 1e3  # per m
 PER_TENDON = 'measured', 'seen', 'take_up'

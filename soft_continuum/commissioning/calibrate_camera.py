@@ -8,11 +8,11 @@ from itertools import islice
 from pathlib import Path
 from time import monotonic
 
-from soft_continuum.analysis.results import reserve_outputs
-from soft_continuum.analysis.verbs import run_verb
-from soft_continuum.arguments import FOR_ANALYSIS, Parser
-from soft_continuum.sensing.pictures import Picture
-from soft_continuum.sensing.sources import is_device, pictures
+from soft_continuum.estimation.sensing.pictures import Picture
+from soft_continuum.estimation.sensing.sources import is_device, pictures
+from soft_continuum.lab.analysis.results import reserve_outputs
+from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.parameters.arguments import FOR_ANALYSIS, Parser
 
 FILE = 'camera.yaml'
 SECONDS, PERIOD = 30.0, 0.5  # s for which a device is looked at, and between two pictures
@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from soft_continuum.sensing.lens_calibration import calibrate
+    from soft_continuum.estimation.sensing.lens_calibration import calibrate
     path, = reserve_outputs(options.output, [FILE], options.force)
     if is_device(options.source):
         print(f'{SECONDS:g} s of {options.source}: tilt the board slowly in all directions, hold '

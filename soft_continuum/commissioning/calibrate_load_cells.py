@@ -11,11 +11,18 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.analysis.results import reserve_outputs, text_table
-from soft_continuum.analysis.verbs import described_arm, run_verb
-from soft_continuum.arguments import ask, confirm, FOR_ANALYSIS, number, number_in, Parser
 from soft_continuum.commissioning.calibration import CalibrationError
+from soft_continuum.lab.analysis.results import reserve_outputs, text_table
+from soft_continuum.lab.analysis.verbs import described_arm, run_verb
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
+from soft_continuum.parameters.arguments import (
+    ask,
+    confirm,
+    FOR_ANALYSIS,
+    number,
+    number_in,
+    Parser,
+)
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.ros.names import LOAD_CELLS
 

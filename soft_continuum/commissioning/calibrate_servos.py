@@ -5,8 +5,6 @@
 import argparse
 from collections.abc import Sequence
 
-from soft_continuum.analysis.verbs import run_verb
-from soft_continuum.arguments import confirm, Parser
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
 from soft_continuum.hardware.dynamixel.registers import explain_hardware_error, HARDWARE_ERROR
@@ -18,8 +16,10 @@ from soft_continuum.hardware.dynamixel.setup import (
     write_settings,
 )
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters.files import load_rig
+from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.parameters.arguments import confirm, Parser
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.description import load_rig
 
 NAME = 'calibrate servos'
 REBOOT_TIME = 1.0  # s

@@ -11,14 +11,6 @@ from pathlib import Path
 import sys
 from time import monotonic
 
-from soft_continuum.arguments import (
-    DONE,
-    FAILED,
-    in_verbs,
-    INTERRUPTED,
-    number_in,
-    Parser,
-)
 from soft_continuum.commissioning.checks import (
     check_jamming,
     check_ports,
@@ -27,6 +19,14 @@ from soft_continuum.commissioning.checks import (
 )
 from soft_continuum.extras import missing, remedy, requirements, USES
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
+from soft_continuum.parameters.arguments import (
+    DONE,
+    FAILED,
+    in_verbs,
+    INTERRUPTED,
+    number_in,
+    Parser,
+)
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.text import printable
 
@@ -103,7 +103,7 @@ def checks(paths: Sequence[Path], namespace: str = '') -> Iterator[Check]:
     yield model
     if model.status == FAIL:  # the parameter files describe a model
         return
-    from soft_continuum.parameters.files import load_rig  # imports the model
+    from soft_continuum.ros.description import load_rig  # imports the model
 
     where = ', '.join(str(path) for path in paths) or "none given: the paper's arm, simulated"
     try:

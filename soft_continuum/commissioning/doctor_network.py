@@ -18,12 +18,12 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.nodes.node_info import NodeInfo, PERIOD
-from soft_continuum.nodes.parameter_table import AUTOSTART, NODE_PARAMETERS
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.entries import subscribe_unguarded
 from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT, NODES
 from soft_continuum.ros.network import PROFILES, RANGE, reachable_addresses
+from soft_continuum.ros.parameter_table import AUTOSTART, NODE_PARAMETERS
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.text import printable
 from soft_continuum_interfaces.msg import Heartbeat

@@ -33,9 +33,9 @@ from soft_continuum.estimation.measuring import (
     LinearisationPoint,
     relative_distance,
 )
+from soft_continuum.estimation.sensing.rigid import mean_pose
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.sensing.rigid import mean_pose
 
 MOVED = 1e-5  # m of a motor
 SETTLING, SWITCHING = 0.6, 1.2  # s after a motion, or after a valve, until the arm rests

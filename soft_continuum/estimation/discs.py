@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from soft_continuum.estimation.sensing.rigid import displacement, levers
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.orientations import matrices
-from soft_continuum.sensing.rigid import displacement, levers
 
 SHIFT_ERROR, TURN_ERROR = 3e-4, 3e-3  # m, rad: of a disc's pose, of what no unknown can explain
 MODEL_ERROR = np.diag(np.repeat([SHIFT_ERROR, TURN_ERROR], 3))**2

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from soft_continuum.estimation.discs import MODEL_ERROR
+from soft_continuum.estimation.sensing.rigid import displacement
 from soft_continuum.estimation.unknowns import UnknownIndices
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.sensing.rigid import displacement
 
 MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measured
 ALONG_AXIS = 1.0 - 1e-9  # cosine of a direction to an axis that it is along

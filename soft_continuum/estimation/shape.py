@@ -21,13 +21,13 @@ from soft_continuum.estimation.measuring import (
     Innovation,
     Measurement,
 )
+from soft_continuum.estimation.sensing.rigid import IDENTITY
 from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings, Prior
 from soft_continuum.estimation.unknowns import MAX_OFFSET, MAX_RATIO
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.orientations import bending_between, matrices
 from soft_continuum.mechanics.statics import Statics
-from soft_continuum.sensing.rigid import IDENTITY
 
 STRAIGHT_PULLS = 1e-5
 """m: pulls of an arm that is still where it was referenced: those of opposite bends cancel."""

@@ -17,6 +17,12 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
+from soft_continuum.estimation.sensing.layout import layout_of
+from soft_continuum.estimation.sensing.lens import Lens, LensError
+from soft_continuum.estimation.sensing.pictures import is_black
+from soft_continuum.estimation.sensing.sources import is_device, pictures, SourceError
+from soft_continuum.estimation.sensing.tare import Window
+from soft_continuum.estimation.sensing.tilt import SensorError
 from soft_continuum.extras import require
 from soft_continuum.nodes.status import ERROR, OK, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
@@ -33,15 +39,9 @@ from soft_continuum.ros.entries import repeat, serve, subscribe
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
-from soft_continuum.sensing.layout import layout_of
-from soft_continuum.sensing.lens import Lens, LensError
-from soft_continuum.sensing.pictures import is_black
-from soft_continuum.sensing.sources import is_device, pictures, SourceError
-from soft_continuum.sensing.tare import Window
-from soft_continuum.sensing.tilt import SensorError
 
 if TYPE_CHECKING:  # OpenCV may not be there
-    from soft_continuum.sensing.tag_camera import TagCamera, TagDetections
+    from soft_continuum.estimation.sensing.tag_camera import TagCamera, TagDetections
 
 MAX_AGE = 1.0  # s between a picture's stamp and now
 FROZEN_AFTER = 2.0  # s of one and the same picture, of a camera
@@ -72,7 +72,7 @@ class Camera(SuiteNode):
         """Declare parameters and topics; raises ParameterError, ImportError without OpenCV."""
         require('cv2')
         super().__init__(CAMERA, 'camera and printed tags', **options)
-        from soft_continuum.sensing.overlay import overlay
+        from soft_continuum.estimation.sensing.overlay import overlay
         self._layout = layout_of(self.parameters)
         self._draw = overlay
         self._stuck = self._layout.stuck_as(self.parameters)

@@ -14,6 +14,10 @@ import numpy as np
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
+from soft_continuum.estimation.sensing.mounted_imus import imu_rotations, MountedImus
+from soft_continuum.estimation.sensing.tare import offset_of, straight_heights, Window
+from soft_continuum.estimation.sensing.tilt import ImuSample, SensorError
+from soft_continuum.estimation.sensing.tracker import Tracker
 from soft_continuum.nodes.status import ERROR, OK, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -23,10 +27,6 @@ from soft_continuum.ros.entries import repeat, serve, subscribe
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
 from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
-from soft_continuum.sensing.mounted_imus import imu_rotations, MountedImus
-from soft_continuum.sensing.tare import offset_of, straight_heights, Window
-from soft_continuum.sensing.tilt import ImuSample, SensorError
-from soft_continuum.sensing.tracker import Tracker
 
 ALL_POSES = 'tracker/disc_poses'
 MAX_AGE = 1.0  # s between a stamp and now

@@ -15,9 +15,9 @@ from soft_continuum.parameters.shapes import (
     vacuums_from_parameters,
     vacuums_problem,
 )
+from soft_continuum.planning import TIP_KINDS
+from soft_continuum.planning.plans import PlanError, Shape, TipGoal
 from soft_continuum.ros.conversions import MAX_QUATERNION_ERROR, pose_from_ros, seconds
-from soft_continuum.sequencing.plans import PlanError, Shape, TipGoal
-from soft_continuum.sequencing.progress import TIP_KINDS
 from soft_continuum.text import MAX_NAME, name_problem, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape as ShapeMessage

@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.estimation.measuring import ActuatorState, Innovation, Measurement
+from soft_continuum.estimation.sensing.rigid import UNKNOWN
 from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import (
     ArmShape,
@@ -55,7 +56,6 @@ from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATIO
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
 from soft_continuum.ros.ros_time import FRESH
 from soft_continuum.ros.urdf import arm_urdf, joint_names
-from soft_continuum.sensing.rigid import UNKNOWN
 from soft_continuum_interfaces.msg import (
     EstimatedParameter,
     JammingValvesState,

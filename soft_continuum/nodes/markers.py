@@ -26,8 +26,8 @@ from soft_continuum.colours import (
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.planning.plans import Shape
 from soft_continuum.ros.qos import LATCHED
-from soft_continuum.sequencing.plans import Shape
 
 LIFETIME = Duration(nanosec=500_000_000)
 """Lifetime of temporary markers: they disappear when no longer published."""

@@ -12,10 +12,10 @@ from rclpy.node import Node
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.obstacles import CollisionScene, Mesh, Obstacle, ObstacleError
-from soft_continuum.obstacles.files import load_obstacles, MAX_OBSTACLES
-from soft_continuum.obstacles.mesh import MAX_TRIANGLES
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.planning.obstacles import CollisionScene, Mesh, Obstacle, ObstacleError
+from soft_continuum.planning.obstacles.files import load_obstacles, MAX_OBSTACLES
+from soft_continuum.planning.obstacles.mesh import MAX_TRIANGLES
 from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.entries import LOG_PERIOD, repeat, subscribe, wake
 from soft_continuum.ros.obstacles import (

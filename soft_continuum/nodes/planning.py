@@ -24,14 +24,11 @@ from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.threads import on_ros_thread
-from soft_continuum.obstacles import CollisionScene
-from soft_continuum.ros.conversions import poses_to_ros
-from soft_continuum.ros.entries import serve_later
-from soft_continuum.sequencing.aiming import Aim, AimStep, next_step, segments_worth_correcting
-from soft_continuum.sequencing.closed_loop import Loop
-from soft_continuum.sequencing.plan_watch import KeptPlans, PlanWatch
-from soft_continuum.sequencing.planner import Planner, PlanSettings
-from soft_continuum.sequencing.plans import (
+from soft_continuum.planning.aiming import Aim, AimStep, next_step, segments_worth_correcting
+from soft_continuum.planning.obstacles import CollisionScene
+from soft_continuum.planning.plan_watch import KeptPlans, PlanWatch
+from soft_continuum.planning.planner import Planner, PlanSettings
+from soft_continuum.planning.plans import (
     failure_text,
     Move,
     PlanError,
@@ -40,9 +37,12 @@ from soft_continuum.sequencing.plans import (
     Shape,
     ShapePlan,
 )
-from soft_continuum.sequencing.reach import ReachSettings
-from soft_continuum.sequencing.settings import reach_from_parameters
-from soft_continuum.sequencing.shape_plans import plan_shapes, plans_of, plans_to
+from soft_continuum.planning.reach import ReachSettings
+from soft_continuum.planning.settings import reach_from_parameters
+from soft_continuum.planning.shape_plans import plan_shapes, plans_of, plans_to
+from soft_continuum.ros.conversions import poses_to_ros
+from soft_continuum.ros.entries import serve_later
+from soft_continuum.sequencing.closed_loop import Loop
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import PlanStep
 from soft_continuum_interfaces.msg import Shape as ShapeMessage

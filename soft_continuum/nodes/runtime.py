@@ -26,11 +26,10 @@ from rclpy.signals import SignalHandlerOptions
 
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.nodes.managed_node import ManagedNode
-from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
-from soft_continuum.parameters.files import described
 from soft_continuum.parameters.overrides import full_name_of, Overrides
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX, VACUUM_PREFIX
+from soft_continuum.ros.description import described
 from soft_continuum.ros.enclaves import with_enclave
 from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.logs import discard_old_logs, require_log_folder
@@ -43,13 +42,14 @@ from soft_continuum.ros.network import (
     wait_until_up,
     who_commands,
 )
+from soft_continuum.ros.parameter_table import ALL_PARAMETERS
 
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 MEMORY = 2**30  # bytes that a node may use beyond those of its start; it needs a third of them
 
 DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
 SHAPES = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)
-ELSEWHERE = {RECORDER: 'recordings.recorder', TELEOP: 'teleop.node'}
+ELSEWHERE = {RECORDER: 'lab.recordings.recorder', TELEOP: 'ui.teleop.node'}
 """Modules of nodes that use the arm as clients do."""
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
 

@@ -35,19 +35,19 @@ from soft_continuum.nodes.status import OK, StatePublisher, WARN
 from soft_continuum.nodes.suite_node import SuiteNode
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
+from soft_continuum.planning.plans import failure_text, PlanError, Shape, ShapePlan
+from soft_continuum.planning.settings import (
+    loop_from_parameters,
+    reach_from_parameters,
+    RunnerSettings,
+)
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.entries import guarded, LOG_PERIOD, repeat, wake
 from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
-from soft_continuum.sequencing.plans import failure_text, PlanError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome
 from soft_continuum.sequencing.runner import Runner
-from soft_continuum.sequencing.settings import (
-    loop_from_parameters,
-    reach_from_parameters,
-    RunnerSettings,
-)
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
     Shape as ShapeMessage,

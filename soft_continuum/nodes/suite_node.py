@@ -16,10 +16,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from soft_continuum.nodes.node_info import NodeInfoPublisher
-from soft_continuum.nodes.parameter_table import default_frame, FRAME, NODE_PARAMETERS
 from soft_continuum.nodes.status import FAILURE_PERIOD, Status
 from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.ros.parameter_table import default_frame, FRAME, NODE_PARAMETERS
 from soft_continuum.text import printable
 
 

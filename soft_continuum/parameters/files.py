@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-ROS 2 parameter files, which describe arm and rig, read and written without ROS.
+ROS 2 parameter files, read and written without ROS.
 
 Such a file is YAML: node names (``/**`` for all), below them ``ros__parameters``, below that
 nested keys; parameters.overrides reads it.  A key that no table of parameters has is refused.
@@ -15,32 +15,14 @@ from typing import Any
 
 import yaml
 
-from soft_continuum.mechanics.arm import Arm
-from soft_continuum.nodes.parameter_table import (
-    ALL_PARAMETERS,
-    default_frame,
-    DESCRIBED,
-    FRAME,
-    jamming_settings,
-    NODE_PARAMETERS,
-)
-from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
 from soft_continuum.parameters.overrides import (
     ALL_NODES,
-    applies,
-    full_name,
     Loader,
     Overrides,
     parse_yaml,
 )
 from soft_continuum.parameters.parameter import name_hint, Parameter, ParameterError, Value
 from soft_continuum.parameters.scalars import as_yaml, read_scalar
-from soft_continuum.parameters.shapes import (
-    DIRECTION_PREFIX,
-    SHAPE_PREFIX,
-    shapes_from_parameters,
-    VACUUM_PREFIX,
-)
 from soft_continuum.text import MAX_NAME, printable, write_whole
 
 WIDTH = 99  # of the comments in one
@@ -48,93 +30,6 @@ NUMERIC = '+-.0123456789'  # first characters of numbers
 
 FOREIGN = re.compile(r'\A%YAML:|(?<=\n)---\s*\Z')
 """What OpenCV writes at the beginning, and `ros2 topic echo` at the end."""
-UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'qos_overrides.')
-"""Prefixes of names that are allowed without being in a table."""
-OF_ROS = (
-    Parameter('use_sim_time', False, 'whether to use the time of the topic /clock'),
-    Parameter('start_type_description_service', True, 'whether to offer the service '
-              '~/get_type_description'),
-)
-"""Parameters that ROS adds to every node."""
-
-
-def load_description(*paths: str | Path, node: str = '', namespace: str = ''
-                     ) -> dict[str, Value]:
-    """
-    Read description files as a node sees them; later ones win.
-
-    node: its name; without one, what is said for all nodes of the namespace.  Raises
-    ParameterError naming the file and the key: also for keys that no node has, lists that do not
-    fit together, shapes outside the limits, thresholds in the wrong order, and an arm that a node
-    would read otherwise.
-    """
-    overrides, name = Overrides(*paths), full_name(node, namespace)
-    for path, sections in overrides.files.items():  # a node may find nothing in a file
-        if not node and not any(applies(section, name) for section in sections):
-            which = f'of {namespace}, only for' if namespace else 'only for'
-            raise ParameterError(f'{path}: has no section for all nodes (/**), {which} '
-                                 f'{", ".join(sections)}; name the namespace of the arm')
-    for other in () if node else DESCRIBED:
-        described(overrides, full_name(other, namespace))
-    return described(overrides, name)
-
-
-def described(overrides: Overrides, node: str, alone: bool = False) -> dict[str, Value]:
-    """
-    Return every parameter for a node, by its full name; raises as load_description does.
-
-    alone: these are all that it gets, so a section of its name may describe the arm: launch_ros
-    and ros2 param dump write such sections.
-    """
-    namespace = node.rpartition('/')[0]
-    values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
-    values[FRAME.name] = default_frame(namespace)
-    values |= given_parameters(overrides, (*ALL_PARAMETERS, *OF_ROS), node, UNCHECKED)
-    try:
-        arm = arm_from_parameters(values)
-        shapes_from_parameters(values, arm)
-        jamming_settings(values)
-    except ParameterError as error:
-        paths = ', '.join(dict.fromkeys(where for _, where in overrides.of(node).values()))
-        raise ParameterError(f'{paths}: {error}') from None
-    everywhere = overrides.of(full_name('', namespace))
-    for p in ARM_PARAMETERS:
-        value = everywhere.get(p.name, (p.default, ''))[0]
-        if values[p.name] != (tuple(value) if isinstance(value, list) else value):
-            section, path = overrides.last_section(node, p.name)
-            if alone and section.strip('/') == node.strip('/'):
-                continue
-            raise ParameterError(
-                f'{path}: section {section} sets {p.name} for {node.rpartition("/")[2]} alone, '
-                'which is not the arm that other nodes and commands read; write it below '
-                f'{full_name("**", namespace)}')
-    return values
-
-
-def load_arm(*paths: str | Path, namespace: str = '') -> Arm:
-    """Read an arm from description files; raises ParameterError as load_description does."""
-    return arm_from_parameters(load_description(*paths, namespace=namespace))
-
-
-def load_rig(paths: Sequence[str | Path], namespace: str = '') -> dict[str, Value]:
-    """
-    Return every parameter as the node that has it reads it from ``paths``; later files win.
-
-    Raises ParameterError as load_description does, and for a parameter that two nodes would read
-    differently.
-    """
-    overrides = Overrides(*paths)
-    values: dict[str, Value] = {}
-    owners: dict[str, str] = {}
-    for node, table in NODE_PARAMETERS.items():
-        seen = described(overrides, full_name(node, namespace))
-        for name in (p.name for p in table):
-            owner = owners.setdefault(name, node)
-            if values.setdefault(name, seen[name]) != seen[name]:
-                raise ParameterError(
-                    f'parameter {name} is {values[name]} for {owner} and {seen[name]} for {node}; '
-                    'write it once, below /**')
-    return values
 
 
 def write_parameters(path: Path, values: Mapping[str, Value], comments: Sequence[str],

@@ -20,7 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.colours import OBSTACLE, OBSTACLE_OPACITY
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.obstacles import (
+from soft_continuum.planning.obstacles import (
     Box,
     Capsule,
     Cylinder,
@@ -29,10 +29,10 @@ from soft_continuum.obstacles import (
     ObstacleError,
     Sphere,
 )
-from soft_continuum.obstacles.files import load_mesh, MAX_OBSTACLES
-from soft_continuum.obstacles.mesh import mesh_of_triangles
-from soft_continuum.obstacles.obstacle import Shape, UPRIGHT
-from soft_continuum.obstacles.shapes import check_size
+from soft_continuum.planning.obstacles.files import load_mesh, MAX_OBSTACLES
+from soft_continuum.planning.obstacles.mesh import mesh_of_triangles
+from soft_continuum.planning.obstacles.obstacle import Shape, UPRIGHT
+from soft_continuum.planning.obstacles.shapes import check_size
 from soft_continuum.ros.conversions import pose_from_ros
 from soft_continuum.text import MAX_NAME, printable
 

@@ -4,13 +4,9 @@
 
 from dataclasses import dataclass
 from enum import auto, Enum, StrEnum
-from typing import Literal
 
 AIMS = ('angles', 'tip')
 """The controlled quantity; the values of aim in the goal of RunShapeSequence, from 0."""
-TipKind = Literal['position', 'direction', 'pose']
-TIP_KINDS: tuple[TipKind, ...] = ('position', 'direction', 'pose')
-"""Constrained parts of a tip goal; the values of kind in the message TipGoal, from 0."""
 
 
 class Phase(StrEnum):

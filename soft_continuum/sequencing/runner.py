@@ -19,10 +19,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from soft_continuum.planning.plans import failure_text, Move, ObstructedError, Shape, ShapePlan
+from soft_continuum.planning.settings import ABORT, RunnerSettings
 from soft_continuum.sequencing.arm_port import ArmPort, Failure, Observation
-from soft_continuum.sequencing.plans import failure_text, Move, ObstructedError, Shape, ShapePlan
 from soft_continuum.sequencing.progress import Code, Outcome, Phase, Progress
-from soft_continuum.sequencing.settings import ABORT, RunnerSettings
 
 LOST = 2.0
 """A vacuum this many tolerances off its set-point is lost."""

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 import pytest
 from std_srvs.srv import SetBool
 
-from soft_continuum.browser import log
+from soft_continuum.ui.browser import log
 from support.page import address_of, DEADLINE, Page, SLOW, start_view
 from support.processes import Processes
 from support.rig_fixtures import (

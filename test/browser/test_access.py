@@ -13,8 +13,8 @@ import viser
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from soft_continuum.browser.access import AccessError, open_server, page_address
-from soft_continuum.browser.main import ui
+from soft_continuum.ui.browser.access import AccessError, open_server, page_address
+from soft_continuum.ui.browser.main import ui
 
 TOKEN = 'a-token-of-this-test'
 PROTOCOL = f'viser-v{viser.__version__}'
@@ -94,7 +94,7 @@ def test_who_shows_the_token_is_let_in_from_then_on(make_server):
 
 
 def test_wrong_tokens_are_logged_and_wait_for_each_other(make_server, caplog, monkeypatch):
-    monkeypatch.setattr('soft_continuum.browser.access.WRONG_TOKEN_DELAY', 0.2)
+    monkeypatch.setattr('soft_continuum.ui.browser.access.WRONG_TOKEN_DELAY', 0.2)
     server, start = make_server(TOKEN), time.monotonic()
     with ThreadPoolExecutor(8) as guessers:
         statuses = list(guessers.map(lambda n: get(server, f'/?token=guess{n}').status, range(5)))
@@ -125,7 +125,7 @@ def test_wrong_tokens_are_logged_and_wait_for_each_other(make_server, caplog, mo
 ])
 def test_what_is_no_request_of_a_browser_is_refused_without_a_traceback(
         make_server, lines, caplog, capfd, monkeypatch):
-    monkeypatch.setattr('soft_continuum.browser.access.WRONG_TOKEN_DELAY', 0.0)
+    monkeypatch.setattr('soft_continuum.ui.browser.access.WRONG_TOKEN_DELAY', 0.0)
     for token in ('', TOKEN):
         with socket.create_connection(('127.0.0.1', make_server(token).get_port()), 30) as sender:
             sender.sendall(lines + b'\r\n')
@@ -159,7 +159,7 @@ def test_a_server_that_cannot_be_guarded_is_not_started(monkeypatch):
     class Other:
         serve = staticmethod(real.serve)
 
-    monkeypatch.setattr('soft_continuum.browser.access.websocket_server', Other)
+    monkeypatch.setattr('soft_continuum.ui.browser.access.websocket_server', Other)
     with pytest.raises(AccessError, match='requirements'):
         open_server('127.0.0.1', 0)
 

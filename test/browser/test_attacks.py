@@ -16,10 +16,10 @@ import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from soft_continuum.browser import access, connection_limiter
-from soft_continuum.browser.access import open_server
-from soft_continuum.browser.bar import Bar, PATH
-from soft_continuum.browser.connection_limiter import MAX_REQUESTS
+from soft_continuum.ui.browser import access, connection_limiter
+from soft_continuum.ui.browser.access import open_server
+from soft_continuum.ui.browser.bar import Bar, PATH
+from soft_continuum.ui.browser.connection_limiter import MAX_REQUESTS
 
 TOKEN = 'a-token-of-this-test'
 PROTOCOL = f'viser-v{viser.__version__}'
@@ -230,7 +230,7 @@ def frame(opcode, data=b'', *, fin=0x80, mask=0x80):
     os.urandom(2000),
 ], ids=range(17))
 def test_what_is_no_frame_costs_only_its_sender_the_connection(view, path, data, caplog, capfd):
-    caplog.set_level(logging.DEBUG, 'soft_continuum.browser')
+    caplog.set_level(logging.DEBUG, 'soft_continuum.ui.browser')
     with view.attacker(view.handshake(path, view.cookie)) as attacker:
         assert status_of(attacker.recv(12, socket.MSG_WAITALL)) == 101
         attacker.sendall(data)

@@ -11,19 +11,19 @@ from unittest.mock import Mock
 import pytest
 from websockets.sync.client import connect
 
-from soft_continuum.browser import html
-from soft_continuum.browser.access import open_server
-from soft_continuum.browser.bar import Bar, bar_state, LOST, PAGE, PATH
-from soft_continuum.browser.charts import chart, History, LENGTH
-from soft_continuum.browser.session import Description, notice_text, PageSession
-from soft_continuum.browser.session import MAX_TEXT as TEXT_LENGTH
 from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
 from soft_continuum.client.observed import KINEMATICS_STATE
 from soft_continuum.client.state import Pose, Progress
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.description import load_description
 from soft_continuum.ros.names import NODES
 from soft_continuum.sequencing.progress import Phase
+from soft_continuum.ui.browser import html
+from soft_continuum.ui.browser.access import open_server
+from soft_continuum.ui.browser.bar import Bar, bar_state, LOST, PAGE, PATH
+from soft_continuum.ui.browser.charts import chart, History, LENGTH
+from soft_continuum.ui.browser.session import Description, notice_text, PageSession
+from soft_continuum.ui.browser.session import MAX_TEXT as TEXT_LENGTH
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import KinematicsState
@@ -118,7 +118,7 @@ def test_messages_merge_expire_and_are_kept_short(monkeypatch):
     assert '<b>' not in html.notices_html(session.notices).replace('<b>Sequence', '').replace(
         '<b>Jog', '').replace('<b>Stop', '')
     assert session.notices[-1].is_new
-    monkeypatch.setattr('soft_continuum.browser.session.monotonic', lambda: 1e9)
+    monkeypatch.setattr('soft_continuum.ui.browser.session.monotonic', lambda: 1e9)
     assert not session.notices[-1].is_new
 
 

@@ -9,12 +9,12 @@ from unittest.mock import Mock
 
 import pytest
 
-from soft_continuum.browser.access import open_server
-from soft_continuum.browser.controls import Controls, show_value
-from soft_continuum.browser.panel import Panel
-from soft_continuum.browser.session import Description
-from soft_continuum.browser.tip_panel import TipPanel
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
+from soft_continuum.ui.browser.access import open_server
+from soft_continuum.ui.browser.controls import Controls, show_value
+from soft_continuum.ui.browser.panel import Panel
+from soft_continuum.ui.browser.session import Description
+from soft_continuum.ui.browser.tip_panel import TipPanel
 from soft_continuum.user_files import description_file
 from support.arm_states import READY
 
@@ -69,7 +69,7 @@ def _on_its_thread(server, work):
 
 def test_vacuums_can_be_typed_only_where_regulators_are(monkeypatch):
     for other in ('TipPanel', 'ShapesPanel'):
-        monkeypatch.setattr(f'soft_continuum.browser.panel.{other}', Mock())
+        monkeypatch.setattr(f'soft_continuum.ui.browser.panel.{other}', Mock())
     server = open_server('127.0.0.1', 0)
     session = Mock(description=Description(load_arm(description_file())), notices=[],
                    closed_loop=None)

@@ -10,8 +10,8 @@ from action_msgs.srv import CancelGoal
 import pytest
 from std_srvs.srv import SetBool
 
-from soft_continuum.cli.main import main
 from soft_continuum.client import Arm, requests
+from soft_continuum.ui.cli.main import main
 from support.command import Command
 from support.documented_commands import kept_signal_handlers
 from support.estimated_arm import EstimatedArm

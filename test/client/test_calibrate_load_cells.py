@@ -8,7 +8,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from soft_continuum.commissioning import calibrate, calibrate_load_cells
-from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.description import load_description
 from support.ros_rig import STREAM
 
 NAMES = ('right_tendon', 'left_tendon')

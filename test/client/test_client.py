@@ -36,7 +36,7 @@ from soft_continuum.client import (
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.parameters.files import load_arm, load_description
+from soft_continuum.ros.description import load_arm, load_description
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import MotionRequest
 from support.driver_waits import until

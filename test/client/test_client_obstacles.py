@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 
 from soft_continuum.client import ClientError, RefusedError
-from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
-from soft_continuum.obstacles.files import load_obstacles
+from soft_continuum.planning.obstacles import (
+    Box,
+    Capsule,
+    Cylinder,
+    Mesh,
+    Obstacle,
+    Sphere,
+    turned_by,
+)
+from soft_continuum.planning.obstacles.files import load_obstacles
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'config' / 'obstacles_example.yaml'
 TETRAHEDRON = Mesh(np.array([[0.2, 0, 0], [0.3, 0, 0], [0.2, 0.1, 0], [0.2, 0, 0.1]]),

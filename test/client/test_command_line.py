@@ -11,9 +11,9 @@ from time import monotonic
 
 import pytest
 
-from soft_continuum.cli.operate import cached_shapes
 from soft_continuum.client.own_file import save_sequence, save_shape
 from soft_continuum.hardware.clock import STEADY
+from soft_continuum.ui.cli.operate import cached_shapes
 from soft_continuum.user_files import saved_shapes
 from support.driver_waits import until
 

@@ -15,8 +15,8 @@ from std_msgs.msg import String
 
 from soft_continuum.commissioning import doctor
 from soft_continuum.commissioning.doctor_sensors import judged
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import tracked_pose_to_ros
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.urdf import arm_urdf
 from support.descriptions import JAMMING
 from support.planar import measured_pose_to_ros

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.analysis.measured_shapes import read_shapes
-from soft_continuum.browser.html import positions_html
-from soft_continuum.cli import measure
 from soft_continuum.client import ClientError
 from soft_continuum.client.measured import mean_of
+from soft_continuum.estimation.sensing.rigid import in_plane, planar_pose
+from soft_continuum.lab.analysis.measured_shapes import read_shapes
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_from_ros, tracked_pose_to_ros
-from soft_continuum.sensing.rigid import in_plane, planar_pose
+from soft_continuum.ros.description import load_arm
 from soft_continuum.sequencing.progress import Phase, Progress
+from soft_continuum.ui.browser.html import positions_html
+from soft_continuum.ui.cli import measure
 from soft_continuum.user_files import description_file
 from support.descriptions import given
 from support.ros_rig import spoil, STREAM

@@ -18,7 +18,7 @@ from soft_continuum.client.own_file import (
     Saved,
     steps_from_text,
 )
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import Shape
 

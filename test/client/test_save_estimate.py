@@ -4,11 +4,12 @@
 
 import pytest
 
-from soft_continuum.cli.save_estimate import estimated_parameters, FILE
 from soft_continuum.client.estimate import LearnedParameter
-from soft_continuum.parameters.files import load_arm, write_parameters
+from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.overrides import Overrides
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.estimates import model_from_ros, parameter_names
+from soft_continuum.ui.cli.save_estimate import estimated_parameters, FILE
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import KinematicsState
 from support.estimated_arm import ARM, learned

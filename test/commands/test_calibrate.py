@@ -7,9 +7,9 @@ import signal
 import pytest
 
 from soft_continuum.commissioning import calibrate
-from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.parameters.files import load_rig
+from soft_continuum.ros.description import load_rig
+from soft_continuum.sim.emulators.grbl import GrblEmulator
 from support.command import CTRL_C, Terminal
 from support.emulated_rig import emulated_rig, is_referenced, reference, shorten, until
 

@@ -13,7 +13,7 @@ import serial
 
 from soft_continuum.commissioning import checks, doctor
 from soft_continuum.commissioning.checks import check_jamming, check_tendons
-from soft_continuum.parameters.files import load_rig
+from soft_continuum.ros.description import load_rig
 from support.descriptions import section
 from support.emulated_rig import emulated_rig, reference, TIMEOUT
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from soft_continuum.commissioning.checks import check_tendons
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters.files import load_rig
+from soft_continuum.ros.description import load_rig
 values = load_rig([Path(path) for path in sys.argv[1:]])
 print([check.step for check in check_tendons(values)])
 driver = make_driver(TENDON_DRIVERS, values['tendon_driver'], values, time.monotonic)

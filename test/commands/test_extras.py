@@ -78,7 +78,7 @@ def call(tmp_path, monkeypatch, capfd):
     def run(line):
         capfd.readouterr()
         monkeypatch.setattr(sys, 'argv', ['soft_continuum'])
-        status = import_module('soft_continuum.cli.main').main(line.split())
+        status = import_module('soft_continuum.ui.cli.main').main(line.split())
         return status, ''.join(capfd.readouterr())
 
     monkeypatch.chdir(tmp_path)

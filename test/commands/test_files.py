@@ -9,15 +9,15 @@ import re
 import numpy as np
 import pytest
 
-from soft_continuum.analysis import characterisation as characterize
-from soft_continuum.analysis import identification as identify
-from soft_continuum.analysis import report, workspace
-from soft_continuum.analysis import validation as validate
-from soft_continuum.analysis.recording import BAG, FILES, Recording, write_tables
-from soft_continuum.cli import export
-from soft_continuum.parameters.files import load_description
+from soft_continuum.lab.analysis import characterisation as characterize
+from soft_continuum.lab.analysis import identification as identify
+from soft_continuum.lab.analysis import report, workspace
+from soft_continuum.lab.analysis import validation as validate
+from soft_continuum.lab.analysis.recording import BAG, FILES, Recording, write_tables
+from soft_continuum.lab.recordings import record
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.recordings import record
+from soft_continuum.ros.description import load_description
+from soft_continuum.ui.cli import export
 
 DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
 POINTS, PULLS = (DATA / f'SIMULATED_paper_{kind}.csv' for kind in ('points', 'pulls'))

@@ -13,18 +13,18 @@ from types import SimpleNamespace
 
 import pytest
 
-from soft_continuum.cli.main import main
-from soft_continuum.commissioning import install_service
-from soft_continuum.commissioning.install_service import (
+from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.logs import choose_log_folder, discard_old_logs, require_log_folder
+from soft_continuum.ros.names import NODES
+from soft_continuum.ui.cli import install_service
+from soft_continuum.ui.cli.install_service import (
     Board,
     boards_of,
     ports_of,
     systemd_units,
     udev_rules,
 )
-from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.logs import choose_log_folder, discard_old_logs, require_log_folder
-from soft_continuum.ros.names import NODES
+from soft_continuum.ui.cli.main import main
 from soft_continuum.user_files import description_file
 
 RIG = """\

@@ -14,12 +14,12 @@ import re
 
 import pytest
 
-from soft_continuum.analysis import characterisation as characterize
-from soft_continuum.analysis import identification as identify
-from soft_continuum.analysis import validation as validate
-from soft_continuum.arguments import Parser
-from soft_continuum.cli import plan
-from soft_continuum.cli.registry import VERBS
+from soft_continuum.lab.analysis import characterisation as characterize
+from soft_continuum.lab.analysis import identification as identify
+from soft_continuum.lab.analysis import validation as validate
+from soft_continuum.parameters.arguments import Parser
+from soft_continuum.ui.cli import plan
+from soft_continuum.ui.cli.registry import VERBS
 
 PACKAGE = Path(__file__).parents[2] / 'soft_continuum'
 OPTION = re.compile(r'(?<![\w-])--[a-z][a-z-]*')

@@ -9,9 +9,9 @@ from pathlib import Path
 from matplotlib.image import imread
 import pytest
 
-from soft_continuum.analysis.delimited import MeasurementError
-from soft_continuum.cli.plan import main
-from soft_continuum.cli.tip_options import read_tip_path
+from soft_continuum.lab.analysis.delimited import MeasurementError
+from soft_continuum.ui.cli.plan import main
+from soft_continuum.ui.cli.tip_options import read_tip_path
 
 OBSTACLES = """
 unit: mm
@@ -61,8 +61,8 @@ def test_a_plan_in_json_is_in_si_units(plan):
 
 
 def test_a_plan_moves(plan, monkeypatch):
-    monkeypatch.setattr('soft_continuum.cli.plan.FRAMES', 3)
-    monkeypatch.setattr('soft_continuum.cli.plan.REST', 1)
+    monkeypatch.setattr('soft_continuum.ui.cli.plan.FRAMES', 3)
+    monkeypatch.setattr('soft_continuum.ui.cli.plan.REST', 1)
     assert plan('150', '220', '--unit', 'mm', '-o', 'plan.gif')[0] == 0
     assert Path('plan.gif').read_bytes().startswith(b'GIF8')
 

@@ -15,12 +15,12 @@ from types import SimpleNamespace
 import pytest
 import setuptools
 
-from soft_continuum import arguments
-from soft_continuum.cli.main import main
-from soft_continuum.cli.registry import VERBS
 from soft_continuum.client.sequence import sequence_result
 from soft_continuum.client.state import progress_of
+from soft_continuum.parameters import arguments
 from soft_continuum.text import printable
+from soft_continuum.ui.cli.main import main
+from soft_continuum.ui.cli.registry import VERBS
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / 'bin' / 'soft_continuum'
@@ -163,7 +163,7 @@ def test_common_options_may_stand_before_the_verb(call):
 
 def test_a_stop_imports_neither_mechanics_nor_numpy():
     ran = subprocess.run(
-        [sys.executable, '-c', 'import sys; from soft_continuum.cli import main, operate; '
+        [sys.executable, '-c', 'import sys; from soft_continuum.ui.cli import main, operate; '
          'import soft_continuum.client.arm; print(*sys.modules)'],
         capture_output=True, text=True, timeout=60, check=True)
     assert not {'numba', 'numpy', 'scipy', 'matplotlib', 'soft_continuum.mechanics',
@@ -174,8 +174,8 @@ def test_options_are_read_before_anything_is_loaded_that_takes_long():
     # Also by TAB, which builds the parser; scipy itself is light, it loads its modules when used.
     ran = subprocess.run([sys.executable, '-c', """
 import sys
-from soft_continuum.cli.main import main
-from soft_continuum.cli.registry import VERBS
+from soft_continuum.ui.cli.main import main
+from soft_continuum.ui.cli.registry import VERBS
 for verb in VERBS.values():
     if verb.completes:
         try:

@@ -28,7 +28,7 @@ METHODS = {
 
 @pytest.mark.parametrize('group', METHODS)
 def test_our_drivers_do_what_the_protocol_asks_for(group):
-    from soft_continuum.parameters.files import load_description
+    from soft_continuum.ros.description import load_description
 
     for name in driver_names(group):
         driver = make_driver(group, name, load_description(), lambda: 0.0)
@@ -70,7 +70,7 @@ def test_the_page_shows_what_stands_in_the_example():
 def test_a_package_that_cannot_be_loaded_fails_only_when_it_is_chosen(tmp_path):
     other_package(tmp_path, 'import no_such_module')
     said = run_with(tmp_path, """
-        from soft_continuum.parameters.files import load_description
+        from soft_continuum.ros.description import load_description
         from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
         from soft_continuum.hardware.protocols import HardwareError
         try:

@@ -11,22 +11,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.emulators.dynamixel import (
+from soft_continuum.sim.emulators.dynamixel import (
     DynamixelEmulator,
     execute_command,
     main,
     make_servos,
 )
-from soft_continuum.emulators.dynamixel_models import MODELS
-from soft_continuum.emulators.dynamixel_motor import SpringTendon
-from soft_continuum.emulators.dynamixel_packets import (
+from soft_continuum.sim.emulators.dynamixel_models import MODELS
+from soft_continuum.sim.emulators.dynamixel_motor import SpringTendon
+from soft_continuum.sim.emulators.dynamixel_packets import (
     BROADCAST,
     Instruction,
     packet,
     PacketReader,
     status,
 )
-from soft_continuum.emulators.dynamixel_servo import BOOT_TIME, DynamixelServo
+from soft_continuum.sim.emulators.dynamixel_servo import BOOT_TIME, DynamixelServo
 from support.driver_waits import until
 from support.virtual_clock import VirtualClock
 

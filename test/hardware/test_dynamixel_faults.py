@@ -12,9 +12,9 @@ from statistics import median
 
 import pytest
 
-from soft_continuum.emulators import dynamixel_motor
-from soft_continuum.emulators.driving import tension_limit
 from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.sim.emulators import dynamixel_motor
+from soft_continuum.sim.emulators.driving import tension_limit
 from support import servo_rig
 from support.servo_rig import (
     BEYOND_TURN,

@@ -11,7 +11,6 @@ import pytest
 
 from soft_continuum.commissioning.calibrate import main as calibrate
 from soft_continuum.commissioning.calibrate_servos import main as calibrate_servos
-from soft_continuum.emulators.dynamixel_packets import crc, Instruction, packet, STATUS
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import FAIL, OK, WARN
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
@@ -21,8 +20,9 @@ from soft_continuum.hardware.dynamixel.commissioning import checks, clear_zero
 from soft_continuum.hardware.dynamixel.exchange import ServoState, Written
 from soft_continuum.hardware.dynamixel.reference import mark, marked_zero, zero_within_turn
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.parameters.files import load_rig
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.description import load_rig
+from soft_continuum.sim.emulators.dynamixel_packets import crc, Instruction, packet, STATUS
 from support.driver_waits import at_rest
 from support.servo_rig import driver_of, PULSE_PULL, refusal, rig, servos, spools
 

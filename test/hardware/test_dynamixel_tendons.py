@@ -7,12 +7,12 @@ import re
 
 import pytest
 
-from soft_continuum.emulators import dynamixel_motor, dynamixel_servo
-from soft_continuum.emulators.driving import SPOOL_RADIUS
-from soft_continuum.emulators.dynamixel_packets import Error, Instruction
 from soft_continuum.hardware.dynamixel.following import Track
 from soft_continuum.hardware.dynamixel.reference import ZeroFile
 from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.sim.emulators import dynamixel_motor, dynamixel_servo
+from soft_continuum.sim.emulators.driving import SPOOL_RADIUS
+from soft_continuum.sim.emulators.dynamixel_packets import Error, Instruction
 from support.driver_waits import at_rest, failed
 from support.servo_rig import (
     BEYOND_TURN,

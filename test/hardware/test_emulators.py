@@ -8,9 +8,9 @@ import sys
 
 import pytest
 
-from soft_continuum.emulators import dynamixel, grbl, modbus
-from soft_continuum.emulators.dynamixel_packets import Instruction, packet
 from soft_continuum.hardware.serial_ports import open_serial
+from soft_continuum.sim.emulators import dynamixel, grbl, modbus
+from soft_continuum.sim.emulators.dynamixel_packets import Instruction, packet
 from support.grbl_rig import board
 from support.modbus_line import emulated
 from support.servo_rig import servos

@@ -17,8 +17,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.emulators import dynamixel_packets, modbus
-from soft_continuum.emulators.dynamixel_packets import (
+from soft_continuum.hardware.clock import Clock
+from soft_continuum.hardware.dynamixel import bus as dynamixel_bus
+from soft_continuum.hardware.dynamixel.registers import TORQUE_ENABLE
+from soft_continuum.hardware.modbus import bus as modbus_bus
+from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.hardware.serial_ports import open_serial
+from soft_continuum.sim.emulators import dynamixel_packets, modbus
+from soft_continuum.sim.emulators.dynamixel_packets import (
     BROADCAST,
     fast_blocks,
     HEADER,
@@ -27,12 +33,6 @@ from soft_continuum.emulators.dynamixel_packets import (
     status,
     STUFFED,
 )
-from soft_continuum.hardware.clock import Clock
-from soft_continuum.hardware.dynamixel import bus as dynamixel_bus
-from soft_continuum.hardware.dynamixel.registers import TORQUE_ENABLE
-from soft_continuum.hardware.modbus import bus as modbus_bus
-from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_ports import open_serial
 from support.modbus_line import AMBIENT, connected, emulated, eventually, receive
 
 CASES = int(os.environ.get('FUZZ_CASES', '60'))

@@ -6,12 +6,12 @@ from contextlib import contextmanager, ExitStack
 
 import pytest
 
-from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblBoards, GrblTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.sim.emulators.grbl import GrblEmulator
 from support.driver_waits import at_rest, until
 from support.grbl_rig import ACCELERATION, driver, SPEED
 from support.virtual_clock import VirtualClock

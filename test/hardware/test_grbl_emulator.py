@@ -7,9 +7,9 @@ import os
 import pytest
 import serial
 
-from soft_continuum.emulators.grbl import GrblEmulator
-from soft_continuum.emulators.grbl_firmware import RECEIVE_BUFFER
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.sim.emulators.grbl import GrblEmulator
+from soft_continuum.sim.emulators.grbl_firmware import RECEIVE_BUFFER
 from support.driver_waits import until
 from support.grbl_rig import board
 

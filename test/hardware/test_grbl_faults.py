@@ -7,9 +7,9 @@ import threading
 
 import pytest
 
-from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.serial_ports import open_serial
+from soft_continuum.sim.emulators.grbl import GrblEmulator
 from support.driver_waits import at_rest, failed, until
 from support.grbl_rig import board, driver, in_motion, rig, settled, standing, STEP, steps
 from support.virtual_clock import LateClock

@@ -14,7 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from soft_continuum.emulators.grbl_firmware import GrblFirmware
 from soft_continuum.hardware.grbl.link import (
     Acknowledgement,
     Alarm,
@@ -31,6 +30,7 @@ from soft_continuum.hardware.grbl.link import (
 from soft_continuum.hardware.grbl.motion import JogStream, Motors, subtract
 from soft_continuum.hardware.grbl.session import BUSY, Event, GrblState, next_state
 from soft_continuum.hardware.grbl.setup import MODES
+from soft_continuum.sim.emulators.grbl_firmware import GrblFirmware
 from support.grbl_rig import ACCELERATION, SPEED, STEPS_PER_MM, TENDONS
 
 

@@ -7,8 +7,8 @@ import tty
 
 import pytest
 
-from soft_continuum.emulators.modbus import crc, execute_command
 from soft_continuum.hardware.serial_ports import open_serial
+from soft_continuum.sim.emulators.modbus import crc, execute_command
 from support.modbus_line import emulated, eventually, receive
 
 NO_ANSWER_TIME = 0.5  # s without an answer

@@ -14,7 +14,6 @@ import termios
 
 import pytest
 
-from soft_continuum.emulators.modbus import crc, execute_command
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.jamming_controller import (
     JammingController,
@@ -26,6 +25,7 @@ from soft_continuum.hardware.modbus.jamming import COILS_INTERVAL, ModbusJamming
 from soft_continuum.hardware.modbus.regulators import ModbusRegulators, Outputs
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.sim.emulators.modbus import crc, execute_command
 from support.modbus_line import (
     AMBIENT,
     connected,

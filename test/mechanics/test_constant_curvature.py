@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from soft_continuum.mechanics import ArmError, constant_curvature, Disc, Segment, Tendon
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.mechanics.space.chain import SpaceChain
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file
 from support import paper_arm as paper
 from support.flat_arm import about_y, arcs_of, flat_arm, guides_of, of_segments

@@ -17,7 +17,7 @@ from soft_continuum.mechanics import Jam, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, Disc, Segment, Wrench
 from soft_continuum.mechanics.chain import SLACK
 from soft_continuum.mechanics.space.statics import SpaceStatics
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from support import paper_arm as paper
 from support.spatial_arms import mirrored, near_its_limit, turned
 from support.spatial_arms import three_segments as arm

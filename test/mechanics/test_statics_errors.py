@@ -39,7 +39,7 @@ from soft_continuum.mechanics import (
     Wrench,
 )
 from soft_continuum.mechanics.arm import tendon_pair
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file
 from support import paper_arm as paper
 from support.energy_reference import Reference

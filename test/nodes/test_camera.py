@@ -15,11 +15,11 @@ from rclpy.time import Time
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
+from soft_continuum.estimation.sensing.layout import FRONT
+from soft_continuum.estimation.sensing.rigid import displacement, planar_pose
 from soft_continuum.nodes import camera
 from soft_continuum.ros.conversions import CHANNELS, grey_message, grey_picture, pose_from_ros
 from soft_continuum.ros.qos import LATCHED, SENSOR
-from soft_continuum.sensing.layout import FRONT
-from soft_continuum.sensing.rigid import displacement, planar_pose
 from support.descriptions import given_in
 from support.planar import planar
 from support.ros_rig import STREAM

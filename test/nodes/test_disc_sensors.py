@@ -14,11 +14,11 @@ from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 import yaml
 
+from soft_continuum.estimation.sensing.tare import WINDOW
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.qos import LATCHED
-from soft_continuum.sensing.tare import WINDOW
 from support.descriptions import given_in, JAMMING, PLANAR
 from support.planar import planar
 from support.ros_rig import pairs, spoil, STREAM

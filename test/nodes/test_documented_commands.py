@@ -20,13 +20,13 @@ import pytest
 from sensor_msgs.msg import Imu, JointState
 import yaml
 
-from soft_continuum.arguments import COMMON_OPTIONS
-from soft_continuum.cli import demo
-from soft_continuum.cli.main import main
-from soft_continuum.cli.processes import NodeProcesses
 from soft_continuum.client import Arm
-from soft_continuum.parameters.files import load_description
+from soft_continuum.parameters.arguments import COMMON_OPTIONS
+from soft_continuum.ros.description import load_description
 from soft_continuum.ros.names import NODES
+from soft_continuum.ui.cli import demo
+from soft_continuum.ui.cli.main import main
+from soft_continuum.ui.cli.processes import NodeProcesses
 from soft_continuum.user_files import description_file
 from support import ros2_commands
 from support.documented_commands import (

@@ -22,12 +22,12 @@ from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.node_info import NodeInfo
 from soft_continuum.nodes.threads import Newest
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import (
     equilibrium_from_ros,
     equilibrium_to_ros,
     tracked_pose_to_ros,
 )
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.entries import MAX_BYTES, serve, subscribe
 from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
 from soft_continuum.ros.urdf import arm_urdf

@@ -12,8 +12,8 @@ from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.estimation.unknowns import STRETCH
 from soft_continuum.mechanics import Statics, StaticsError
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import measured_pose_from_ros, poses_from_ros
+from soft_continuum.ros.description import load_arm
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, JammingValvesState, KinematicsState
 from support.descriptions import given, JAMMING, PLANAR

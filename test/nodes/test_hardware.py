@@ -15,11 +15,11 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
-from soft_continuum.emulators import modbus
-from soft_continuum.emulators.grbl import GrblEmulator
-from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.nodes import managed_node, shape_sequencer
+from soft_continuum.sim.emulators import modbus
+from soft_continuum.sim.emulators.grbl import GrblEmulator
+from soft_continuum.sim.emulators.modbus import ModbusEmulator
 from soft_continuum_interfaces.action import RunShapeSequence
 from support.ros_rig import assert_declined, LATCHED, Rig
 

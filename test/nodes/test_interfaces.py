@@ -15,8 +15,7 @@ from rclpy.action import (
     get_action_server_names_and_types_by_node,
 )
 
-from soft_continuum.cli.policy import policy
-from soft_continuum.parameters.files import load_rig
+from soft_continuum.ros.description import load_rig
 from soft_continuum.ros.interface_tables import (
     documented_nodes,
     interfaces,
@@ -24,6 +23,7 @@ from soft_continuum.ros.interface_tables import (
     OF_LIFECYCLE_NODES,
 )
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP
+from soft_continuum.ui.cli.policy import policy
 from soft_continuum.user_files import description_file
 from support.policies import allowed, used
 from support.ros_rig import ALL, DEADLINE

@@ -10,8 +10,16 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
-from soft_continuum.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere, turned_by
-from soft_continuum.obstacles.files import load_obstacles
+from soft_continuum.planning.obstacles import (
+    Box,
+    Capsule,
+    Cylinder,
+    Mesh,
+    Obstacle,
+    Sphere,
+    turned_by,
+)
+from soft_continuum.planning.obstacles.files import load_obstacles
 from soft_continuum.ros.obstacles import (
     is_decoration,
     name_of,

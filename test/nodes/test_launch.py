@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from soft_continuum.cli import up
-from soft_continuum.cli.up import check_launch, check_twin, chosen_nodes, start_parser
 from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes.parameter_table import default_frame
 from soft_continuum.nodes.runtime import check_parameter_files
 from soft_continuum.parameters.overrides import full_name_of
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.parameter_table import default_frame
+from soft_continuum.ui.cli import up
+from soft_continuum.ui.cli.up import check_launch, check_twin, chosen_nodes, start_parser
 from soft_continuum.user_files import description_file
 from support.descriptions import section
 from support.launch_stand_in import DeclareLaunchArgument, description, launched

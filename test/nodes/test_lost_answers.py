@@ -9,13 +9,13 @@ import rclpy
 from rclpy.action import ActionClient
 from std_srvs.srv import SetBool
 
-from soft_continuum.browser.session import PageSession
 from soft_continuum.client import requests as client_requests
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError
+from soft_continuum.lab.recordings import recorder as recorder_node
 from soft_continuum.nodes.sequence_server import SequenceServer
-from soft_continuum.recordings import recorder as recorder_node
-from soft_continuum.teleop import steered_arm
+from soft_continuum.ui.browser.session import PageSession
+from soft_continuum.ui.teleop import steered_arm
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import RecorderState
 from support.joystick import Joystick, LB, RIGHT

@@ -12,7 +12,7 @@ import pytest
 from rclpy.serialization import serialize_message
 
 from soft_continuum.nodes.measurements import MeasuredPoses, REPORT_DELAY, TensionCheck
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum.user_files import description_file

@@ -12,8 +12,8 @@ from std_msgs.msg import String
 from soft_continuum import version
 from soft_continuum.nodes.node_info import HeartbeatReader, NodeInfo
 from soft_continuum.parameters.arm import ARM_PARAMETERS, description_digest
-from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.scalars import read_scalar
+from soft_continuum.ros.description import load_description
 from soft_continuum.ros.names import DISC_SENSORS, KINEMATICS, SERVO, TENDON_ACTUATION
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import Heartbeat

@@ -13,11 +13,8 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.parameter import parameter_value_to_python
 
-from soft_continuum.cli.main import main
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.runtime import run
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import FRAME_NAME, ParameterError, TOPIC_NAME
 from soft_continuum.parameters.shapes import (
     direction_parameter,
@@ -29,6 +26,9 @@ from soft_continuum.parameters.shapes import (
     vacuum_parameter,
     VACUUM_PREFIX,
 )
+from soft_continuum.ros.description import load_description
+from soft_continuum.ros.parameter_table import NODE_PARAMETERS
+from soft_continuum.ui.cli.main import main
 from soft_continuum.user_files import description_file
 from support.descriptions import given_in
 from support.documented_commands import kept_signal_handlers

@@ -11,8 +11,8 @@ import pytest
 
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes.planning import PlanGuard
-from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.plans import PlannedStep, Shape, ShapePlan
+from soft_continuum.planning.plans import PlannedStep, Shape, ShapePlan
+from soft_continuum.ros.description import load_arm
 
 ARM = load_arm(Path(__file__).parents[2] / 'config' / 'manipulator.yaml')
 STATE = Chain(ARM).straight()

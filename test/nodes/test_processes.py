@@ -12,8 +12,8 @@ import time
 
 import pytest
 
-from soft_continuum.cli.main import main
 from soft_continuum.ros.network import PARENT
+from soft_continuum.ui.cli.main import main
 from soft_continuum.user_files import description_file
 from support.documented_commands import kept_signal_handlers
 from support.processes import assert_ended_in_peace, module_command
@@ -45,7 +45,7 @@ def test_a_signal_while_python_takes_a_process_down_does_not_change_how_it_ended
     late.write_text(f"""\
 import os, signal, sys
 from functools import partial
-from soft_continuum.cli import up
+from soft_continuum.ui.cli import up
 from soft_continuum.nodes import runtime
 
 class Late:
@@ -105,7 +105,7 @@ subprocess.run(sys.argv[1:], env={{**os.environ, {PARENT!r}: str(os.getpid())}})
 """
 BY_UP = """\
 import sys
-from soft_continuum.cli.processes import Child
+from soft_continuum.ui.cli.processes import Child
 Child('kinematics', sys.argv[5:], 'alone')._process.wait()
 """
 

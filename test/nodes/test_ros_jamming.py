@@ -12,9 +12,9 @@ from std_msgs.msg import Bool
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.description import load_description
+from soft_continuum.ros.parameter_table import NODE_PARAMETERS
 from soft_continuum.ros_topics import device
 from support.ros2_control import OtherNodes, until
 from support.ros_valves import AMBIENT, REGULATORS, Regulators, VALVES, Valves

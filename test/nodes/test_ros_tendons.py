@@ -13,8 +13,8 @@ from std_msgs.msg import Bool, Float64MultiArray
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
-from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.description import load_description
+from soft_continuum.ros.parameter_table import NODE_PARAMETERS
 from soft_continuum.ros_topics import device
 from support.ros2_control import Controllers, DEADLINE, JOINTS, OtherNodes, until
 

@@ -9,7 +9,8 @@ from sensor_msgs.msg import JointState
 
 from soft_continuum.commissioning import calibrate, doctor
 from soft_continuum.hardware.drivers import driver_topics
-from soft_continuum.parameters.files import load_rig, write_parameters
+from soft_continuum.parameters.files import write_parameters
+from soft_continuum.ros.description import load_rig
 from soft_continuum.ros_topics import commissioning
 from support.ros2_control import Controllers, JOINTS, OtherNodes
 from support.ros_valves import VALVES, Valves

@@ -17,8 +17,8 @@ from std_srvs.srv import SetBool
 
 from soft_continuum.mechanics import Statics
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_to_ros
+from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import TendonTrajectory
 from support.ros_rig import assert_declined, LATCHED, pairs, RELIABLE, trajectory

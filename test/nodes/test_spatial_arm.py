@@ -12,8 +12,8 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.nodes import conflicts
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_from_ros
+from soft_continuum.ros.description import load_arm
 from soft_continuum_interfaces.msg import MotionRequest, TeleopState
 from support.descriptions import check_urdf, given, JAMMING, TENDON_ARM
 from support.ros_rig import DEADLINE, LATCHED, RELIABLE, trajectory

@@ -19,11 +19,11 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.plot import plot
 from soft_continuum.nodes import servo
-from soft_continuum.parameters.files import load_arm, load_description
 from soft_continuum.ros.conversions import pose_from_ros, poses_from_ros
+from soft_continuum.ros.description import load_arm, load_description
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.sequencing.servo import AngleServo
-from soft_continuum.teleop import steered_arm
+from soft_continuum.ui.teleop import steered_arm
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape
 from support.descriptions import given, JAMMING, TENDON_ARM

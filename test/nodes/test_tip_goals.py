@@ -9,7 +9,7 @@ import pytest
 from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.nodes import planning
-from soft_continuum.sequencing.plans import PlanError
+from soft_continuum.planning.plans import PlanError
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, TipGoal
 from soft_continuum_interfaces.srv import PlanShapes

@@ -5,7 +5,7 @@
 import pytest
 from sensor_msgs.msg import JointState
 
-from soft_continuum.nodes.parameter_table import DESCRIBED
+from soft_continuum.ros.parameter_table import DESCRIBED
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import JammingValvesState
 from support.ros_rig import ALL, QUICK, trajectory

@@ -15,8 +15,8 @@ import yaml
 from soft_continuum.colours import PREDICTED, WRONG
 from soft_continuum.mechanics import Chain
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_from_ros
+from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file
 from support.descriptions import check_urdf
 from support.ros2_commands import interface

@@ -24,12 +24,12 @@ from soft_continuum.mechanics.arm import Wrench
 from soft_continuum.mechanics.chain import SLACK
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.statics import PRETENSIONS, Statics
-from soft_continuum.obstacles import Box, CollisionScene, Obstacle, Sphere
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.sequencing.planner import Planner, PlanSettings
-from soft_continuum.sequencing.plans import Shape, TipGoal
-from soft_continuum.sequencing.reach import ReachSettings
-from soft_continuum.sequencing.shape_plans import plan_shapes, plans_to
+from soft_continuum.planning.obstacles import Box, CollisionScene, Obstacle, Sphere
+from soft_continuum.planning.planner import Planner, PlanSettings
+from soft_continuum.planning.plans import Shape, TipGoal
+from soft_continuum.planning.reach import ReachSettings
+from soft_continuum.planning.shape_plans import plan_shapes, plans_to
 
 Numbers = dict[str, Any]
 SHAPES = {'box': lambda o: Box(tuple(o['size'])), 'sphere': lambda o: Sphere(o['radius'])}

@@ -13,11 +13,11 @@ import io
 from pathlib import Path
 import tempfile
 
-from soft_continuum.cli.main import main as run_verb
-from soft_continuum.cli.reference import cells, markdown_table, parameter_tables
-from soft_continuum.commissioning.install_service import systemd_units
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.urdf import arm_urdf
+from soft_continuum.ui.cli.install_service import systemd_units
+from soft_continuum.ui.cli.main import main as run_verb
+from soft_continuum.ui.cli.reference import cells, markdown_table, parameter_tables
 
 HERE = Path(__file__).resolve().parent
 PAGES = HERE / 'pages'

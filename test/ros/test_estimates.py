@@ -10,17 +10,17 @@ import pytest
 
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
+from soft_continuum.estimation.sensing.rigid import in_plane
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.estimates import (
     estimate_to_ros,
     model_from_ros,
     parameter_names,
     parameters_to_ros,
 )
-from soft_continuum.sensing.rigid import in_plane
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
 from support.flat_arm import of_segments

@@ -15,20 +15,20 @@ from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
-from soft_continuum.parameters.files import load_arm
-from soft_continuum.sequencing.bending_map import (
+from soft_continuum.planning.bending_map import (
     bending_map,
     BendingLimits,
     complex_bending,
     LINE_STEP,
 )
+from soft_continuum.ros.description import load_arm
 from soft_continuum.sequencing.servo import (
     AngleServo,
     HeldSegmentMovedError,
     ServoSettings,
     TargetError,
 )
-from soft_continuum.twin.model_errors import read_model_errors
+from soft_continuum.sim.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 from support.spatial_arms import in_space
 

@@ -9,9 +9,9 @@ import re
 import numpy as np
 import pytest
 
-from soft_continuum.sequencing.plans import Shape
+from soft_continuum.planning.plans import Shape
+from soft_continuum.planning.settings import ABORT, GO_ON, PAUSE
 from soft_continuum.sequencing.progress import Code, Phase
-from soft_continuum.sequencing.settings import ABORT, GO_ON, PAUSE
 from support.measured_rig import LOOP, MeasuredRig, REACHED, SHAPE
 from support.virtual_rig import (
     ARM,

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
+from soft_continuum.planning.planner import Planner, PlanSettings
+from soft_continuum.planning.plans import Shape
+from soft_continuum.planning.settings import RunnerSettings
+from soft_continuum.planning.shape_plans import plans_to
+from soft_continuum.ros.description import load_description
 from soft_continuum.sequencing.arm_port import Failure, Observation
-from soft_continuum.sequencing.planner import Planner, PlanSettings
-from soft_continuum.sequencing.plans import Shape
 from soft_continuum.sequencing.progress import Code, Phase, Progress
 from soft_continuum.sequencing.runner import Runner
-from soft_continuum.sequencing.settings import RunnerSettings
-from soft_continuum.sequencing.shape_plans import plans_to
 from support.flat_arm import of_segments
 from support.virtual_rig import (
     ARM,

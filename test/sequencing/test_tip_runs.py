@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.obstacles import CollisionScene, Obstacle, Sphere
-from soft_continuum.sequencing.plan_watch import PlanWatch
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import ObstructedError, PlanError, Shape, TipGoal
+from soft_continuum.planning.obstacles import CollisionScene, Obstacle, Sphere
+from soft_continuum.planning.plan_watch import PlanWatch
+from soft_continuum.planning.planner import Planner
+from soft_continuum.planning.plans import ObstructedError, PlanError, Shape, TipGoal
+from soft_continuum.planning.reach import ReachSettings
+from soft_continuum.planning.shape_plans import plan_shapes, plans_of
 from soft_continuum.sequencing.progress import Code
-from soft_continuum.sequencing.reach import ReachSettings
-from soft_continuum.sequencing.shape_plans import plan_shapes, plans_of
 from support.measured_rig import MeasuredRig
 from support.virtual_rig import (
     ARM,

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from soft_continuum.analysis.curves import read_curves
-from soft_continuum.analysis.delimited import MeasurementError
+from soft_continuum.lab.analysis.curves import read_curves
+from soft_continuum.lab.analysis.delimited import MeasurementError
 
 SLOPE = 72.0  # N/m, the paper's
 LENGTH, LEVER_ARM = 0.07, 0.025  # m

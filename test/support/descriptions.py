@@ -10,9 +10,10 @@ import mujoco
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.nodes.parameter_table import ALL_PARAMETERS
-from soft_continuum.parameters.files import given_parameters, UNCHECKED
+from soft_continuum.parameters.files import given_parameters
 from soft_continuum.parameters.overrides import full_name, Overrides
+from soft_continuum.ros.description import UNCHECKED
+from soft_continuum.ros.parameter_table import ALL_PARAMETERS
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 PLANAR, TENDON_ARM, JAMMING = (

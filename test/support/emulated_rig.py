@@ -10,10 +10,10 @@ from unittest.mock import patch
 
 import yaml
 
-from soft_continuum.emulators.grbl import GrblEmulator
-from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.grbl import session as grbl_session
+from soft_continuum.sim.emulators.grbl import GrblEmulator
+from soft_continuum.sim.emulators.modbus import ModbusEmulator
 from support import driver_waits, grbl_rig
 from support.virtual_clock import VirtualClock
 

@@ -21,8 +21,8 @@ from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.orientations import full_poses
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import poses_to_ros
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.names import NODES
 from soft_continuum.ros.urdf import joint_names

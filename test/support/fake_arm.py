@@ -12,8 +12,8 @@ from sensor_msgs.msg import JointState
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.ros.conversions import equilibrium_from_ros, tracked_pose_to_ros
+from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum.user_files import description_file

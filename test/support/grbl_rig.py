@@ -4,10 +4,10 @@
 
 from contextlib import contextmanager
 
-from soft_continuum.emulators.grbl import GrblEmulator
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblTendons
+from soft_continuum.sim.emulators.grbl import GrblEmulator
 from support.driver_waits import until
 from support.virtual_clock import VirtualClock
 

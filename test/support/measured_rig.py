@@ -9,15 +9,15 @@ import numpy as np
 
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
+from soft_continuum.estimation.sensing.rigid import in_plane
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.plane.statics import PlaneStatics
-from soft_continuum.sensing.rigid import in_plane
-from soft_continuum.sequencing.aiming import Aim, next_step, segments_worth_correcting
+from soft_continuum.planning.aiming import Aim, next_step, segments_worth_correcting
+from soft_continuum.planning.planner import Planner
+from soft_continuum.planning.plans import Shape
+from soft_continuum.planning.settings import LoopSettings
+from soft_continuum.planning.shape_plans import plans_to
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.planner import Planner
-from soft_continuum.sequencing.plans import Shape
-from soft_continuum.sequencing.settings import LoopSettings
-from soft_continuum.sequencing.shape_plans import plans_to
 from support.flat_arm import of_segments
 from support.paper_arm import plane_points
 from support.virtual_rig import ARM, STEP, VirtualRig

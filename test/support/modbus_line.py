@@ -4,12 +4,12 @@
 
 from contextlib import contextmanager
 
-from soft_continuum.emulators.modbus import ModbusEmulator
 from soft_continuum.hardware.modbus.bus import ModbusBus
 from soft_continuum.hardware.modbus.jamming import ModbusJamming, registers_from_parameters
 from soft_continuum.hardware.modbus.regulators import ModbusRegulators, Outputs
 from soft_continuum.hardware.modbus.transmitters import Transmitters
 from soft_continuum.hardware.protocols import HardwareError
+from soft_continuum.sim.emulators.modbus import ModbusEmulator
 from support.virtual_clock import VirtualClock
 
 AMBIENT = 101325.0

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from soft_continuum.parameters.files import load_arm
-from soft_continuum.sensing.rigid import planar_pose
-from soft_continuum.twin.model_errors import read_model_errors
-from soft_continuum.twin.plant import Plant, TIME_STEP
+from soft_continuum.estimation.sensing.rigid import planar_pose
+from soft_continuum.ros.description import load_arm
+from soft_continuum.sim.twin.model_errors import read_model_errors
+from soft_continuum.sim.twin.plant import Plant, TIME_STEP
 from soft_continuum.user_files import description_file
 
 ARM = load_arm(description_file())

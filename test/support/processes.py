@@ -14,7 +14,7 @@ from typing import Any
 
 from ament_index_python.packages import get_package_prefix
 
-from soft_continuum.cli.processes import END_TIMEOUT
+from soft_continuum.ui.cli.processes import END_TIMEOUT
 from soft_continuum.user_files import description_file
 
 DEADLINE = 60.0  # s

@@ -39,12 +39,12 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from soft_continuum.nodes.parameter_table import NODE_PARAMETERS
 from soft_continuum.nodes.runtime import node_class
-from soft_continuum.parameters.files import load_description
 from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX
+from soft_continuum.ros.description import load_description
 from soft_continuum.ros.executor import make_executor
 from soft_continuum.ros.names import NODES
+from soft_continuum.ros.parameter_table import NODE_PARAMETERS
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (

@@ -5,7 +5,7 @@
 from dataclasses import dataclass
 from random import Random
 
-from soft_continuum.emulators.dynamixel import DynamixelEmulator
+from soft_continuum.sim.emulators.dynamixel import DynamixelEmulator
 from support.servo_rig import ServoRig, somewhere, WrongStateError
 
 MAX_STOP_TIME, MEDIAN_STOP_TIME = 0.15, 0.1  # s

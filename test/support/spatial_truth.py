@@ -8,7 +8,7 @@ import numpy as np
 
 from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.mechanics.space.statics import SpaceStatics
-from soft_continuum.parameters.files import load_arm
+from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file
 from support.true_arm import Session, TrueArm
 

@@ -5,9 +5,9 @@
 import generate as specimen
 import numpy as np
 
-from soft_continuum.analysis.measured_shapes import MeasuredShape
+from soft_continuum.lab.analysis.measured_shapes import MeasuredShape
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
+from soft_continuum.ros.description import load_description
 
 TRUE = specimen.specimen()
 DESCRIPTION = load_description() | specimen.weighed()

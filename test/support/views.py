@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from soft_continuum.estimation.sensing.layout import FRONT, layout_of
+from soft_continuum.estimation.sensing.rigid import displacement
 from soft_continuum.mechanics import Chain
 from soft_continuum.parameters.arm import arm_from_parameters
-from soft_continuum.parameters.files import load_description
-from soft_continuum.sensing.layout import FRONT, layout_of
-from soft_continuum.sensing.rigid import displacement
-from soft_continuum.twin.camera import TwinCamera
-from soft_continuum.twin.model_errors import read_model_errors
+from soft_continuum.ros.description import load_description
+from soft_continuum.sim.twin.camera import TwinCamera
+from soft_continuum.sim.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file
 
 EXACT = {'tag_offset': 0.0, 'fixed_offset': 0.0, 'depth_offset': 0.0}

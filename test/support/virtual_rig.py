@@ -23,14 +23,14 @@ from soft_continuum.hardware.tendon_controller import (
     TendonLimits,
 )
 from soft_continuum.mechanics import Statics
-from soft_continuum.parameters.files import load_arm
 from soft_continuum.parameters.shapes import PAPER_SHAPES
+from soft_continuum.planning.planner import Planner, PlanSettings
+from soft_continuum.planning.settings import RunnerSettings
+from soft_continuum.planning.shape_plans import plans_to
+from soft_continuum.ros.description import load_arm
 from soft_continuum.sequencing.arm_port import Failure, Observation
-from soft_continuum.sequencing.planner import Planner, PlanSettings
 from soft_continuum.sequencing.progress import Code
 from soft_continuum.sequencing.runner import Runner
-from soft_continuum.sequencing.settings import RunnerSettings
-from soft_continuum.sequencing.shape_plans import plans_to
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM, LIBRARY = load_arm(DESCRIPTION), PAPER_SHAPES

@@ -4,8 +4,8 @@
 
 import pytest
 
-from soft_continuum.teleop.enable_button import EnableButton
-from soft_continuum.teleop.pad import PadState
+from soft_continuum.ui.teleop.enable_button import EnableButton
+from soft_continuum.ui.teleop.pad import PadState
 
 HELD = frozenset({'enable'})
 REST = PadState()

@@ -4,9 +4,9 @@
 
 import pytest
 
-from soft_continuum.cli.teleop import HELP, in_keys, screen_lines
-from soft_continuum.teleop.enable_button import EnableButton, RELEASE
-from soft_continuum.teleop.keyboard import Keyboard
+from soft_continuum.ui.cli.teleop import HELP, in_keys, screen_lines
+from soft_continuum.ui.teleop.enable_button import EnableButton, RELEASE
+from soft_continuum.ui.teleop.keyboard import Keyboard
 
 
 class Typist:

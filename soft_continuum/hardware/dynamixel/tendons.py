@@ -39,7 +39,7 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
     DEVICE = 'the Dynamixel servos are'
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.dynamixel.commissioning'
-    EMULATOR = 'soft_continuum.emulators.dynamixel'
+    EMULATOR = 'soft_continuum.sim.emulators.dynamixel'
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]) -> Self:

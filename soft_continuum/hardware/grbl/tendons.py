@@ -43,7 +43,7 @@ class GrblTendons(SerialTendons[GrblLink, GrblSession]):
     DEVICE = 'the GRBL controller is'
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.grbl.commissioning'
-    EMULATOR = 'soft_continuum.emulators.grbl'
+    EMULATOR = 'soft_continuum.sim.emulators.grbl'
 
     @classmethod
     def from_parameters(cls, values: Mapping[str, Any], clock: Callable[[], float]

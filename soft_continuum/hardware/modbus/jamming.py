@@ -68,7 +68,7 @@ class ModbusJamming:
 
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.modbus.commissioning'
-    EMULATOR = 'soft_continuum.emulators.modbus'
+    EMULATOR = 'soft_continuum.sim.emulators.modbus'
 
     def __init__(self, bus: ModbusBus, registers: RegisterMap) -> None:
         """Use ``bus`` exclusively."""

@@ -1,0 +1,125 @@
+# Copyright 2026 The soft_continuum authors
+# SPDX-License-Identifier: Apache-2.0
+"""Plans that were shown are run, as long as nothing has changed since."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from soft_continuum.mechanics.chain import Chain
+from soft_continuum.nodes.planning import Planning
+from soft_continuum.planning.obstacles import CollisionScene
+from soft_continuum.planning.plan_watch import KeptPlans
+from soft_continuum.planning.planner import Planner
+from soft_continuum.planning.plans import Shape, TipGoal
+from soft_continuum.planning.reach import ReachSettings
+from soft_continuum.planning.shape_plans import plan_shapes
+from soft_continuum.ros.estimates import Model
+from soft_continuum.ros.names import SHAPE_SEQUENCER
+from soft_continuum.ros.parameter_table import NODE_PARAMETERS
+from soft_continuum.sequencing.arm_port import Observation
+from support.virtual_rig import ARM, PLAN_SETTINGS
+
+TIP = Shape('tip', (), 1.0, tips=(TipGoal(np.array((0.15, 0.0, 0.22))),))
+BOW = Shape('bow', (0.3, 0.2, 0.1), 0.5)
+SHAPES = [TIP, BOW]
+SITUATION = 7, 'obstacles'
+TOLERANCE = 1e-3  # rad
+
+
+@pytest.fixture(scope='module')
+def found():
+    planner = Planner(ARM, PLAN_SETTINGS)
+    return list(plan_shapes(planner, planner.statics.chain.straight(), (0.0, 0.0), SHAPES,
+                            CollisionScene(ARM), ReachSettings(time_limit=np.inf), first=True))
+
+
+@pytest.fixture
+def kept(found):
+    plans = KeptPlans()
+    plans.keep(SITUATION, Planner(ARM, PLAN_SETTINGS).statics.chain.straight(), (0.0, 0.0),
+               SHAPES, found)
+    return plans
+
+
+def find(kept, shapes, situation=SITUATION, bending=((0.0, 0.0),) * 3, pulls=(0.0, 0.0),
+         take=False):
+    return kept.find(situation, np.array(bending), lambda begin: np.allclose(begin, pulls),
+                     shapes, TOLERANCE, take)
+
+
+def test_the_same_shapes_from_the_same_place_have_the_plans_that_were_kept(kept, found):
+    plans = find(kept, SHAPES)
+    assert [plan.moves for plan in plans] == [one.plan.moves for one in found]
+
+
+def test_names_and_hold_times_are_those_that_are_asked_for(kept):
+    asked = replace(BOW, name='other', hold_time=9.0), replace(TIP, name='there', hold_time=3.0)
+    plan, = find(kept, asked[1:])
+    assert (plan.shape.name, plan.shape.hold_time) == ('there', 3.0)
+
+
+def test_a_later_shape_has_its_plan_from_where_the_one_before_it_ends(kept, found):
+    before = found[0].plan
+    begin = {'bending': before.state.bending, 'pulls': before.moves[-1].pulls[-1]}
+    assert find(kept, [BOW], **begin)[0].moves is found[1].plan.moves
+    assert not find(kept, [BOW])
+    assert not find(kept, [TIP], **begin)
+
+
+@pytest.mark.parametrize('change', [
+    {'situation': (8, 'obstacles')}, {'bending': ((0.0, 0.0), (0.0, 0.002), (0.0, 0.0))},
+    {'pulls': (0.001, 0.0)}])
+def test_nothing_is_found_once_something_has_changed(kept, change):
+    assert find(kept, [TIP]) and not find(kept, [TIP], **change)
+
+
+@pytest.mark.parametrize('shapes', [
+    [BOW], [TIP, TIP], [*SHAPES, BOW], [replace(TIP, vacuums=(8e4,) * 3)],
+    [replace(TIP, tips=(TipGoal(np.array((0.15, 0.0, 0.221))),))],
+    [replace(TIP, tips=(replace(TIP.tips[0], position_tolerance=2e-3),))]])
+def test_nothing_is_found_for_other_shapes(kept, shapes):
+    assert not find(kept, shapes)
+
+
+def test_a_plan_that_was_taken_is_not_taken_again_and_the_others_are_still_there(kept, found):
+    assert find(kept, [TIP], take=True) and not find(kept, [TIP])
+    before = found[0].plan
+    assert find(kept, [BOW], bending=before.state.bending, pulls=before.moves[-1].pulls[-1])
+
+
+def test_a_plan_that_does_not_get_there_is_not_kept(kept, found):
+    kept.keep(SITUATION, found[0].plan.state, (0.0, 0.0), [TIP],
+              [replace(found[0], why='out of reach')])
+    assert not find(kept, [TIP])
+
+
+@pytest.fixture
+def planning():
+    model = Model(Chain(ARM), np.zeros(2), np.zeros(2))
+    straight, scene = model.chain.straight(), CollisionScene(ARM)
+    rests = Observation((0.0, 0.0), False, (True,) * 3, (80e3,) * 3)
+    observed = SimpleNamespace(
+        tendons=SimpleNamespace(stops=0), shape=straight, pulls=(0.0, 0.0),
+        shape_and_model=(straight, model), observation=lambda *_: rests)
+    parameters = {p.name: p.default for p in NODE_PARAMETERS[SHAPE_SEQUENCER]}
+    planning = Planning(ARM, parameters, observed, lambda: scene, print)
+    yield planning
+    planning.close()
+
+
+def moves_of(plans):
+    return plans.result()[0].moves
+
+
+def test_a_shape_by_angles_is_planned_once_to_be_accepted_and_run(planning):
+    accepted = moves_of(planning.plan([BOW], first=True))
+    assert moves_of(planning.plan([BOW])) is accepted
+    assert moves_of(planning.plan([BOW])) is not accepted  # on its way it is planned again
+
+
+def test_each_goal_is_checked_by_a_plan_of_its_own(planning):
+    accepted = moves_of(planning.plan([BOW], first=True))
+    assert moves_of(planning.plan([BOW], first=True)) is not accepted
