@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-State machines that run plans, and the servo; without ROS.
+The state machines that run plans, with and without measurements; the servo; without ROS.
 
 Here: aims, phases, progress and outcome of a run, in terms of the action and its clients.
 """
