@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from unique_identifier_msgs.msg import UUID
 
-from soft_continuum.sequencing.progress import Code, Outcome
+from soft_continuum.sequencing import Code, Outcome
 from soft_continuum_interfaces.action import RunShapeSequence
 
 RESULT_TIMEOUT = 900  # s for which a client can still ask for a result

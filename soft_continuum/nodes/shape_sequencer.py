@@ -45,8 +45,8 @@ from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.entries import guarded, LOG_PERIOD, repeat, wake
 from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
+from soft_continuum.sequencing import Code, Outcome
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
-from soft_continuum.sequencing.progress import Code, Outcome
 from soft_continuum.sequencing.runner import Runner
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (

@@ -18,7 +18,7 @@ from soft_continuum.planning.plans import Shape
 from soft_continuum.planning.shape_plans import plans_to
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.description import load_arm
-from soft_continuum.sequencing.progress import Code, Phase
+from soft_continuum.sequencing import Code, Phase
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import MotionRequest

@@ -31,7 +31,7 @@ from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.parameters.arguments import given_path, Parser, WRONG_USAGE
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import JAMMING_VALVES
-from soft_continuum.sequencing.progress import Phase
+from soft_continuum.sequencing import Phase
 from soft_continuum.sim.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.ui.cli.output import Output
 from soft_continuum.ui.cli.processes import NodeProcesses

@@ -89,7 +89,7 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
     In closed loop a segment may be set more than once.  Without jamming, the pulls at the
     measurement count as those of segment 0.
     """
-    from soft_continuum.sequencing.progress import Phase
+    from soft_continuum.sequencing import Phase
     arm.run([0.0] * len(arm.description.segments))
     steps: list[tuple[int, Pulls]] = []
     discs: dict[int, MeasuredDisc] = {}
