@@ -12,8 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.client.errors import ClientError
-from soft_continuum.lab.analysis.results import reserve_outputs, ResultError, write_rows
-from soft_continuum.lab.analysis.verbs import origin, run_verb
+from soft_continuum.lab.analysis.verbs import (
+    origin,
+    reserve_outputs,
+    ResultError,
+    run_verb,
+    write_rows,
+)
 from soft_continuum.parameters.arguments import number_in, Parser
 
 if TYPE_CHECKING:
