@@ -16,7 +16,6 @@ from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.markers import Ghost
-from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.planning import (
     PlanGuard,
@@ -31,8 +30,8 @@ from soft_continuum.nodes.sequence_server import (
     NOWHERE,
     SequenceServer,
 )
-from soft_continuum.nodes.status import OK, StatePublisher, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import OK, StatePublisher, SuiteNode, WARN
+from soft_continuum.nodes.threads import load_model
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
 from soft_continuum.planning.plans import failure_text, PlanError, Shape, ShapePlan

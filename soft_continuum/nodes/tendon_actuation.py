@@ -27,12 +27,11 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.load_cells import LoadCells
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
-from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
-from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
+from soft_continuum.nodes.suite_node import ERROR, OK, StatePublisher, WARN
 from soft_continuum.nodes.tendon_control import MAX_POINTS, Report, Request, TendonControl
-from soft_continuum.nodes.threads import Newest, Worker
+from soft_continuum.nodes.threads import load_model, loading, Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
 from soft_continuum.ros.entries import guarded, LOG_PERIOD, MAX_BYTES, serve
