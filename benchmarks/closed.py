@@ -26,9 +26,9 @@ from soft_continuum.planning.settings import (
     RunnerSettings,
 )
 from soft_continuum.planning.shape_plans import plans_to
-from soft_continuum.sequencing.arm_port import Observation
+from soft_continuum.sequencing import Phase
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner, Loop
-from soft_continuum.sequencing.progress import Phase
+from soft_continuum.sequencing.runner import Observation
 from soft_continuum.sim.twin.plant import TIME_STEP
 
 TICK = 0.02  # s

@@ -20,7 +20,7 @@ from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.mechanics.space.chain import SpaceChain
-from soft_continuum.nodes.prediction import TensionPrediction
+from soft_continuum.nodes.tendon_actuation import TensionPrediction
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import ParameterError

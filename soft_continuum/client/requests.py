@@ -31,7 +31,7 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.ros.ros_time import Age
-from soft_continuum.sequencing.progress import AIMS
+from soft_continuum.sequencing import AIMS
 from soft_continuum.text import printable
 from soft_continuum.user_files import saved_shapes
 from soft_continuum_interfaces.srv import SetVacuum

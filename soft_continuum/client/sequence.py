@@ -15,7 +15,7 @@ from soft_continuum.client.state import pose_of, Progress, progress_of, Reached,
 from soft_continuum.client.tip import Tip
 from soft_continuum.planning import TIP_KINDS
 from soft_continuum.ros.ros_time import duration_to_ros
-from soft_continuum.sequencing.progress import AIMS, Code
+from soft_continuum.sequencing import AIMS, Code
 from soft_continuum.text import MAX_ITEMS, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, ShapeSequencerState, TipGoal

@@ -16,7 +16,7 @@ from soft_continuum.client.estimate import (
     parameter_text,
     position_stddev,
 )
-from soft_continuum.sequencing.progress import AIMS, Phase, Progress
+from soft_continuum.sequencing import AIMS, Phase, Progress
 from soft_continuum.text import MAX_NAME, printable
 
 __all__ = ['ArmState', 'NodeReport', 'Pose', 'Progress', 'Reached', 'SequenceResult']

@@ -12,8 +12,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.commissioning.calibration import CalibrationError
-from soft_continuum.lab.analysis.results import reserve_outputs, text_table
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb
+from soft_continuum.lab.analysis.verbs import described_arm, reserve_outputs, run_verb, text_table
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.parameters.arguments import (
     ask,

@@ -66,7 +66,8 @@ class NodeReplies:
         """Number of heartbeats sent from the first to the last that was received."""
         if not self.heard:
             return 0
-        return max(len(self.heard), round((max(self.heard) - min(self.heard)) / HEARTBEAT_PERIOD) + 1)
+        return max(len(self.heard),
+                   round((max(self.heard) - min(self.heard)) / HEARTBEAT_PERIOD) + 1)
 
 
 def checks(connection: Connection) -> Iterator[Check]:

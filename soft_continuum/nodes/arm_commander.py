@@ -19,8 +19,8 @@ from soft_continuum.ros.motion_tracker import MotionTracker
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
 from soft_continuum.ros.qos import COMMAND
 from soft_continuum.ros.ros_time import RosTime
-from soft_continuum.sequencing.arm_port import Failure
-from soft_continuum.sequencing.progress import Code
+from soft_continuum.sequencing import Code
+from soft_continuum.sequencing.runner import Failure
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState, TendonTrajectory
 from soft_continuum_interfaces.srv import SetVacuum
 

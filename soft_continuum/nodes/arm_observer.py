@@ -20,7 +20,7 @@ from soft_continuum.ros.entries import subscribe
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age, RosTime
-from soft_continuum.sequencing.arm_port import Failure, Observation
+from soft_continuum.sequencing.runner import Failure, Observation
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import (
     JammingValvesState,

@@ -22,12 +22,11 @@ import numpy as np
 
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.planning.aiming import Aim, AimStep
+from soft_continuum.planning.planner import minimum_jerk
 from soft_continuum.planning.plans import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.planning.settings import ABORT, LoopSettings, PAUSE, RunnerSettings
-from soft_continuum.planning.timing import minimum_jerk
-from soft_continuum.sequencing.arm_port import ArmPort
-from soft_continuum.sequencing.progress import Code, Outcome, Phase
-from soft_continuum.sequencing.runner import EndError, Plan, PlanInvalidError, Runner
+from soft_continuum.sequencing import Code, Outcome, Phase
+from soft_continuum.sequencing.runner import ArmPort, EndError, Plan, PlanInvalidError, Runner
 
 BETTER = 0.8  # of the last change: a correction that shrinks less does not help any more
 GROWS = 1e-3  # rad: nor is a change this small expected to shrink

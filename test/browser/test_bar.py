@@ -17,7 +17,7 @@ from soft_continuum.client.state import Pose, Progress
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.description import load_description
 from soft_continuum.ros.names import NODES
-from soft_continuum.sequencing.progress import Phase
+from soft_continuum.sequencing import Phase
 from soft_continuum.ui.browser import html
 from soft_continuum.ui.browser.access import open_server
 from soft_continuum.ui.browser.bar import Bar, bar_state, LOST, PAGE, PATH

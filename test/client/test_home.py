@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import RefusedError
-from soft_continuum.client.home import home
 
 
 class Fake:
@@ -45,14 +45,14 @@ class Fake:
 
 def test_without_a_plan_it_goes_home_and_ends_stiff():
     arm = Fake()
-    assert 'straightened without a plan, because shape_sequencer: no plan' in home(arm)
+    assert 'straightened without a plan, because shape_sequencer: no plan' in Arm.home(arm)
     assert arm.does == ['soften 3', 'jog', 'soften 2', 'soften 1', 'stiffen']
 
 
 def test_it_moves_nothing_without_a_plan_where_there_are_obstacles():
     arm = Fake(obstacles=['lamp', 'post'])
     with pytest.raises(RefusedError, match=r'no plan; without a plan .* \(lamp, post\)'):
-        home(arm)
+        Arm.home(arm)
     assert arm.does == []
 
 
@@ -62,5 +62,5 @@ def test_it_moves_nothing_without_a_plan_where_there_are_obstacles():
 def test_what_interrupts_it_leaves_no_segment_soft_but_a_stop_does(error, stopped, end):
     arm = Fake(error=error, stopped=stopped)
     with pytest.raises(type(error)):
-        home(arm)
+        Arm.home(arm)
     assert arm.does[-1] == end

@@ -17,7 +17,7 @@ from soft_continuum.lab.analysis.measured_shapes import read_shapes
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from soft_continuum.ros.conversions import poses_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.description import load_arm
-from soft_continuum.sequencing.progress import Phase, Progress
+from soft_continuum.sequencing import Phase, Progress
 from soft_continuum.ui.browser.html import positions_html
 from soft_continuum.ui.cli import measure
 from soft_continuum.user_files import description_file

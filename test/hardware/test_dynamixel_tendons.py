@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from soft_continuum.hardware.dynamixel.following import Track
+from soft_continuum.hardware.dynamixel.motion import Track
 from soft_continuum.hardware.dynamixel.reference import ZeroFile
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.sim.emulators import dynamixel_motor, dynamixel_servo

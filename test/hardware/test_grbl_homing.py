@@ -6,7 +6,7 @@ import contextlib
 
 import pytest
 
-from soft_continuum.hardware.grbl.session import GrblState
+from soft_continuum.hardware.grbl.tendons import GrblState
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 from support import grbl_rig
@@ -162,7 +162,7 @@ def test_a_reset_of_the_board_while_it_homes_is_no_zero(state):
 
 
 def test_homing_that_takes_too_long_is_ended(monkeypatch):
-    monkeypatch.setattr('soft_continuum.hardware.grbl.session.HOMING_TIMEOUT', 0.3)
+    monkeypatch.setattr('soft_continuum.hardware.grbl.tendons.HOMING_TIMEOUT', 0.3)
     with rig() as (emulator, tendons):
         tendons.reference()
         assert 'not ended' in failed(tendons)

@@ -28,8 +28,8 @@ from soft_continuum.hardware.grbl.link import (
     StatusReport,
 )
 from soft_continuum.hardware.grbl.motion import JogStream, Motors, subtract
-from soft_continuum.hardware.grbl.session import BUSY, Event, GrblState, next_state
 from soft_continuum.hardware.grbl.setup import MODES
+from soft_continuum.hardware.grbl.tendons import BUSY, Event, GrblState, next_state
 from soft_continuum.sim.emulators.grbl_firmware import GrblFirmware
 from support.grbl_rig import ACCELERATION, SPEED, STEPS_PER_MM, TENDONS
 

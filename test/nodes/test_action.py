@@ -11,14 +11,14 @@ import pytest
 
 from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.sequence_server import error_code
+from soft_continuum.nodes.shape_sequencer import error_code
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import Shape
 from soft_continuum.planning.shape_plans import plans_to
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.description import load_arm
-from soft_continuum.sequencing.progress import Code, Phase
+from soft_continuum.sequencing import Code, Phase
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import MotionRequest

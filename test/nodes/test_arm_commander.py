@@ -9,7 +9,7 @@ import pytest
 
 from soft_continuum.nodes.arm_commander import ArmCommander, SET_STIFF
 from soft_continuum.ros.description import load_arm
-from soft_continuum.sequencing.progress import Code
+from soft_continuum.sequencing import Code
 from soft_continuum.user_files import description_file
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
 

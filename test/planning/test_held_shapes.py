@@ -18,8 +18,8 @@ from soft_continuum.planning.reach import ReachSettings
 from soft_continuum.planning.settings import ABORT
 from soft_continuum.planning.shape_plans import plan_shapes, plans_to
 from soft_continuum.ros.description import load_arm
-from soft_continuum.sequencing.arm_port import Failure
-from soft_continuum.sequencing.progress import Code, Phase
+from soft_continuum.sequencing import Code, Phase
+from soft_continuum.sequencing.runner import Failure
 from soft_continuum.user_files import description_file
 from support.measured_rig import LOOP, MeasuredRig, OffsetStatics
 from support.virtual_rig import (

@@ -19,7 +19,7 @@ from soft_continuum.planning.shape_plans import plan_shapes
 from soft_continuum.ros.estimates import Model
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.parameter_table import NODE_PARAMETERS
-from soft_continuum.sequencing.arm_port import Observation
+from soft_continuum.sequencing.runner import Observation
 from support.virtual_rig import ARM, PLAN_SETTINGS
 
 TIP = Shape('tip', (), 1.0, tips=(TipGoal(np.array((0.15, 0.0, 0.22))),))

@@ -11,7 +11,7 @@ import pytest
 
 from soft_continuum.planning.plans import Shape
 from soft_continuum.planning.settings import ABORT, GO_ON, PAUSE
-from soft_continuum.sequencing.progress import Code, Phase
+from soft_continuum.sequencing import Code, Phase
 from support.measured_rig import LOOP, MeasuredRig, REACHED, SHAPE
 from support.virtual_rig import (
     ARM,

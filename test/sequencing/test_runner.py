@@ -19,9 +19,8 @@ from soft_continuum.planning.plans import Shape
 from soft_continuum.planning.settings import RunnerSettings
 from soft_continuum.planning.shape_plans import plans_to
 from soft_continuum.ros.description import load_description
-from soft_continuum.sequencing.arm_port import Failure, Observation
-from soft_continuum.sequencing.progress import Code, Phase, Progress
-from soft_continuum.sequencing.runner import Runner
+from soft_continuum.sequencing import Code, Phase, Progress
+from soft_continuum.sequencing.runner import Failure, Observation, Runner
 from support.flat_arm import of_segments
 from support.virtual_rig import (
     ARM,

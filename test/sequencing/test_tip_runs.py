@@ -16,7 +16,7 @@ from soft_continuum.planning.planner import Planner
 from soft_continuum.planning.plans import ObstructedError, PlanError, Shape, TipGoal
 from soft_continuum.planning.reach import ReachSettings
 from soft_continuum.planning.shape_plans import plan_shapes, plans_of
-from soft_continuum.sequencing.progress import Code
+from soft_continuum.sequencing import Code
 from support.measured_rig import MeasuredRig
 from support.virtual_rig import (
     ARM,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from soft_continuum.client.state import ArmState, NodeReport, Progress
 from soft_continuum.ros.names import NODES
-from soft_continuum.sequencing.progress import Phase
+from soft_continuum.sequencing import Phase
 
 READY = ArmState(
     tendons=('right_tendon', 'left_tendon'), pulls=(0.0, 0.0), speeds=None, tensions=(0.0, 5.0),

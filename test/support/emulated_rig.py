@@ -11,7 +11,7 @@ from unittest.mock import patch
 import yaml
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.grbl import session as grbl_session
+from soft_continuum.hardware.grbl import tendons as grbl_tendons
 from soft_continuum.sim.emulators.grbl import GrblEmulator
 from soft_continuum.sim.emulators.modbus import ModbusEmulator
 from support import driver_waits, grbl_rig
@@ -54,9 +54,9 @@ def emulated_rig(folder, real_time=False):
     faster, where a verb in a process of its own moves it.
     """
     with (_faster() if real_time else _own_time(),
-          patch.object(grbl_session, 'MAX_UNANSWERED_QUERIES', PATIENCE),
-          patch.object(grbl_session, 'PROGRESS_TIMEOUT', DEADLINE),
-          patch.object(grbl_session, 'ACKNOWLEDGEMENT_TIMEOUT', DEADLINE),
+          patch.object(grbl_tendons, 'MAX_UNANSWERED_QUERIES', PATIENCE),
+          patch.object(grbl_tendons, 'PROGRESS_TIMEOUT', DEADLINE),
+          patch.object(grbl_tendons, 'ACKNOWLEDGEMENT_TIMEOUT', DEADLINE),
           GrblEmulator(str(folder / 'grbl')) as grbl,
           ModbusEmulator(link=folder / 'modbus') as modbus):
         rig = Rig(grbl, modbus, folder / 'rig.yaml')

@@ -22,8 +22,8 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'  # LOCALHOST woul
 
 from soft_continuum.hardware import tendon_controller  # noqa: E402
 from soft_continuum.hardware.dynamixel import bus, exchange, packets  # noqa: E402
-from soft_continuum.hardware.dynamixel import session as servo_session  # noqa: E402
-from soft_continuum.hardware.grbl import session as grbl_session  # noqa: E402
+from soft_continuum.hardware.dynamixel import tendons as servo_tendons  # noqa: E402
+from soft_continuum.hardware.grbl import tendons as grbl_tendons  # noqa: E402
 from soft_continuum.mechanics.statics import warm_up  # noqa: E402
 from soft_continuum.nodes import managed_node, tendon_control  # noqa: E402
 from support.processes import Processes  # noqa: E402
@@ -60,10 +60,10 @@ def _patient() -> Iterator[None]:
         patch.setattr(bus, 'SEARCH_TIME', 0.2)
         patch.setattr(exchange, 'SILENCE_TIMEOUT', 2.0)
         patch.setattr(exchange, 'WATCHDOG', 100)  # 2 s
-        patch.setattr(servo_session, 'BEHIND_TIMEOUT', 2.0)
-        patch.setattr(grbl_session, 'QUERY_TIMEOUT', 1.0)
-        patch.setattr(grbl_session, 'ACKNOWLEDGEMENT_TIMEOUT', 3.0)
-        patch.setattr(grbl_session, 'PROGRESS_TIMEOUT', 3.0)
+        patch.setattr(servo_tendons, 'BEHIND_TIMEOUT', 2.0)
+        patch.setattr(grbl_tendons, 'QUERY_TIMEOUT', 1.0)
+        patch.setattr(grbl_tendons, 'ACKNOWLEDGEMENT_TIMEOUT', 3.0)
+        patch.setattr(grbl_tendons, 'PROGRESS_TIMEOUT', 3.0)
         yield
 
 

@@ -28,9 +28,8 @@ from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.settings import RunnerSettings
 from soft_continuum.planning.shape_plans import plans_to
 from soft_continuum.ros.description import load_arm
-from soft_continuum.sequencing.arm_port import Failure, Observation
-from soft_continuum.sequencing.progress import Code
-from soft_continuum.sequencing.runner import Runner
+from soft_continuum.sequencing import Code
+from soft_continuum.sequencing.runner import Failure, Observation, Runner
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 ARM, LIBRARY = load_arm(DESCRIPTION), PAPER_SHAPES

@@ -23,7 +23,6 @@ from soft_continuum.hardware.dynamixel.bus import (
     Reply,
     ServoRejectedError,
 )
-from soft_continuum.hardware.dynamixel.path import MAX_LEAD
 from soft_continuum.hardware.dynamixel.registers import (
     BUS_WATCHDOG,
     explain_hardware_error,
@@ -58,8 +57,8 @@ SILENCE_TIMEOUT, MIN_MISSED = 0.15, 4
 WATCHDOG = 10  # units of WATCHDOG_UNIT
 SPEED_MARGIN = 1.5
 """Factor over speed_limit that lets servos catch up after a delay."""
-MAX_LEAD_FOUND = 0.002
-"""Largest lead (m) of a goal that was not set by this driver."""
+MAX_LEAD, MAX_LEAD_FOUND = 0.01, 0.002
+"""Largest lead (m) of a goal, and of one that was not set by this driver."""
 ATTEMPTS = 5  # to read all servos, and to write what they must have or keep
 
 

@@ -3,11 +3,16 @@
 """
 Tendons on spools of Dynamixel X servos, which limit their current and so the tension.
 
-The servos are in mode 5, current-based position control.  One thread owns their bus.  Torque stays
-on, also after close; nothing here writes their EEPROM, reboots them or switches torque off.
+The servos are in mode 5, current-based position control.  One thread owns their bus: its ``cycle``
+waits for their replies, while requests from other threads only take a lock.  Every cycle sends the
+goals of the next hundredth of a second and reads all servos.  Torque stays on, also after close;
+nothing here writes their EEPROM, reboots them or switches torque off.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+import contextlib
+from dataclasses import replace
+from enum import Enum
 import logging
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -15,17 +20,305 @@ from typing import Any, ClassVar, Self
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.dynamixel import PARAMETERS
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus
-from soft_continuum.hardware.dynamixel.exchange import read_states, take_over
-from soft_continuum.hardware.dynamixel.reference import find_zeros, ZeroFile
-from soft_continuum.hardware.dynamixel.session import DynamixelSession
-from soft_continuum.hardware.dynamixel.setup import find_servos, problems, Spools
-from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_tendons import POLL_INTERVAL, SerialTendons
+from soft_continuum.hardware.dynamixel.exchange import (
+    Exchange,
+    profile_speed,
+    read_states,
+    ServoState,
+    take_over,
+)
+from soft_continuum.hardware.dynamixel.motion import Following, HeldPath, REST_TIME, TakeUp, Track
+from soft_continuum.hardware.dynamixel.reference import find_zeros, mark_zeros, Zero, ZeroFile
+from soft_continuum.hardware.dynamixel.registers import (
+    BUS_WATCHDOG,
+    GOAL_POSITION,
+    MAX_POSITION,
+    PULSES_PER_TURN,
+)
+from soft_continuum.hardware.dynamixel.setup import (
+    find_servos,
+    FoundServo,
+    FRICTION_SHARE,
+    problems,
+    Spools,
+)
+from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonReading
+from soft_continuum.hardware.serial_tendons import (
+    POLL_INTERVAL,
+    SerialTendons,
+    Session,
+    STOP_TIMEOUT,
+)
 from soft_continuum.parameters.parameter import Parameter
 from soft_continuum.user_files import dynamixel_zeros
 
-MAX_READ_TIME = 0.05  # s for all servos
 LOG = logging.getLogger('soft_continuum.hardware.dynamixel')
+MAX_READ_TIME = 0.05  # s for all servos
+ARRIVAL_TIMEOUT = 2.0  # s after the end of the path
+DISTANCE_BEHIND, TIME_BEHIND, BEHIND_TIMEOUT = 0.003, 0.15, 0.25
+"""Allowed lag of a tendon, m and s of the fastest motion; s for which it may be exceeded."""
+
+
+class MotionState(Enum):
+    """What the tendons do."""
+
+    RESTING = 'rest'
+    MOVING = 'move'
+    STOPPING = 'stop'
+    TAKING_UP = 'take up slack'
+    FAILED = 'failed'
+
+
+BUSY = MotionState.MOVING, MotionState.STOPPING, MotionState.TAKING_UP
+
+
+class DynamixelSession(Session[DynamixelBus]):
+    """Servos that hold, and their known state."""
+
+    DEVICE = 'the servos have'
+    CYCLE, RESTING_CYCLE = 0.01, 0.05
+
+    def __init__(self, bus: DynamixelBus, servos: Sequence[FoundServo], spools: Spools,
+                 found: Sequence[ServoState], zeros: Sequence[Zero], zero_file: ZeroFile) -> None:
+        """Take over holding servos as they were ``found``, with the values written to them."""
+        super().__init__(bus)
+        self._servos, self._spools, self._zero_file = tuple(servos), spools, zero_file
+        self.state = MotionState.RESTING
+        self._exchange = Exchange(bus, servos, found)  # of the thread that owns the bus
+        self._states = list(found)
+        self._written = [state.written for state in found]
+        self._unreferenced = '; '.join(zero.unknown for zero in zeros if zero.unknown)
+        self._path = HeldPath(spools, [zero.position for zero in zeros], self._positions(),
+                              [written.goal for written in self._written])
+        self._track = Track(found[0].time, self._positions())
+        self._following = Following(servos, spools, found)
+        self._target: tuple[tuple[float, ...], float] | None = None  # and its arrival, s
+        self._braked = False
+        self._mark_due = not self._unreferenced  # where the zero was found in another way
+        self._since = self._stepped = self._near = bus.clock()
+        self._take_up: TakeUp | None = None
+        self._accuracy = Accuracy(
+            spools.arrival_tolerances, tuple(servo.least_stddev for servo in servos),
+            (FRICTION_SHARE,) * len(servos))
+
+    @property
+    def moving(self) -> bool:
+        """Whether the tendons may move."""
+        return self.state in BUSY
+
+    @property
+    def busy(self) -> bool:
+        """Whether the tendons may move, or writes or replies are pending."""
+        return self.moving or self._mark_due or self._exchange.missed > 0
+
+    # Requests
+
+    def _reading(self) -> TendonReading:
+        """Return the state of the last replies; it fails after 0.3 s without any."""
+        scale = self._spools.pull_per_pulse
+        speeds = self._shown(
+            tuple(s * v for s, v in zip(scale, self._track.velocities(), strict=True)),
+            tuple(abs(s) / REST_TIME for s in scale))
+        # A tendon cannot push: what friction makes negative is no tension.
+        tensions = tuple(
+            max(0.0, sign * servo.tension(state.current)) for sign, servo, state in zip(
+                self._spools.signs, self._servos, self._states, strict=True))
+        return TendonReading(self._path.to_pulls(self._positions()), speeds,
+                             not self._unreferenced, tensions, self._unreferenced, self._accuracy)
+
+    def _move(self, pulls: tuple[float, ...], arrival: float) -> bool:
+        rested = not self.busy
+        if max(map(abs, self._path.to_pulses(pulls))) > MAX_POSITION - PULSES_PER_TURN:
+            raise HardwareError(
+                'a servo counts at most 256 turns and would exceed them; with slack tendons '
+                'switch the servos off and on, and reference again')
+        self._target = pulls, arrival
+        if self.state is not MotionState.STOPPING:
+            self._aim(self.link.clock())
+        return rested  # cycles of a motion come regularly
+
+    def _stop(self) -> None:
+        """Brake as fast as the servos can, then hold."""
+        self._target = None
+        if self.state in (MotionState.MOVING, MotionState.TAKING_UP):
+            self._braked = False
+            self._enter(MotionState.STOPPING)
+
+    def _reference(self) -> None:
+        """Take the present position as zero pull, or begin to take up the slack."""
+        if self._spools.take_up_tension > 0.0:
+            self._unreferenced = 'the slack was not taken up'
+            self._take_up = TakeUp(self._servos, self._spools, self._positions(),
+                                   [w.goal for w in self._written], self.link.clock())
+            self._enter(MotionState.TAKING_UP)
+        else:
+            self._take_zero([w.goal for w in self._written])
+
+    def _enter(self, state: MotionState) -> None:
+        self.state, self._since = state, self.link.clock()
+        self._near = self._since
+
+    def _aim(self, now: float) -> None:
+        if self._target is not None:
+            (pulls, arrival), self._target = self._target, None
+            if self.state is MotionState.RESTING:
+                self._path.place(self._positions(), [w.goal for w in self._written])
+                self._following.place(self._states)
+                self._enter(MotionState.MOVING)
+            self._since = now
+            self._path.aim(pulls, max(0.0, arrival - now))
+
+    def _positions(self) -> tuple[int, ...]:
+        return tuple(state.position for state in self._states)
+
+    def _take_zero(self, goals: Sequence[int]) -> None:
+        self._path.zeros[:] = self._positions()
+        self._path.place(self._positions(), goals)
+        self._unreferenced, self._mark_due = '', True
+
+    # The cycle, on the thread that owns the bus
+
+    def cycle(self) -> None:
+        """Send what is due and read the servos; raises HardwareError when something fails."""
+        with self._lock:
+            braking = self.state is MotionState.STOPPING and not self._braked
+            if not braking:
+                self._plan(self.link.clock())
+        if braking:  # from where the servos are now, not from where they were
+            self._receive()
+            with self._lock:
+                if not self._exchange.missed:
+                    self._brake()
+        self._exchange.send(self._written)
+        self._receive()
+        with self._lock:
+            self._judge(self.link.clock())
+            marks, self._mark_due = self._mark_due, False
+            zeros = list(self._path.zeros)
+        if marks:
+            self._zero_file.begin_write(self._servos, zeros)
+            mark_zeros(self.link, self._servos, zeros)  # now, for the servos are at rest
+        else:
+            self._zero_file.check_written()
+
+    def _plan(self, now: float) -> None:
+        """Set what the servos are to do in this cycle."""
+        elapsed, self._stepped = now - self._stepped, now
+        if self.state is MotionState.TAKING_UP and self._take_up is not None:
+            if not self._take_up.done:
+                self._take_up.step(self._states, now)
+            self._set(goals=self._take_up.goals, currents=self._take_up.currents)
+        elif self.state in (MotionState.MOVING, MotionState.RESTING):
+            if not self._exchange.missed:  # nothing moves on blindly
+                self._path.advance(elapsed)
+            if self._path.done and not self._exchange.missed:
+                self._path.adapt(elapsed, self._positions(), [s.current for s in self._states],
+                                 [w.current for w in self._written])
+            self._set(goals=self._path.goals,
+                      currents=[servo.goal_current for servo in self._servos])
+
+    def _brake(self) -> None:
+        """Send servos to where they come to rest soonest; once, or they would never rest."""
+        self._braked = True
+        self._set(goals=self._stop_goals())
+
+    def _stop_goals(self) -> list[int]:
+        held = self._path.holding_goals(self._positions(), [s.current for s in self._states])
+        most = map(profile_speed, self._written)  # a reply that is dated late makes speeds larger
+        return [round(goal + servo.stop_time * max(-top, min(top, speed)))
+                for goal, servo, speed, top in zip(
+                    held, self._servos, self._track.velocities(), most, strict=True)]
+
+    def _set(self, goals: Sequence[int], currents: Sequence[int] | None = None) -> None:
+        currents = currents or [written.current for written in self._written]
+        self._written = [replace(written, goal=goal, current=current)
+                         for written, goal, current in zip(
+                             self._written, goals, currents, strict=True)]
+
+    def _receive(self) -> None:
+        """Read all servos; use their replies if all of them are valid."""
+        missed = self._exchange.missed
+        states = self._exchange.receive(self._written)
+        if states is not None:
+            with self._lock:
+                before, self._states = self._states, states
+                self._track.add(states[0].time, self._positions())
+                self._following.add(before, states, bool(missed))
+
+    # What the replies mean
+
+    def _judge(self, now: float) -> None:
+        """Go on with what the tendons do, as far as they have come."""
+        if self._exchange.missed:
+            if self.state is MotionState.STOPPING and now - self._since > STOP_TIMEOUT:
+                raise self._unconfirmed()
+            return
+        still = self._track.still()
+        if self.state is MotionState.STOPPING:
+            if self._braked and still:
+                self._path.place(self._positions(), [w.goal for w in self._written])
+                self._enter(MotionState.RESTING)
+                self._aim(now)
+            elif now - self._since > STOP_TIMEOUT:
+                raise self._unconfirmed()
+        elif self.state is MotionState.TAKING_UP and self._take_up is not None:
+            if self._take_up.done and still:
+                self._end_take_up(self._take_up)
+        else:
+            self._watch_path(now, still)
+
+    def _watch_path(self, now: float, still: bool) -> None:
+        """See that the servos follow their path and arrive."""
+        errors = self._path.errors(self._positions())
+        scale = self._spools.pull_per_pulse
+        most = DISTANCE_BEHIND + TIME_BEHIND * self._spools.speed_limit
+        if max(abs(s * e) for s, e in zip(scale, errors, strict=True)) < most:
+            self._near = now
+        arrived = all(abs(e) <= t for e, t in zip(errors, self._path.tolerances, strict=True))
+        if not self._path.done:
+            self._since = now
+        elif self.state is MotionState.MOVING and arrived and still:
+            self._enter(MotionState.RESTING)
+        late = self.state is MotionState.MOVING and now - self._since > ARRIVAL_TIMEOUT
+        at = (None if self.state is not MotionState.MOVING or self._path.done
+              else self._following.caught)
+        if late or now - self._near > BEHIND_TIMEOUT:
+            at = max(range(len(errors)), key=lambda i: abs(scale[i] * errors[i]))
+        if at is not None:
+            servo, state = self._servos[at], self._states[at]
+            wanted = self._path.to_pulls(self._path.wanted)[at]
+            raise HardwareError(
+                f'{servo} is at {1e3 * self._path.to_pulls(self._positions())[at]:.2f} mm instead '
+                f'of {1e3 * wanted:.2f} mm, with about {abs(servo.tension(state.current)):.1f} N '
+                f'(dynamixel.tension_limits {servo.tension_limit:g} N): check what blocks the '
+                'tendon')
+
+    def _end_take_up(self, take_up: TakeUp) -> None:
+        self._take_up = None
+        if take_up.failed:
+            self._path.place(self._positions(), self._positions())
+            self._unreferenced = take_up.failed
+        else:
+            self._take_zero(self._positions())
+        self._enter(MotionState.RESTING)
+
+    # The end
+
+    def fail(self, reason: str) -> None:
+        """Hold the tendons where they are, and end the session."""
+        with self._lock:
+            moved = self.state in BUSY and not self._exchange.missed
+            self.state, self.failure = MotionState.FAILED, reason
+            # Where they are now, though they swing: what goes on alone strains the arm.
+            goals = self._path.holding_goals(self._positions(), [s.current for s in self._states])
+        if moved:
+            with contextlib.suppress(HardwareError):
+                self._exchange.write(GOAL_POSITION, goals)
+
+    def release(self) -> None:
+        """Let servos at rest hold without further communication."""
+        with contextlib.suppress(HardwareError):
+            self._exchange.write(BUS_WATCHDOG, [0] * len(self._servos))
 
 
 class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):

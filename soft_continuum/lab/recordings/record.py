@@ -11,9 +11,8 @@ import sys
 from time import monotonic
 from typing import Any, TYPE_CHECKING
 
-from soft_continuum.lab.analysis.recording import BAG
-from soft_continuum.lab.analysis.results import reserve_outputs
-from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
+from soft_continuum.lab.recordings.bag import BAG
 from soft_continuum.parameters.arguments import DONE, FAILED, number_in, Parser
 from soft_continuum.ros.names import NODES
 

@@ -24,8 +24,13 @@ from soft_continuum import version
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
-from soft_continuum.lab.analysis.recording import DESCRIPTION
-from soft_continuum.lab.recordings.bag import BagWriter, PARAMETERS, PICTURES, Topic
+from soft_continuum.lab.recordings.bag import (
+    BagWriter,
+    DESCRIPTION,
+    PARAMETERS,
+    PICTURES,
+    Topic,
+)
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import parameters_text
 from soft_continuum.ros.definitions import definition, message_class

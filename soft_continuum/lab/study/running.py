@@ -18,7 +18,7 @@ import signal
 from typing import Any
 
 from soft_continuum import version
-from soft_continuum.lab.analysis.results import ResultError
+from soft_continuum.lab.analysis.verbs import ResultError
 from soft_continuum.lab.study.design import Study
 from soft_continuum.lab.study.work import compute, QUERIES, SHAPES, Unit, work_units
 from soft_continuum.text import write_whole, written_whole

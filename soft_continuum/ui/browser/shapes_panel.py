@@ -22,7 +22,7 @@ from soft_continuum.client.own_file import (
 )
 from soft_continuum.client.state import angles_text, ArmState
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.sequencing.progress import AIMS
+from soft_continuum.sequencing import AIMS
 from soft_continuum.ui.browser import html
 from soft_continuum.ui.browser.controls import Controls, may_run, number_of, on_change, runs
 from soft_continuum.ui.browser.meshes import Points, points_of

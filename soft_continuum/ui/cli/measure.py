@@ -12,8 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.client.errors import ClientError
-from soft_continuum.lab.analysis.results import reserve_outputs, ResultError, write_rows
-from soft_continuum.lab.analysis.verbs import origin, run_verb
+from soft_continuum.lab.analysis.verbs import (
+    origin,
+    reserve_outputs,
+    ResultError,
+    run_verb,
+    write_rows,
+)
 from soft_continuum.parameters.arguments import number_in, Parser
 
 if TYPE_CHECKING:
@@ -84,7 +89,7 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
     In closed loop a segment may be set more than once.  Without jamming, the pulls at the
     measurement count as those of segment 0.
     """
-    from soft_continuum.sequencing.progress import Phase
+    from soft_continuum.sequencing import Phase
     arm.run([0.0] * len(arm.description.segments))
     steps: list[tuple[int, Pulls]] = []
     discs: dict[int, MeasuredDisc] = {}

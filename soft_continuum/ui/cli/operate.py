@@ -27,7 +27,7 @@ from soft_continuum.parameters.arguments import (
     Parser,
     WRONG_USAGE,
 )
-from soft_continuum.sequencing.progress import AIMS
+from soft_continuum.sequencing import AIMS
 from soft_continuum.text import MAX_NAME, printable, read_bytes
 from soft_continuum.ui.cli.output import Output
 from soft_continuum.ui.cli.registry import VERBS

@@ -16,9 +16,14 @@ import scipy
 
 from soft_continuum.client.tip import Tip
 from soft_continuum.extras import require
-from soft_continuum.lab.analysis.figures import DPI, new_figure
-from soft_continuum.lab.analysis.results import ResultError, text_table
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb
+from soft_continuum.lab.analysis.verbs import (
+    described_arm,
+    DPI,
+    new_figure,
+    ResultError,
+    run_verb,
+    text_table,
+)
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.drawing import draw_arm, projection_of, SOFT
 from soft_continuum.parameters.arguments import (

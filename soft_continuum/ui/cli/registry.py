@@ -108,7 +108,8 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('study', 'compare designs of arms', 'lab.study.summary:main'),
         Verb('report', 'write a one-page report of a recording', 'lab.analysis.report:main'),
         Verb('replay', 'play a recording in a browser', 'ui.browser.main:replay'),
-        Verb('export', 'export a recording as CSV, MATLAB or Parquet', 'ui.cli.export:main'),
+        Verb('export', 'export a recording as CSV, MATLAB or Parquet',
+             'lab.analysis.recording:export'),
     ),
     'single nodes and devices, as `ros2 run soft_continuum` names them': (
         _node('tendon_actuation', 'moves the tendons'),

@@ -5,8 +5,7 @@
 import argparse
 from collections.abc import Sequence
 
-from soft_continuum.lab.analysis.results import reserve_outputs
-from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
 from soft_continuum.parameters.arguments import FOR_ANALYSIS, Parser
 
 NAME = 'tags'
