@@ -36,10 +36,9 @@ from soft_continuum.nodes.measurements import (
     MeasuredTensions,
     Refusals,
 )
-from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
-from soft_continuum.nodes.status import ERROR, OK, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
+from soft_continuum.nodes.threads import load_model, loading
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
