@@ -17,7 +17,7 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
-from soft_continuum.nodes.node_info import NodeInfo, PERIOD
+from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD, NodeInfo
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.ros.conversions import seconds
 from soft_continuum.ros.entries import subscribe_unguarded
@@ -66,7 +66,8 @@ class NodeReplies:
         """Number of heartbeats sent from the first to the last that was received."""
         if not self.heard:
             return 0
-        return max(len(self.heard), round((max(self.heard) - min(self.heard)) / PERIOD) + 1)
+        return max(len(self.heard),
+                   round((max(self.heard) - min(self.heard)) / HEARTBEAT_PERIOD) + 1)
 
 
 def checks(connection: Connection) -> Iterator[Check]:

@@ -18,10 +18,8 @@ from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
 from soft_continuum.nodes.arm_observer import ArmObserver, TimedShape
-from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.status import OK, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
-from soft_continuum.nodes.threads import on_ros_thread, Worker
+from soft_continuum.nodes.suite_node import OK, SuiteNode, WARN
+from soft_continuum.nodes.threads import load_model, loading, on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.planning.bending_map import BendingLimits
 from soft_continuum.ros.conversions import Stiffness

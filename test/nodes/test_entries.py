@@ -20,7 +20,7 @@ from soft_continuum.nodes import emergency_stop
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.node_info import NodeInfo
+from soft_continuum.nodes.suite_node import NodeInfo
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import (
     equilibrium_from_ros,

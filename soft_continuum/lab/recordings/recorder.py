@@ -18,8 +18,7 @@ from soft_continuum.lab.recordings.topics import (
     end_recording,
     TopicRecorder,
 )
-from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import ERROR, OK, StatePublisher, SuiteNode, WARN
 from soft_continuum.ros.entries import repeat, serve_later
 from soft_continuum.ros.names import RECORDER
 from soft_continuum_interfaces.msg import RecorderState

@@ -8,8 +8,7 @@ from sensor_msgs.msg import Joy
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.conflicts import Conflicts
-from soft_continuum.nodes.status import OK, StatePublisher, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import OK, StatePublisher, SuiteNode, WARN
 from soft_continuum.ros.entries import repeat, subscribe
 from soft_continuum.ros.names import TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
