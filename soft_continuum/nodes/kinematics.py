@@ -17,13 +17,13 @@ from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.estimation.measuring import ActuatorState, Innovation, Measurement
 from soft_continuum.estimation.sensing.rigid import UNKNOWN
-from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import (
     ArmShape,
     PULL_RESOLUTION,
     ShapeError,
     UnknownShapeError,
 )
+from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium

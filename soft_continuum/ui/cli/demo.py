@@ -33,7 +33,7 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.sequencing import Phase
 from soft_continuum.sim.emulators.tendon_motors import TENDON_MOTORS
-from soft_continuum.ui.cli.output import Output
+from soft_continuum.ui.cli.operate import Output
 from soft_continuum.ui.cli.processes import NodeProcesses
 from soft_continuum.ui.cli.up import add_twin_options, ALL, arguments_of, chosen_nodes
 from soft_continuum.user_files import description_file

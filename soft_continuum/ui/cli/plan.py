@@ -41,10 +41,10 @@ from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import PlanResult, Shape, TipGoal, WHOLE_ARM
 from soft_continuum.planning.settings import reach_from_parameters
 from soft_continuum.planning.shape_plans import plan_shapes, plans_to
-from soft_continuum.ui.cli.operate import parse_bendings
-from soft_continuum.ui.cli.tip_options import (
+from soft_continuum.ui.cli.goals import (
     add_tip,
     given_tip,
+    parse_bendings,
     read_tip_path,
     tip_problem,
     UNITS,
