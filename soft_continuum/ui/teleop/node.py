@@ -13,9 +13,9 @@ from soft_continuum.ros.entries import repeat, subscribe
 from soft_continuum.ros.names import TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.qos import SENSOR
 from soft_continuum.text import plain
-from soft_continuum.ui.teleop.enable_button import EnableButton
-from soft_continuum.ui.teleop.pad import (
+from soft_continuum.ui.teleop.joystick import (
     EMERGENCY_STOP,
+    EnableButton,
     MODE,
     NEXT_SEGMENT,
     Pad,

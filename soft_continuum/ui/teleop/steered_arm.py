@@ -37,7 +37,7 @@ from soft_continuum.ros.names import (
 )
 from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.text import plain
-from soft_continuum.ui.teleop.enable_button import MOVE
+from soft_continuum.ui.teleop.joystick import MOVE
 from soft_continuum_interfaces.msg import TeleopState
 
 PREPARING = 'the servo is being prepared'
