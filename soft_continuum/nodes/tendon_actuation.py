@@ -39,9 +39,16 @@ from soft_continuum.nodes.threads import load_model, loading, Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
-from soft_continuum.ros.entries import guarded, LOG_PERIOD, MAX_BYTES, serve, subscribe
+from soft_continuum.ros.entries import (
+    guarded,
+    LOG_PERIOD,
+    MAX_BYTES,
+    SENSOR,
+    serve,
+    STREAM,
+    subscribe,
+)
 from soft_continuum.ros.names import LOAD_CELLS, TENDON_ACTUATION
-from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory

@@ -21,7 +21,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.overrides import full_name
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.description import load_rig
-from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER
+from soft_continuum.ros.environment import CLIENT, INPUTS, VIEWER
 from soft_continuum.ros.interface_tables import (
     documented_nodes,
     EVERYTHING,

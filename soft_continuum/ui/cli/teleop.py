@@ -150,8 +150,7 @@ class _Screen:
     def __init__(self, connection: 'Connection', pad: Pad) -> None:
         from sensor_msgs.msg import Joy
 
-        from soft_continuum.ros.entries import subscribe_unguarded
-        from soft_continuum.ros.qos import EVERY_STATE, STREAM
+        from soft_continuum.ros.entries import EVERY_STATE, STREAM, subscribe_unguarded
         from soft_continuum_interfaces.msg import TeleopState
         self._connection, self._pad, self._keyboard = connection, pad, Keyboard()
         self._state: Any = None
