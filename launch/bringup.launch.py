@@ -15,8 +15,8 @@ from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDO
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import load_description
+from soft_continuum.ros.environment import PARENT, SAID
 from soft_continuum.ros.names import KINEMATICS, NODES, TELEOP
-from soft_continuum.ros.network import PARENT, SAID
 from soft_continuum.ros.urdf import arm_urdf
 from soft_continuum.ui.cli.up import (
     ALL,

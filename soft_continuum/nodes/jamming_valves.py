@@ -19,13 +19,12 @@ from soft_continuum.hardware.protocols import HardwareError, JammingDriver, Regu
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.managed_node import DeviceControl, ManagedNode
-from soft_continuum.nodes.status import ERROR, OK, StatePublisher
+from soft_continuum.nodes.suite_node import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest, RestingStream
 from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
-from soft_continuum.ros.entries import serve
+from soft_continuum.ros.entries import LATCHED, serve, STREAM
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.parameter_table import jamming_settings
-from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 from soft_continuum_interfaces.srv import SetVacuum
 

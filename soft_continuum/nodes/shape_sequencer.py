@@ -23,7 +23,6 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.markers import Ghost
-from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.planning import (
     PlanGuard,
@@ -31,8 +30,8 @@ from soft_continuum.nodes.planning import (
     PlanService,
     tip_aim,
 )
-from soft_continuum.nodes.status import OK, StatePublisher, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import OK, StatePublisher, SuiteNode, WARN
+from soft_continuum.nodes.threads import load_model
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.parameters.shapes import (
     angles_problem,

@@ -32,17 +32,23 @@ from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
-from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.reported_arm import ReportedArm
-from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
+from soft_continuum.nodes.suite_node import ERROR, OK, StatePublisher, WARN
 from soft_continuum.nodes.tendon_control import MAX_POINTS, Report, Request, TendonControl
-from soft_continuum.nodes.threads import Newest, Worker
+from soft_continuum.nodes.threads import load_model, loading, Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
-from soft_continuum.ros.entries import guarded, LOG_PERIOD, MAX_BYTES, serve, subscribe
+from soft_continuum.ros.entries import (
+    guarded,
+    LOG_PERIOD,
+    MAX_BYTES,
+    SENSOR,
+    serve,
+    STREAM,
+    subscribe,
+)
 from soft_continuum.ros.names import LOAD_CELLS, TENDON_ACTUATION
-from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory

@@ -8,7 +8,7 @@ from math import pi, radians
 from typing import Any
 
 from soft_continuum.estimation.sensing.tilt import ImuSettings
-from soft_continuum.estimation.settings import ESTIMATION_PARAMETERS
+from soft_continuum.estimation.unknowns import ESTIMATION_PARAMETERS
 from soft_continuum.hardware.drivers import (
     driver_names,
     driver_parameters,

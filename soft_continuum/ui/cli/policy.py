@@ -15,14 +15,13 @@ import shlex
 from xml.etree import ElementTree
 
 from soft_continuum.hardware.drivers import driver_topics
-from soft_continuum.lab.analysis.results import reserve_outputs
-from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
 from soft_continuum.parameters.arguments import Parser
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.overrides import full_name
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.description import load_rig
-from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER
+from soft_continuum.ros.environment import CLIENT, INPUTS, VIEWER
 from soft_continuum.ros.interface_tables import (
     documented_nodes,
     EVERYTHING,
