@@ -40,7 +40,7 @@ from soft_continuum.ros.names import KINEMATICS, NODES, OVERLAY
 from soft_continuum.ros.obstacles import Key, known_from_ros, MAX_KNOWN_BYTES
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing import AIMS
-from soft_continuum.ui.browser.log import LOG
+from soft_continuum.ui.browser.limits import LOG
 from soft_continuum.ui.browser.meshes import Points
 from soft_continuum.ui.browser.tip_planning import TipPlanning
 from soft_continuum.ui.cli.up import nodes_for

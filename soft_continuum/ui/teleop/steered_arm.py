@@ -36,7 +36,7 @@ from soft_continuum.ros.names import (
     TENDON_ACTUATION,
 )
 from soft_continuum.text import plain
-from soft_continuum.ui.teleop.enable_button import MOVE
+from soft_continuum.ui.teleop.joystick import MOVE
 from soft_continuum_interfaces.msg import TeleopState
 
 PREPARING = 'the servo is being prepared'
