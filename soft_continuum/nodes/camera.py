@@ -19,20 +19,18 @@ from std_srvs.srv import Trigger
 
 from soft_continuum.estimation.sensing.layout import layout_of
 from soft_continuum.estimation.sensing.lens import Lens, LensError
-from soft_continuum.estimation.sensing.pictures import is_black
-from soft_continuum.estimation.sensing.sources import is_device, pictures, SourceError
-from soft_continuum.estimation.sensing.tare import Window
-from soft_continuum.estimation.sensing.tilt import SensorError
+from soft_continuum.estimation.sensing.pictures import is_black, is_device, pictures, SourceError
+from soft_continuum.estimation.sensing.tare import SensorError, Window
 from soft_continuum.extras import require
 from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import (
-    grey_picture,
-    MAX_PICTURE_BYTES,
-    poses_from_ros,
-    seconds,
-    tracked_pose_to_ros,
+        grey_picture,
+        MAX_PICTURE_BYTES,
+        poses_from_ros,
+        seconds,
+        tracked_pose_to_ros,
 )
 from soft_continuum.ros.entries import repeat, serve, subscribe
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
@@ -71,9 +69,9 @@ class Camera(SuiteNode):
         """Declare parameters and topics; raises ParameterError, ImportError without OpenCV."""
         require('cv2')
         super().__init__(CAMERA, 'camera and printed tags', **options)
-        from soft_continuum.estimation.sensing.overlay import overlay
+        from soft_continuum.estimation.sensing.tag_camera import overlay, TagCamera
         self._layout = layout_of(self.parameters)
-        self._draw = overlay
+        self._draw, self._make_camera = overlay, TagCamera
         self._stuck = self._layout.stuck_as(self.parameters)
         self._camera: TagCamera | None = None
         if path := self.parameters['camera.calibration']:
@@ -157,7 +155,7 @@ class Camera(SuiteNode):
     def _camera_of(self, lens: Lens) -> 'TagCamera':
         """Return what measures; with what was seen of the straight arm, if that fits."""
         try:
-            return self._layout.camera(lens, self._stuck)
+            return self._make_camera(self._layout, lens, self._stuck)
         except SensorError as error:
             raise LensError(f'tags.reference_corners: {error}') from None
 
@@ -261,7 +259,8 @@ class Camera(SuiteNode):
             camera = self._camera
             if camera is None or not numbers:
                 raise SensorError(NOT_SEEN)
-            self._camera, self._stuck = self._layout.camera(camera.lens, stuck), stuck
+            self._camera, self._stuck = self._make_camera(
+                self._layout, camera.lens, stuck), stuck
         except SensorError as error:
             response.message = f'{error}; nothing was tared'
             return response
