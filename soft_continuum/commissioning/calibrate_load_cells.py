@@ -133,8 +133,7 @@ async def _listen(requests: 'Requests', tendons: Sequence[str]) -> dict[str, lis
     from sensor_msgs.msg import JointState
 
     from soft_continuum.client.tasks import until
-    from soft_continuum.ros.entries import subscribe_unguarded
-    from soft_continuum.ros.qos import SENSOR
+    from soft_continuum.ros.entries import SENSOR, subscribe_unguarded
     samples: dict[str, list[float]] = defaultdict(list)
     subscription = subscribe_unguarded(
         requests.node, JointState, LOAD_CELLS, partial(_take, samples, tendons), SENSOR)

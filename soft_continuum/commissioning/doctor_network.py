@@ -20,11 +20,10 @@ from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD, NodeInfo
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.ros.conversions import seconds
-from soft_continuum.ros.entries import subscribe_unguarded
+from soft_continuum.ros.entries import SENSOR, subscribe_unguarded
+from soft_continuum.ros.environment import PROFILES, RANGE, reachable_addresses
 from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT, NODES
-from soft_continuum.ros.network import PROFILES, RANGE, reachable_addresses
 from soft_continuum.ros.parameter_table import AUTOSTART, NODE_PARAMETERS
-from soft_continuum.ros.qos import SENSOR
 from soft_continuum.text import printable
 from soft_continuum_interfaces.msg import Heartbeat
 from soft_continuum_interfaces.srv import GetNodeInfo

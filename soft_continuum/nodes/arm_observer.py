@@ -16,9 +16,8 @@ from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
 from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
-from soft_continuum.ros.entries import subscribe
+from soft_continuum.ros.entries import EVERY_STATE, SENSOR, subscribe
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
-from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age, RosTime
 from soft_continuum.sequencing.runner import Failure, Observation
 from soft_continuum.text import plain

@@ -32,9 +32,8 @@ from soft_continuum.ros.conversions import (
         seconds,
         tracked_pose_to_ros,
 )
-from soft_continuum.ros.entries import repeat, serve, subscribe
+from soft_continuum.ros.entries import repeat, SENSOR, serve, STREAM, subscribe
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
-from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 
 if TYPE_CHECKING:  # OpenCV may not be there

@@ -13,10 +13,9 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD, HeartbeatReader, NodeInfo
-from soft_continuum.ros.entries import guarded, MAX_BYTES, repeat, subscribe
+from soft_continuum.ros.entries import guarded, MAX_BYTES, repeat, SENSOR, subscribe
 from soft_continuum.ros.names import HEARTBEAT, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.parameter_table import DESCRIBED
-from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import Heartbeat

@@ -21,9 +21,8 @@ from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_to_ros
-from soft_continuum.ros.entries import repeat, serve, subscribe
+from soft_continuum.ros.entries import repeat, SENSOR, serve, STREAM, subscribe
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
-from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 
 ALL_POSES = 'tracker/disc_poses'

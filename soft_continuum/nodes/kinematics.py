@@ -49,10 +49,19 @@ from soft_continuum.ros.conversions import (
     stiffness_from_ros,
     tracked_pose_to_ros,
 )
-from soft_continuum.ros.entries import Confirmation, repeat, serve, subscribe, wake
+from soft_continuum.ros.entries import (
+    Confirmation,
+    EVERY_STATE,
+    LATCHED,
+    repeat,
+    SENSOR,
+    serve,
+    STREAM,
+    subscribe,
+    wake,
+)
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
-from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
 from soft_continuum.ros.ros_time import FRESH
 from soft_continuum.ros.urdf import arm_urdf, joint_names
 from soft_continuum_interfaces.msg import (

@@ -23,9 +23,16 @@ from soft_continuum.nodes.threads import load_model, loading, on_ros_thread, Wor
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.planning.bending_map import BendingLimits
 from soft_continuum.ros.conversions import Stiffness
-from soft_continuum.ros.entries import guarded, repeat, serve, subscribe
+from soft_continuum.ros.entries import (
+    EVERY_STATE,
+    guarded,
+    LATCHED,
+    repeat,
+    serve,
+    STREAM,
+    subscribe,
+)
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
-from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.servo import (
     AngleServo,

@@ -36,10 +36,9 @@ from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.parameters.arm import description_digest
 from soft_continuum.parameters.parameter import Parameter, ParameterError
 from soft_continuum.ros.conversions import seconds
-from soft_continuum.ros.entries import guarded, LOG_PERIOD, repeat
+from soft_continuum.ros.entries import guarded, LATCHED, LOG_PERIOD, repeat, STREAM
 from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT
 from soft_continuum.ros.parameter_table import default_frame, FRAME, NODE_PARAMETERS
-from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum.text import plain, printable
 from soft_continuum_interfaces import srv

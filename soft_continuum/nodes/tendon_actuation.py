@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import families, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
@@ -39,9 +39,16 @@ from soft_continuum.nodes.threads import load_model, loading, Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
-from soft_continuum.ros.entries import guarded, LOG_PERIOD, MAX_BYTES, serve, subscribe
+from soft_continuum.ros.entries import (
+    guarded,
+    LOG_PERIOD,
+    MAX_BYTES,
+    SENSOR,
+    serve,
+    STREAM,
+    subscribe,
+)
 from soft_continuum.ros.names import LOAD_CELLS, TENDON_ACTUATION
-from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory
@@ -132,8 +139,8 @@ class TendonActuation(ManagedNode):
 
     def open_device(self) -> TendonController:
         """Connect and read; move nothing."""
-        driver: TendonDriver = make_driver(
-            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY, self)
+        family = families(TENDON_DRIVERS)[self.parameters['tendon_driver']]
+        driver: TendonDriver = family.make(self.parameters, STEADY, self)
         driver.open()
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])

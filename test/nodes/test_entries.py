@@ -28,8 +28,7 @@ from soft_continuum.ros.conversions import (
     tracked_pose_to_ros,
 )
 from soft_continuum.ros.description import load_arm
-from soft_continuum.ros.entries import MAX_BYTES, serve, subscribe
-from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
+from soft_continuum.ros.entries import LATCHED, MAX_BYTES, SENSOR, serve, STREAM, subscribe
 from soft_continuum.ros.urdf import arm_urdf
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import Heartbeat, JammingValvesState

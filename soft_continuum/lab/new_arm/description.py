@@ -22,11 +22,11 @@ from soft_continuum.lab.analysis.verbs import (
     run_verb,
     text_table,
 )
-from soft_continuum.lab.new_arm.drawings import DRAWINGS
 from soft_continuum.lab.new_arm.questions import (
     Answer,
     AnswerError,
     Answers,
+    DRAWINGS,
     Given,
     PLANAR,
     Question,

@@ -30,8 +30,19 @@ from soft_continuum.lab.analysis.verbs import (
     write_rows,
 )
 from soft_continuum.lab.study.design import Design, read_study, varied_text
-from soft_continuum.lab.study.running import cluster, Results, run_units, StudyError, workers_of
-from soft_continuum.lab.study.work import FALLS, FOUND, HELD, NONE, QUERIES, Unit
+from soft_continuum.lab.study.running import (
+    cluster,
+    FALLS,
+    FOUND,
+    HELD,
+    NONE,
+    QUERIES,
+    Results,
+    run_units,
+    StudyError,
+    Unit,
+    workers_of,
+)
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.parameters.arguments import (
     ask,

@@ -13,8 +13,7 @@ from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.parameter import Value
-from soft_continuum.sim.emulators.driving import modbus_parameters
-from soft_continuum.sim.emulators.modbus import ModbusEmulator
+from soft_continuum.sim.emulators.modbus import modbus_parameters, ModbusEmulator
 from soft_continuum.sim.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.sim.twin.model_errors import ModelErrors
 from soft_continuum.sim.twin.plant import Plant, Sensors, TIME_STEP

@@ -11,9 +11,8 @@ from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
 
 from soft_continuum.client.connection import Connection
 from soft_continuum.ros.conversions import grey_message, poses_from_ros, poses_to_ros, seconds
-from soft_continuum.ros.entries import subscribe_unguarded
+from soft_continuum.ros.entries import SENSOR, STREAM, subscribe_unguarded
 from soft_continuum.ros.names import CAMERA, LOAD_CELLS, TWIN
-from soft_continuum.ros.qos import SENSOR, STREAM
 
 if TYPE_CHECKING:  # a process has one of the two: the rig, or a camera
     from soft_continuum.sim.twin.camera import TwinCamera

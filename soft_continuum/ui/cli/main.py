@@ -76,7 +76,7 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('calibrate', 'measure a rig: vacuum, signs, steps, zero; set up servos',
              'commissioning.calibrate:main'),
         Verb('emulate', 'emulate the device of a driver: grbl, dynamixel, modbus',
-             'sim.emulators.console:emulate'),
+             'sim.emulators.device:emulate'),
         Verb('twin', 'simulate a rig: the arm in MuJoCo with emulated boards', 'ui.cli.twin:main'),
         Verb('twin_camera', 'simulate a camera of that rig', 'ui.cli.twin:camera'),
         Verb('tags', 'write printable tags for discs and board', 'ui.cli.measure:tags'),
