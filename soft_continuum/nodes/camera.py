@@ -26,11 +26,11 @@ from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import (
-        grey_picture,
-        MAX_PICTURE_BYTES,
-        poses_from_ros,
-        seconds,
-        tracked_pose_to_ros,
+    grey_picture,
+    MAX_PICTURE_BYTES,
+    poses_from_ros,
+    seconds,
+    tracked_pose_to_ros,
 )
 from soft_continuum.ros.entries import repeat, SENSOR, serve, STREAM, subscribe
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
