@@ -18,7 +18,7 @@ from tqdm import tqdm
 from soft_continuum import version
 from soft_continuum.client.errors import ClientError, NodesMissingError
 from soft_continuum.estimation.sensing.lens import LensError
-from soft_continuum.estimation.sensing.sources import SourceError
+from soft_continuum.estimation.sensing.pictures import SourceError
 from soft_continuum.extras import require
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.lab.analysis.delimited import MeasurementError
