@@ -21,7 +21,7 @@ from rclpy.node import Node
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.reported_arm import ArmObserver
 from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.planning.aiming import Aim, AimStep, next_step, segments_worth_correcting
 from soft_continuum.planning.obstacles import CollisionScene
