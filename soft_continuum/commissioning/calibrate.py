@@ -28,12 +28,7 @@ from soft_continuum.commissioning.calibration import (
 )
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import Drive
-from soft_continuum.hardware.drivers import (
-    commissioning,
-    JAMMING_DRIVERS,
-    make_driver,
-    TENDON_DRIVERS,
-)
+from soft_continuum.hardware.drivers import chosen_families, DriverFamily
 from soft_continuum.hardware.grbl.commissioning import DRIVE
 from soft_continuum.hardware.protocols import (
     HardwareError,
@@ -51,7 +46,6 @@ from soft_continuum.parameters.arguments import (
     number_in,
     one_of,
     Parser,
-    WRONG_USAGE,
 )
 from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
 from soft_continuum.parameters.files import write_parameters
@@ -85,8 +79,8 @@ class Job:
     """
     The options, the parameters corrected so far, the results and the failures.
 
-    names: of the tendons, as they are typed.  family: the module COMMISSIONING of the tendon
-    driver, or None.
+    names: of the tendons, as they are typed.  family: of the tendon driver.  own_drive: its
+    parameters; None where it has none to correct.
     """
 
     options: argparse.Namespace
@@ -94,11 +88,13 @@ class Job:
     results: dict[str, tuple[float, ...] | float] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
     names: tuple[str, ...] = field(init=False)
-    family: Any = field(init=False)
+    family: DriverFamily = field(init=False)
+    own_drive: Drive | None = field(init=False)
 
     def __post_init__(self) -> None:
         """Find these; raises CalibrationError if an option lacks a value, and HardwareError."""
-        self.family = commissioning(TENDON_DRIVERS, self.values['tendon_driver'])
+        self.family = chosen_families(self.values)['tendon_driver']
+        self.own_drive = self.family.drive
         tendons = arm_from_parameters(self.values).tendon_names
         self.names = tuple(name.removesuffix('_tendon') for name in tendons)
         for option in PER_TENDON:
@@ -122,11 +118,6 @@ class Job:
             raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
                                    f'each of {", ".join(self.names)}; begin with estimates')
         return values
-
-    @property
-    def own_drive(self) -> Drive | None:
-        """The parameters of the tendon driver; None where it has none to correct."""
-        return getattr(self.family, 'DRIVE', None)
 
     @property
     def drive(self) -> Drive:
@@ -166,12 +157,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='vacuum: time in s over which the loss is measured (default: 10)')
     for ended in (signal.SIGTERM, signal.SIGHUP):  # a closed terminal must not leave a pump on
         signal.signal(ended, signal.default_int_handler)
-    try:
-        return run_verb(parser, _run, argv)
-    except HardwareError as error:
-        return parser.fail(error)
-    except CalibrationError as error:
-        return parser.fail(error, WRONG_USAGE)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -205,8 +191,8 @@ def _run(options: argparse.Namespace) -> None:
 
 @contextmanager
 def _jamming(job: Job) -> Iterator[JammingDriver | RegulatorDriver]:
-    driver: JammingDriver | RegulatorDriver = make_driver(
-        JAMMING_DRIVERS, job.values['jamming_driver'], job.values, STEADY)
+    driver: JammingDriver | RegulatorDriver = chosen_families(job.values)['jamming_driver'].make(
+        job.values, STEADY)
     driver.open()
     try:
         yield driver
@@ -230,8 +216,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
                  'is soft.')
     vented = ' '.join(f'Segment {segment + 1} is vented and becomes soft.' for segment in soft)
     confirm(f'{vented} {text} Ctrl-C stops.'.lstrip(), job.options.yes)
-    tendons: TendonDriver = make_driver(
-        TENDON_DRIVERS, values['tendon_driver'], values, STEADY)
+    tendons: TendonDriver = job.family.make(values, STEADY)
     if tendons.reference_moves:
         raise CalibrationError(
             'the tendons are homed (grbl.homed_pulls), which calibrate does not do: remove '
@@ -259,8 +244,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 
 def _clear_zero(job: Job) -> None:
     try:
-        if hasattr(job.family, 'clear_zero'):
-            job.family.clear_zero(job.values)
+        job.family.clear_zero(job.values)
     except (HardwareError, ParameterError) as error:
         print('The tendon device may still hold a provisional zero: power-cycle it before '
               f'anything else ({error})', file=sys.stderr)

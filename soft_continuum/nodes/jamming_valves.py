@@ -13,7 +13,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
+from soft_continuum.hardware.drivers import families, JAMMING_DRIVERS
 from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
 from soft_continuum.nodes.conflicts import Conflicts
@@ -177,8 +177,8 @@ class JammingValves(ManagedNode):
 
     def open_device(self) -> JammingController:
         """Connect and read; switch nothing."""
-        driver: JammingDriver | RegulatorDriver = make_driver(
-            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY, self)
+        family = families(JAMMING_DRIVERS)[self.parameters['jamming_driver']]
+        driver: JammingDriver | RegulatorDriver = family.make(self.parameters, STEADY, self)
         if isinstance(driver, RegulatorDriver):
             self._settings.check_regulators(driver.max_vacuum)
         driver.open()

@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import families, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
@@ -139,8 +139,8 @@ class TendonActuation(ManagedNode):
 
     def open_device(self) -> TendonController:
         """Connect and read; move nothing."""
-        driver: TendonDriver = make_driver(
-            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY, self)
+        family = families(TENDON_DRIVERS)[self.parameters['tendon_driver']]
+        driver: TendonDriver = family.make(self.parameters, STEADY, self)
         driver.open()
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])

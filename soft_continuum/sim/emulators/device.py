@@ -197,7 +197,7 @@ def emulate(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('options', nargs=argparse.REMAINDER, metavar='OPTION')
     options = parser.parse_args(argv)
     try:
-        main = devices[options.device]().main
+        main = devices[options.device].emulator.main
     except HardwareError as error:
         return parser.fail(error)
     return int(main(options.options))

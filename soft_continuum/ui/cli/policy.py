@@ -14,7 +14,7 @@ import re
 import shlex
 from xml.etree import ElementTree
 
-from soft_continuum.hardware.drivers import driver_topics
+from soft_continuum.hardware.drivers import chosen_families
 from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
 from soft_continuum.parameters.arguments import Parser
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -139,8 +139,8 @@ def _outside(node: str, one: Interface) -> Interface:
 
 def _of_driver(values: Mapping[str, Value], parameter: str) -> Iterator[Interface]:
     """Yield the topics of other nodes that the driver of a parameter uses."""
-    for role, topics in zip(('publishes', 'subscribes'), driver_topics(values)[parameter],
-                            strict=True):
+    for role, topics in zip(('publishes', 'subscribes'),
+                            chosen_families(values)[parameter].topics(values), strict=True):
         for name, kind in topics.items():
             if not TOPIC.fullmatch(name):
                 raise ParameterError(f'a topic of {parameter} is {name!r}, which is not a valid '
