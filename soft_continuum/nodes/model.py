@@ -7,9 +7,9 @@ from importlib import import_module
 import threading
 from typing import Any
 
-from soft_continuum.mechanics._kernel import must_build
+from soft_continuum.mechanics._kernel import must_build, warm_up
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.statics import Statics, warm_up
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.threads import on_ros_thread
 
 
