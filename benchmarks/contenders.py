@@ -11,10 +11,9 @@ import numpy as np
 from benchmarks.lab import angles_of, Lab
 from soft_continuum.mechanics import Arm, constant_curvature, Jam
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.planning.planner import Planner
+from soft_continuum.planning.planner import Planner, timed
 from soft_continuum.planning.plans import Shape
 from soft_continuum.planning.shape_plans import plans_to
-from soft_continuum.planning.timing import timed
 from soft_continuum.sim.twin.model_errors import ModelErrors
 
 SETTLING = 1.0  # s after each motion

@@ -20,7 +20,9 @@ from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.tendons import GrblBoards, GrblTendons
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
-from soft_continuum.sim.emulators.driving import BAUD_RATE, board_links, SPOOL_RADIUS, STEPS_PER_MM
+from soft_continuum.sim.emulators.dynamixel import BAUD_RATE, SPOOL_RADIUS
+from soft_continuum.sim.emulators.grbl import STEPS_PER_MM
+from soft_continuum.sim.emulators.tendon_motors import board_links
 
 TENDONS = 'first', 'second', 'third', 'fourth'
 RATE = 100.0  # Hz at which tendons are sent set-points and read

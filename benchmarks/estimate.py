@@ -20,8 +20,8 @@ from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, 
 from soft_continuum.estimation.sensing.mounted_imus import MountedImus
 from soft_continuum.estimation.sensing.rigid import displacement, IDENTITY
 from soft_continuum.estimation.sensing.tilt import ImuSample, SensorError
-from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import ArmShape, ShapeError
+from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.nodes.measurements import MeasuredTensions

@@ -23,8 +23,7 @@ from benchmarks.fault_runs import (
 from benchmarks.lab import Description
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.estimation.anomalies import Anomaly
-from soft_continuum.estimation.hypotheses import Cause
+from soft_continuum.estimation.anomalies import Anomaly, Cause
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import StaticsError

@@ -19,7 +19,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from benchmarks.tables import machine, number, Section, table
-from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
+from soft_continuum.ros.entries import LATCHED, SENSOR, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 
 RATE = 100.0  # Hz
@@ -36,8 +36,8 @@ PUBLISHER = """
 from geometry_msgs.msg import Pose, PoseArray
 import rclpy
 from sensor_msgs.msg import JointState
-from soft_continuum.ros.executor import make_executor
-from soft_continuum.ros.qos import STREAM
+from soft_continuum.ros.entries import make_executor
+from soft_continuum.ros.entries import STREAM
 rclpy.init()
 node = rclpy.create_node('bare')
 names = [f'joint_{i}' for i in range(39)]

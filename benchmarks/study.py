@@ -83,7 +83,7 @@ def measured(study: Study, directory: Path, processes: int, killed: bool
 
 def loaded() -> Any:
     """Load in a worker what units need."""
-    from soft_continuum.lab.study import work
+    from soft_continuum.lab.study import running
     from soft_continuum.mechanics._kernel import warm_up
     warm_up()
-    return work.__name__
+    return running.__name__

@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState, Joy
 from std_srvs.srv import SetBool, Trigger
 
 from benchmarks.tables import machine, number, Section, table
-from soft_continuum.ros.qos import EVERY_STATE, SENSOR, STREAM
+from soft_continuum.ros.entries import EVERY_STATE, SENSOR, STREAM
 from soft_continuum.ui.cli.processes import NodeProcesses
 from soft_continuum.ui.cli.up import nodes_of, STEERING
 from soft_continuum.user_files import description_file

@@ -34,7 +34,7 @@ apidoc_modules = [{
     'destination': 'docs/reference/api',
     'exclude_patterns': [f'../soft_continuum/{part}' for part in (
         'commissioning', 'lab/new_arm', 'nodes', 'parameters/arguments.py', 'ros', 'ros_topics',
-        'sim', 'ui/browser', 'ui/cli', '__main__.py', 'colours.py', 'extras.py', 'lazy.py',
+        'sim', 'ui/browser', 'ui/cli', '__main__.py', 'colours.py', 'extras.py',
         'text.py', 'user_files.py')],
     'separate_modules': True,
     'module_first': True,

@@ -11,12 +11,12 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import families, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import load_description
+from soft_continuum.ros.environment import PARENT, SAID
 from soft_continuum.ros.names import KINEMATICS, NODES, TELEOP
-from soft_continuum.ros.network import PARENT, SAID
 from soft_continuum.ros.urdf import arm_urdf
 from soft_continuum.ui.cli.up import (
     ALL,
@@ -50,7 +50,7 @@ def generate_launch_description():
             description='a second parameter file, which overrides the first: such as that of the '
                         'hardware'),
         *(DeclareLaunchArgument(
-            name, default_value=FROM_FILE, choices=[FROM_FILE, *driver_names(group)],
+            name, default_value=FROM_FILE, choices=[FROM_FILE, *families(group)],
             description=description) for name, (description, group) in DRIVERS.items()),
         DeclareLaunchArgument(
             'computer', default_value=ALL, choices=COMPUTERS, description=COMPUTER_HELP),

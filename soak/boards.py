@@ -16,8 +16,7 @@ import time
 from typing import Any, ClassVar, Generic, TypeVar
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.sim.emulators.driving import dynamixel_parameters
-from soft_continuum.sim.emulators.dynamixel import DynamixelEmulator
+from soft_continuum.sim.emulators.dynamixel import dynamixel_parameters, DynamixelEmulator
 from soft_continuum.sim.emulators.grbl import GrblEmulator
 from support.ros_rig import TENDONS
 from support.servo_rig import repair, servos, SIGNS, TOLERANCE

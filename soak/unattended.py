@@ -22,7 +22,7 @@ from benchmarks.tables import table
 from soak.report import progress, Report
 from soak.workbench import domain
 from soft_continuum.client import Arm, ClientError
-from soft_continuum.nodes.sequence_server import RESULT_TIMEOUT
+from soft_continuum.nodes.shape_sequencer import RESULT_TIMEOUT
 
 DURATION = 3600.0  # s
 MAX_GROWTH = 5.0  # MB/h, of all processes together but RECORDING

@@ -15,7 +15,7 @@ import numpy as np
 from soak.workbench import Workbench
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant
-from soft_continuum.nodes.sequence_server import RESULT_TIMEOUT
+from soft_continuum.nodes.shape_sequencer import RESULT_TIMEOUT
 from support.ros_rig import SEGMENTS
 
 PERIOD = 0.005  # s

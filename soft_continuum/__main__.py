@@ -9,8 +9,7 @@ import sys
 import threading
 from typing import NoReturn
 
-from soft_continuum.ros.logs import choose_log_folder
-from soft_continuum.ros.network import choose_own_network
+from soft_continuum.ros.environment import choose_log_folder, choose_own_network
 
 
 def run() -> NoReturn:

@@ -1,18 +1,18 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Optional Python packages: the features that need them, and the command to install them."""
+"""What is imported only when it is used: names of doors, and optional packages."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
-from importlib import import_module, metadata
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 import re
 import shlex
 import sys
 import sysconfig
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
@@ -39,9 +39,32 @@ ROS = re.compile(r'rclpy|ament_index_python|\w+_(msgs|srvs|interfaces)')
 PAGE = 'docs/how_to/install.md'
 
 
+def names_from(package: str, names: Collection[str], modules: Sequence[str]
+               ) -> Callable[[str], Any]:
+    """
+    Return the ``__getattr__`` of a package: it loads ``modules`` in order until one has the name.
+
+    package: its name.  names: its exports, which may be modules themselves.
+    """
+    def attribute(name: str) -> Any:
+        if name in names:
+            for module in [name] if name in modules else modules:
+                found = import_module(f'{package}.{module}')
+                if module == name or hasattr(found, name):
+                    return getattr(found, name, found)
+        raise AttributeError(f'module {package!r} has no attribute {name!r}')
+
+    return attribute
+
+
+# Optional packages.
+
+
 @cache
 def requirements() -> Mapping[str, tuple['Requirement', ...]]:
     """Return the requirements of setup.cfg by extra; '': base.  Empty if not installed."""
+    from importlib import metadata
+
     from packaging.requirements import Requirement
     try:
         found = [Requirement(text) for text in metadata.requires('soft_continuum') or ()]
@@ -106,6 +129,7 @@ def _module(package: 'Requirement') -> str:
 def _problem(package: 'Requirement') -> str:
     if find_spec(_module(package)) is None:
         return 'is not installed'
+    from importlib import metadata
     try:
         found = metadata.version(package.name)
     except metadata.PackageNotFoundError:  # such as the OpenCV of apt
@@ -123,6 +147,7 @@ def _line(packages: list['Requirement']) -> str:
     command = ['pip', 'install', *(f'{one.name}{one.specifier}' for one in packages)]
     if not of_apt:
         return f': {shlex.join(command)}'
+    from importlib import metadata
     # The messages of ROS are built for the NumPy of apt, and pip refuses to install beside it.
     command.append(f'numpy=={metadata.version("numpy")}')
     return f', in the environment that {PAGE} makes: {shlex.join(command)}'

@@ -22,7 +22,6 @@ def test_rooms_import_only_what_is_below_them():
 
 
 CIRCLES: set[frozenset[str]] = {
-    frozenset({'client.arm', 'client.home'}),
     frozenset({f'estimation.sensing.{name}' for name in (
         'layout', 'placed_tags', 'pose_fit', 'tag_camera')}),
 }

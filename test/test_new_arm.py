@@ -13,8 +13,7 @@ import pytest
 
 from soft_continuum.lab.new_arm import description as new_arm
 from soft_continuum.lab.new_arm.description import complete, describe_arm, questions_of
-from soft_continuum.lab.new_arm.drawings import DRAWINGS
-from soft_continuum.lab.new_arm.questions import AnswerError, KINDS, QUESTIONS
+from soft_continuum.lab.new_arm.questions import AnswerError, DRAWINGS, KINDS, QUESTIONS
 from soft_continuum.parameters.files import parameters_text
 from soft_continuum.ros.description import load_arm, load_description
 from soft_continuum.ui.cli.up import nodes_of

@@ -110,14 +110,14 @@ def stay(validator, start, shape, first):
 
 def test_a_verb_is_one_line_and_the_module_with_its_function(suite):
     suite.add('ui/cli/wave.py', 'def main():\n    print("a wave")\n    return 0\n')
-    suite.add('ui/cli/registry.py',
+    suite.add('ui/cli/main.py',
               "        Verb('wave', 'wave at the arm', 'ui.cli.wave:main'),\n",
               below="    'start': (\n")
     done = suite.run('-m', 'soft_continuum', 'wave')
     assert (done.stdout, done.returncode) == ('a wave\n', 0)
     assert 'wave at the arm' in suite.run('-m', 'soft_continuum', '--help').stdout
     assert '| `wave` | wave at the arm |' in suite.page('docs/reference/command_line.md')
-    assert suite.touched == {'ui/cli/registry.py'}
+    assert suite.touched == {'ui/cli/main.py'}
 
 
 def test_a_topic_is_a_publisher_a_row_with_its_reader_and_a_field_of_the_state(suite, domain):

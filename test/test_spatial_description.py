@@ -20,13 +20,13 @@ from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.mechanics.plane.statics import PlaneStatics
 from soft_continuum.mechanics.space.chain import SpaceChain
-from soft_continuum.nodes.prediction import TensionPrediction
+from soft_continuum.nodes.tendon_actuation import TensionPrediction
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import angles_problem, PAPER_SHAPES, shapes_from_parameters
 from soft_continuum.ros.description import load_arm, load_description
-from soft_continuum.ui.cli.operate import parse_bendings
+from soft_continuum.ui.cli.goals import parse_bendings
 from soft_continuum.ui.cli.up import nodes_of
 from support.descriptions import JAMMING, PLANAR, TENDON_ARM
 from support.spatial_arms import in_space

@@ -10,7 +10,7 @@ docs/how_to/use_the_python_client.md.
 from typing import TYPE_CHECKING
 
 from soft_continuum.client.tip import Tip
-from soft_continuum.lazy import names_from
+from soft_continuum.extras import names_from
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm

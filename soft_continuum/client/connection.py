@@ -17,10 +17,15 @@ from rclpy.signals import SignalHandlerOptions
 from soft_continuum.client.errors import ClientError, NoAnswerError
 from soft_continuum.client.requests import Requests
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.enclaves import CLIENT, with_enclave
-from soft_continuum.ros.executor import make_executor
-from soft_continuum.ros.logs import require_log_folder
-from soft_continuum.ros.network import choose_own_network, security_problem, wait_until_up
+from soft_continuum.ros.entries import make_executor
+from soft_continuum.ros.environment import (
+    choose_own_network,
+    CLIENT,
+    require_log_folder,
+    security_problem,
+    wait_until_up,
+    with_enclave,
+)
 
 CLOSE_TIMEOUT = 10.0  # s within which a running callback has to return
 

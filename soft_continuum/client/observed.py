@@ -38,7 +38,7 @@ from soft_continuum.ros.conversions import (
     poses_from_ros,
     seconds,
 )
-from soft_continuum.ros.entries import MAX_BYTES, subscribe_unguarded
+from soft_continuum.ros.entries import EVERY_STATE, LATCHED, MAX_BYTES, SENSOR, subscribe_unguarded
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     KINEMATICS,
@@ -51,7 +51,6 @@ from soft_continuum.ros.names import (
     TELEOP,
     TENDON_ACTUATION,
 )
-from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.ros.urdf import are_of_an_arm, ROBOT_DESCRIPTION
 from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable

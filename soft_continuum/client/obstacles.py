@@ -14,7 +14,7 @@ from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.planning.obstacles import Obstacle, ObstacleError
 from soft_continuum.planning.obstacles.files import load_obstacles, UNITS
-from soft_continuum.ros.entries import subscribe_unguarded
+from soft_continuum.ros.entries import LATCHED, OBSTACLES, subscribe_unguarded
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.obstacles import (
     Key,
@@ -25,7 +25,6 @@ from soft_continuum.ros.obstacles import (
     REFUSED,
     removal,
 )
-from soft_continuum.ros.qos import LATCHED, OBSTACLES
 from soft_continuum.text import printable
 
 T = TypeVar('T')

@@ -361,7 +361,7 @@ class Requests(Tasks):
 
     @cached_property
     def _trajectories(self) -> Any:
-        from soft_continuum.ros.qos import COMMAND
+        from soft_continuum.ros.entries import COMMAND
         from soft_continuum_interfaces.msg import TendonTrajectory
         return self.node.create_publisher(
             TendonTrajectory, f'{TENDON_ACTUATION}/tendon_trajectory', COMMAND)

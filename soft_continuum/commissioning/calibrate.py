@@ -28,12 +28,7 @@ from soft_continuum.commissioning.calibration import (
 )
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import Drive
-from soft_continuum.hardware.drivers import (
-    commissioning,
-    JAMMING_DRIVERS,
-    make_driver,
-    TENDON_DRIVERS,
-)
+from soft_continuum.hardware.drivers import chosen_families, DriverFamily
 from soft_continuum.hardware.grbl.commissioning import DRIVE
 from soft_continuum.hardware.protocols import (
     HardwareError,
@@ -42,8 +37,7 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
 )
 from soft_continuum.hardware.tendon_controller import TendonLimits
-from soft_continuum.lab.analysis.results import reserve_outputs
-from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
 from soft_continuum.parameters.arguments import (
     ask,
     confirm,
@@ -86,8 +80,8 @@ class Job:
     """
     The options, the parameters corrected so far, the results and the failures.
 
-    names: of the tendons, as they are typed.  family: the module COMMISSIONING of the tendon
-    driver, or None.
+    names: of the tendons, as they are typed.  family: of the tendon driver.  own_drive: its
+    parameters; None where it has none to correct.
     """
 
     options: argparse.Namespace
@@ -95,11 +89,13 @@ class Job:
     results: dict[str, tuple[float, ...] | float] = field(default_factory=dict)
     failures: list[str] = field(default_factory=list)
     names: tuple[str, ...] = field(init=False)
-    family: Any = field(init=False)
+    family: DriverFamily = field(init=False)
+    own_drive: Drive | None = field(init=False)
 
     def __post_init__(self) -> None:
         """Find these; raises CalibrationError if an option lacks a value, and HardwareError."""
-        self.family = commissioning(TENDON_DRIVERS, self.values['tendon_driver'])
+        self.family = chosen_families(self.values)['tendon_driver']
+        self.own_drive = self.family.drive
         tendons = arm_from_parameters(self.values).tendon_names
         self.names = tuple(name.removesuffix('_tendon') for name in tendons)
         for option in PER_TENDON:
@@ -123,11 +119,6 @@ class Job:
             raise CalibrationError(f'parameter {name} is {as_yaml(values)}; needed: one value for '
                                    f'each of {", ".join(self.names)}; begin with estimates')
         return values
-
-    @property
-    def own_drive(self) -> Drive | None:
-        """The parameters of the tendon driver; None where it has none to correct."""
-        return getattr(self.family, 'DRIVE', None)
 
     @property
     def drive(self) -> Drive:
@@ -206,8 +197,8 @@ def _run(options: argparse.Namespace) -> None:
 
 @contextmanager
 def _jamming(job: Job) -> Iterator[JammingDriver | RegulatorDriver]:
-    driver: JammingDriver | RegulatorDriver = make_driver(
-        JAMMING_DRIVERS, job.values['jamming_driver'], job.values, STEADY)
+    driver: JammingDriver | RegulatorDriver = chosen_families(job.values)['jamming_driver'].make(
+        job.values, STEADY)
     driver.open()
     try:
         yield driver
@@ -231,8 +222,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
                  'is soft.')
     vented = ' '.join(f'Segment {segment + 1} is vented and becomes soft.' for segment in soft)
     confirm(f'{vented} {text} Ctrl-C stops.'.lstrip(), job.options.yes)
-    tendons: TendonDriver = make_driver(
-        TENDON_DRIVERS, values['tendon_driver'], values, STEADY)
+    tendons: TendonDriver = job.family.make(values, STEADY)
     if tendons.reference_moves:
         raise CalibrationError(
             'the tendons are homed (grbl.homed_pulls), which calibrate does not do: remove '
@@ -260,8 +250,7 @@ def _bench(job: Job, text: str, sets_zero: bool = False
 
 def _clear_zero(job: Job) -> None:
     try:
-        if hasattr(job.family, 'clear_zero'):
-            job.family.clear_zero(job.values)
+        job.family.clear_zero(job.values)
     except (HardwareError, ParameterError) as error:
         print('The tendon device may still hold a provisional zero: power-cycle it before '
               f'anything else ({error})', file=sys.stderr)

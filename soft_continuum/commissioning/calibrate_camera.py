@@ -10,8 +10,7 @@ from time import monotonic
 
 from soft_continuum.estimation.sensing.pictures import Picture
 from soft_continuum.estimation.sensing.sources import is_device, pictures
-from soft_continuum.lab.analysis.results import reserve_outputs
-from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
 from soft_continuum.parameters.arguments import FOR_ANALYSIS, Parser
 
 FILE = 'camera.yaml'

@@ -12,8 +12,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.commissioning.calibration import CalibrationError
-from soft_continuum.lab.analysis.results import reserve_outputs, text_table
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb
+from soft_continuum.lab.analysis.verbs import described_arm, reserve_outputs, run_verb, text_table
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.parameters.arguments import (
     ask,
@@ -134,8 +133,7 @@ async def _listen(requests: 'Requests', tendons: Sequence[str]) -> dict[str, lis
     from sensor_msgs.msg import JointState
 
     from soft_continuum.client.tasks import until
-    from soft_continuum.ros.entries import subscribe_unguarded
-    from soft_continuum.ros.qos import SENSOR
+    from soft_continuum.ros.entries import SENSOR, subscribe_unguarded
     samples: dict[str, list[float]] = defaultdict(list)
     subscription = subscribe_unguarded(
         requests.node, JointState, LOAD_CELLS, partial(_take, samples, tendons), SENSOR)

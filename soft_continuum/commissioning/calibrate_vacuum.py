@@ -20,7 +20,7 @@ from soft_continuum.commissioning.calibration import POLL_INTERVAL, retry, TIMEO
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
-from soft_continuum.lab.analysis.results import cell, text_table
+from soft_continuum.lab.analysis.verbs import cell, text_table
 
 PLATEAU_TIME, PLATEAU_RISE, MIN_EVACUATION_TIME = 1.0, 0.01, 3.0
 """A vacuum that rises by less than this share in so many s has settled; first checked after s."""

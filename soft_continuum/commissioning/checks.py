@@ -16,11 +16,8 @@ from typing import Any
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import Check, check_reference, FAIL, OK, WARN
 from soft_continuum.hardware.drivers import (
-    commissioning,
-    GROUPS,
-    JAMMING_DRIVERS,
-    make_driver,
-    TENDON_DRIVERS,
+    chosen_families,
+    DriverFamily,
 )
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.hardware.real_time import LIMITS, NICENESS, PRIORITY, priority_allowed
@@ -57,11 +54,11 @@ def check_ports(values: Mapping[str, Any]) -> Check:
     """Check that the configured port names are stable."""
     step = 'serial ports'
     names = []
-    for parameter, group in GROUPS.items():
-        if group == JAMMING_DRIVERS and not values['arm.jamming']:
+    for parameter, family in chosen_families(values).items():
+        if parameter == 'jamming_driver' and not values['arm.jamming']:
             continue
         with suppress(HardwareError):  # the check of that driver reports it
-            names.append(getattr(commissioning(group, values[parameter]), 'PORT', ''))
+            names.append(family.port)
     used = [(name, port) for name in names if name for port in values[name].split()]
     message = '; '.join(f'{name} is {port}' for name, port in used) or 'none configured'
     if len({os.path.realpath(port) for _, port in used}) < len(used):
@@ -78,15 +75,14 @@ def check_ports(values: Mapping[str, Any]) -> Check:
 
 def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
     """Check the motors; nothing moves."""
-    name = values['tendon_driver']
-    step = f'tendon driver {name}'
+    family = chosen_families(values)['tendon_driver']
+    step = f'tendon driver {family.name}'
     try:
-        driver = make_driver(TENDON_DRIVERS, name, values, STEADY)
-        family = commissioning(TENDON_DRIVERS, name)
-        if name == SIMULATED:
+        driver = family.make(values, STEADY)
+        if family.name == SIMULATED:
             yield Check(step, OK, 'steppers are simulated: there is no device to check')
-        elif hasattr(family, 'checks'):
-            yield from family.checks(values)
+        elif checks := family.checks:
+            yield from checks(values)
         else:
             reading = yield from _read(family, driver, Check(step, OK, 'opens and reads'))
             yield check_reference(reading.referenced, reading.unreferenced)
@@ -94,13 +90,12 @@ def check_tendons(values: Mapping[str, Any]) -> Iterator[Check]:
         yield Check(step, FAIL, str(error))
 
 
-def _read(family: Any, driver: Any, *opened: Check) -> Generator[Check, None, Any]:
+def _read(family: DriverFamily, driver: Any, *opened: Check) -> Generator[Check, None, Any]:
     """Yield the checks of a driver while it is open, ``opened`` first; return its reading."""
     driver.open()
     try:
         yield from opened
-        if hasattr(family, 'checks_opened'):
-            yield from family.checks_opened(driver)
+        yield from family.checks_opened(driver)
         return driver.read()
     finally:
         driver.close()
@@ -108,19 +103,18 @@ def _read(family: Any, driver: Any, *opened: Check) -> Generator[Check, None, An
 
 def check_jamming(values: Mapping[str, Any]) -> Iterator[Check]:
     """Check boards, pump, valves and sensors; nothing is switched."""
-    name = values['jamming_driver']
-    step = f'jamming driver {name}'
+    family = chosen_families(values)['jamming_driver']
+    step = f'jamming driver {family.name}'
     try:
-        driver = make_driver(JAMMING_DRIVERS, name, values, STEADY)
-        if name == SIMULATED:
+        driver = family.make(values, STEADY)
+        if family.name == SIMULATED:
             yield Check(step, OK, 'pump, valves and sensors are simulated: there is no device to '
                         'check')
             return
-        family = commissioning(JAMMING_DRIVERS, name)
-        if hasattr(family, 'checks'):
-            checks = [*family.checks(values)]
-            yield from checks
-            if any(check.status == FAIL for check in checks):
+        if checks := family.checks:
+            found = [*checks(values)]
+            yield from found
+            if any(check.status == FAIL for check in found):
                 return
         reading = yield from _read(family, driver)
     except (HardwareError, ParameterError) as error:

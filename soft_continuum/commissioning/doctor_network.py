@@ -17,14 +17,13 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
-from soft_continuum.nodes.node_info import NodeInfo, PERIOD
+from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD, NodeInfo
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.ros.conversions import seconds
-from soft_continuum.ros.entries import subscribe_unguarded
+from soft_continuum.ros.entries import SENSOR, subscribe_unguarded
+from soft_continuum.ros.environment import PROFILES, RANGE, reachable_addresses
 from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT, NODES
-from soft_continuum.ros.network import PROFILES, RANGE, reachable_addresses
 from soft_continuum.ros.parameter_table import AUTOSTART, NODE_PARAMETERS
-from soft_continuum.ros.qos import SENSOR
 from soft_continuum.text import printable
 from soft_continuum_interfaces.msg import Heartbeat
 from soft_continuum_interfaces.srv import GetNodeInfo
@@ -66,7 +65,8 @@ class NodeReplies:
         """Number of heartbeats sent from the first to the last that was received."""
         if not self.heard:
             return 0
-        return max(len(self.heard), round((max(self.heard) - min(self.heard)) / PERIOD) + 1)
+        return max(len(self.heard),
+                   round((max(self.heard) - min(self.heard)) / HEARTBEAT_PERIOD) + 1)
 
 
 def checks(connection: Connection) -> Iterator[Check]:

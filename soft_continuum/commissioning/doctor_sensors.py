@@ -26,9 +26,8 @@ from soft_continuum.ros.conversions import (
     measured_pose_from_ros,
     seconds,
 )
-from soft_continuum.ros.entries import MAX_BYTES, subscribe_unguarded
+from soft_continuum.ros.entries import EVERY_STATE, LATCHED, MAX_BYTES, SENSOR, subscribe_unguarded
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
-from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR
 from soft_continuum.text import MAX_NAME, printable
 
 LOOK_PERIOD = 0.25  # s between two searches for new topics

@@ -18,27 +18,32 @@ import numpy as np
 from numpy.typing import NDArray
 import scipy
 
-from soft_continuum.estimation.discs import MODEL_ERROR, pose_error
 from soft_continuum.estimation.measuring import (
     ActuatorState,
     DiscMeasurement,
     Innovation,
     LinearisationPoint,
     Measurement,
+    MODEL_ERROR,
+    pose_error,
     predicted,
     rates,
     relative_distance,
 )
-from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.unknowns import (
+    arm_with,
+    Drift,
     first_covariance,
     first_values,
     indices_of,
     limited,
-    statics_with,
+    Prior,
+    UnknownIndices,
 )
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.laws import LawError
+from soft_continuum.mechanics.statics import Statics
 
 HISTORY = 2.0  # s for which pulls are kept: a measurement may be that late
 LAG = 0.15  # s by which a moving arm is behind its statics
@@ -67,7 +72,7 @@ class Estimator:
         self.values = first_values(arm, self.layout, prior)
         self._first = first_covariance(arm, self.layout, prior)
         self.covariance = self._first.copy()
-        self.statics: Any = statics_with(arm, self.layout, self.values, state)
+        self.statics: Any = _statics_with(arm, self.layout, self.values, state)
         self.state: Any = replace(state, chain=self.statics.chain)
         for s, stiff in enumerate(state.stiff):
             if not stiff:
@@ -354,7 +359,7 @@ class Estimator:
         statics, start, there = self.statics, state, state
         changed = bool(change.any())
         if changed:
-            statics = statics_with(self._described, layout, unknowns, state)
+            statics = _statics_with(self._described, layout, unknowns, state)
             held = change[layout.held] * self._stiff()
             start = state.with_held(statics.chain, held.reshape(-1, 2))
         if changed or past is not self._past[-1]:
@@ -409,3 +414,16 @@ class Estimator:
         if self._past and self.switching(self._past[-1].time):
             found += self._change[:, :, None] * self._change[:, None, :]
         return found
+
+
+def _statics_with(arm: Arm, layout: UnknownIndices, values: Array, state: Any) -> Any:
+    """
+    Return the statics of arm_with.
+
+    Raises StaticsError, with ``state``, where a soft segment would be stiffer than the measured
+    law of its stiff state.
+    """
+    try:
+        return Statics(arm_with(arm, layout, values))
+    except LawError as error:
+        raise StaticsError(str(error), state) from None

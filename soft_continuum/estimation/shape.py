@@ -22,8 +22,13 @@ from soft_continuum.estimation.measuring import (
     Measurement,
 )
 from soft_continuum.estimation.sensing.rigid import IDENTITY
-from soft_continuum.estimation.settings import DEFAULT_ESTIMATION, EstimationSettings, Prior
-from soft_continuum.estimation.unknowns import MAX_OFFSET, MAX_RATIO
+from soft_continuum.estimation.unknowns import (
+    DEFAULT_ESTIMATION,
+    EstimationSettings,
+    MAX_OFFSET,
+    MAX_RATIO,
+    Prior,
+)
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.orientations import bending_between, matrices

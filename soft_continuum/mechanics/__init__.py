@@ -9,7 +9,7 @@ inverse problem: pulls for a shape or a tip.  docs/explanation/mechanics.md deri
 
 from typing import Any, TYPE_CHECKING
 
-from soft_continuum.lazy import names_from
+from soft_continuum.extras import names_from
 from soft_continuum.mechanics import kinds
 
 if TYPE_CHECKING:

@@ -15,9 +15,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.ros.conversions import trajectory_to_ros
+from soft_continuum.ros.entries import COMMAND
 from soft_continuum.ros.motion_tracker import MotionTracker
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
-from soft_continuum.ros.qos import COMMAND
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum.sequencing import Code
 from soft_continuum.sequencing.runner import Failure

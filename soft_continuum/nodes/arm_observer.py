@@ -13,12 +13,11 @@ from sensor_msgs.msg import JointState
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
-from soft_continuum.nodes.node_info import PERIOD
 from soft_continuum.nodes.reported_arm import NOT_REFERENCED, ReportedArm
+from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD
 from soft_continuum.ros.conversions import accuracy_from_ros, pulls_from_ros
-from soft_continuum.ros.entries import subscribe
+from soft_continuum.ros.entries import EVERY_STATE, SENSOR, subscribe
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
-from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age, RosTime
 from soft_continuum.sequencing.runner import Failure, Observation
 from soft_continuum.text import plain
@@ -181,7 +180,7 @@ class ArmObserver(ReportedArm):
         if not stale:
             return ''
         # A node that is gone, or is so in a moment, may be why others, which run, report nothing.
-        if all(age.seconds - self.conflicts.heartbeat_age(source.split()[0]) > PERIOD
+        if all(age.seconds - self.conflicts.heartbeat_age(source.split()[0]) > HEARTBEAT_PERIOD
                for source, age in self._ages.items() if age.seconds > 0.5 * self.timeout):
             source, timeout = next(iter(stale.items()))
             return (f'{source.split()[0]} runs, but has reported no {REPORTED[source]} for '

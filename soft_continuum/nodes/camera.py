@@ -24,8 +24,7 @@ from soft_continuum.estimation.sensing.sources import is_device, pictures, Sourc
 from soft_continuum.estimation.sensing.tare import Window
 from soft_continuum.estimation.sensing.tilt import SensorError
 from soft_continuum.extras import require
-from soft_continuum.nodes.status import ERROR, OK, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import (
@@ -35,9 +34,8 @@ from soft_continuum.ros.conversions import (
     seconds,
     tracked_pose_to_ros,
 )
-from soft_continuum.ros.entries import repeat, serve, subscribe
+from soft_continuum.ros.entries import repeat, SENSOR, serve, STREAM, subscribe
 from soft_continuum.ros.names import CAMERA, MEASURED_POSE
-from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 
 if TYPE_CHECKING:  # OpenCV may not be there

@@ -12,11 +12,10 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from soft_continuum.nodes.node_info import HeartbeatReader, NodeInfo, PERIOD
-from soft_continuum.ros.entries import guarded, MAX_BYTES, repeat, subscribe
+from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD, HeartbeatReader, NodeInfo
+from soft_continuum.ros.entries import guarded, MAX_BYTES, repeat, SENSOR, subscribe
 from soft_continuum.ros.names import HEARTBEAT, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.parameter_table import DESCRIBED
-from soft_continuum.ros.qos import SENSOR
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import Heartbeat
@@ -82,7 +81,7 @@ class Conflicts:
             subscribe(node, Heartbeat, topic, partial(self._on_heartbeat, name), SENSOR,
                       convert=HeartbeatReader())
             self._heartbeats.add(node.resolve_topic_name(topic))
-        repeat(node, PERIOD, self._check_now)
+        repeat(node, HEARTBEAT_PERIOD, self._check_now)
 
     def _on_heartbeat(self, name: str, said: tuple[NodeInfo, float]) -> None:
         (info, time), processes = said, self._heard[name]
@@ -199,7 +198,7 @@ class SharedJoints:
         self._topic, self._alone = node.resolve_topic_name(JOINTS), True
         node.create_subscription(JointState, JOINTS, guarded(node, self._on_joints), SENSOR,
                                  raw=True)
-        repeat(node, PERIOD, self._check)
+        repeat(node, HEARTBEAT_PERIOD, self._check)
 
     def sent(self, message: JointState) -> None:
         """Note a message of our own, before it is published."""

@@ -18,14 +18,12 @@ from soft_continuum.estimation.sensing.mounted_imus import imu_rotations, Mounte
 from soft_continuum.estimation.sensing.tare import offset_of, straight_heights, Window
 from soft_continuum.estimation.sensing.tilt import ImuSample, SensorError
 from soft_continuum.estimation.sensing.tracker import Tracker
-from soft_continuum.nodes.status import ERROR, OK, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.scalars import as_yaml
 from soft_continuum.ros.conversions import pose_from_ros, seconds, tracked_pose_to_ros
-from soft_continuum.ros.entries import repeat, serve, subscribe
+from soft_continuum.ros.entries import repeat, SENSOR, serve, STREAM, subscribe
 from soft_continuum.ros.names import DISC_SENSORS, MEASURED_POSE
-from soft_continuum.ros.qos import SENSOR, STREAM
 from soft_continuum.ros.ros_time import Age
 
 ALL_POSES = 'tracker/disc_poses'

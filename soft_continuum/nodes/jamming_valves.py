@@ -13,19 +13,18 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
+from soft_continuum.hardware.drivers import families, JAMMING_DRIVERS
 from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.managed_node import DeviceControl, ManagedNode
-from soft_continuum.nodes.status import ERROR, OK, StatePublisher
+from soft_continuum.nodes.suite_node import ERROR, OK, StatePublisher
 from soft_continuum.nodes.threads import Newest, RestingStream
 from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
-from soft_continuum.ros.entries import serve
+from soft_continuum.ros.entries import LATCHED, serve, STREAM
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.ros.parameter_table import jamming_settings
-from soft_continuum.ros.qos import LATCHED, STREAM
 from soft_continuum_interfaces.msg import JammingValvesState
 from soft_continuum_interfaces.srv import SetVacuum
 
@@ -178,8 +177,8 @@ class JammingValves(ManagedNode):
 
     def open_device(self) -> JammingController:
         """Connect and read; switch nothing."""
-        driver: JammingDriver | RegulatorDriver = make_driver(
-            JAMMING_DRIVERS, self.parameters['jamming_driver'], self.parameters, STEADY, self)
+        family = families(JAMMING_DRIVERS)[self.parameters['jamming_driver']]
+        driver: JammingDriver | RegulatorDriver = family.make(self.parameters, STEADY, self)
         if isinstance(driver, RegulatorDriver):
             self._settings.check_regulators(driver.max_vacuum)
         driver.open()

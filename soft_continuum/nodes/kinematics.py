@@ -17,13 +17,13 @@ from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.estimation.measuring import ActuatorState, Innovation, Measurement
 from soft_continuum.estimation.sensing.rigid import UNKNOWN
-from soft_continuum.estimation.settings import estimation_from_parameters
 from soft_continuum.estimation.shape import (
     ArmShape,
     PULL_RESOLUTION,
     ShapeError,
     UnknownShapeError,
 )
+from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
@@ -36,10 +36,9 @@ from soft_continuum.nodes.measurements import (
     MeasuredTensions,
     Refusals,
 )
-from soft_continuum.nodes.model import load_model, loading
 from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
-from soft_continuum.nodes.status import ERROR, OK, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
+from soft_continuum.nodes.threads import load_model, loading
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.conversions import (
     equilibrium_to_ros,
@@ -50,10 +49,19 @@ from soft_continuum.ros.conversions import (
     stiffness_from_ros,
     tracked_pose_to_ros,
 )
-from soft_continuum.ros.entries import Confirmation, repeat, serve, subscribe, wake
+from soft_continuum.ros.entries import (
+    Confirmation,
+    EVERY_STATE,
+    LATCHED,
+    repeat,
+    SENSOR,
+    serve,
+    STREAM,
+    subscribe,
+    wake,
+)
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
-from soft_continuum.ros.qos import EVERY_STATE, LATCHED, SENSOR, STREAM
 from soft_continuum.ros.ros_time import FRESH
 from soft_continuum.ros.urdf import arm_urdf, joint_names
 from soft_continuum_interfaces.msg import (

@@ -10,8 +10,7 @@ from typing import Any
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.nodes.status import ERROR
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import ERROR, SuiteNode
 from soft_continuum.nodes.threads import ControlLoop, on_ros_thread, Worker
 from soft_continuum.ros.entries import guarded, repeat
 from soft_continuum.ros.ros_time import RosTime

@@ -27,7 +27,7 @@ from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.planning.plans import Shape
-from soft_continuum.ros.qos import LATCHED
+from soft_continuum.ros.entries import LATCHED
 
 LIFETIME = Duration(nanosec=500_000_000)
 """Lifetime of temporary markers: they disappear when no longer published."""

@@ -19,9 +19,8 @@ from soft_continuum.ros.conversions import (
     measured_pose_from_ros,
     seconds,
 )
-from soft_continuum.ros.entries import subscribe
+from soft_continuum.ros.entries import SENSOR, subscribe
 from soft_continuum.ros.names import MEASURED_POSE
-from soft_continuum.ros.qos import SENSOR
 from soft_continuum_interfaces.msg import TendonActuationState
 
 SYNC_WINDOW = 0.02  # s for which a pose waits for those of the other discs

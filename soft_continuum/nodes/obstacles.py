@@ -17,7 +17,7 @@ from soft_continuum.planning.obstacles import CollisionScene, Mesh, Obstacle, Ob
 from soft_continuum.planning.obstacles.files import load_obstacles, MAX_OBSTACLES
 from soft_continuum.planning.obstacles.mesh import MAX_TRIANGLES
 from soft_continuum.ros.conversions import seconds
-from soft_continuum.ros.entries import LOG_PERIOD, repeat, subscribe, wake
+from soft_continuum.ros.entries import LATCHED, LOG_PERIOD, OBSTACLES, repeat, subscribe, wake
 from soft_continuum.ros.obstacles import (
     is_decoration,
     Key,
@@ -27,7 +27,6 @@ from soft_continuum.ros.obstacles import (
     obstacle_to_ros,
     REFUSED,
 )
-from soft_continuum.ros.qos import LATCHED, OBSTACLES
 from soft_continuum.text import MAX_NAME, printable
 
 EXPIRY_PERIOD = 0.1  # s between two looks at whether a lifetime is over

@@ -19,10 +19,9 @@ from soft_continuum.ros.conversions import (
     Stiffness,
     stiffness_from_ros,
 )
-from soft_continuum.ros.entries import subscribe
+from soft_continuum.ros.entries import EVERY_STATE, SENSOR, subscribe
 from soft_continuum.ros.estimates import Model, model_from_ros
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS
-from soft_continuum.ros.qos import EVERY_STATE, SENSOR
 from soft_continuum.ros.ros_time import Age
 from soft_continuum_interfaces.msg import JammingValvesState, KinematicsState
 

@@ -30,18 +30,19 @@ from soft_continuum.parameters.overrides import full_name_of, Overrides
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX, VACUUM_PREFIX
 from soft_continuum.ros.description import described
-from soft_continuum.ros.enclaves import with_enclave
-from soft_continuum.ros.executor import make_executor
-from soft_continuum.ros.logs import discard_old_logs, require_log_folder
-from soft_continuum.ros.names import RECORDER, TELEOP
-from soft_continuum.ros.network import (
+from soft_continuum.ros.entries import make_executor
+from soft_continuum.ros.environment import (
+    discard_old_logs,
     PARENT,
     reachable_addresses,
+    require_log_folder,
     SAID,
     security_problem,
     wait_until_up,
     who_commands,
+    with_enclave,
 )
+from soft_continuum.ros.names import RECORDER, TELEOP
 from soft_continuum.ros.parameter_table import ALL_PARAMETERS
 
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)

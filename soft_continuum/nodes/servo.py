@@ -18,16 +18,21 @@ from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
 from soft_continuum.nodes.arm_observer import ArmObserver, TimedShape
-from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.status import OK, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
-from soft_continuum.nodes.threads import on_ros_thread, Worker
+from soft_continuum.nodes.suite_node import OK, SuiteNode, WARN
+from soft_continuum.nodes.threads import load_model, loading, on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
 from soft_continuum.planning.bending_map import BendingLimits
 from soft_continuum.ros.conversions import Stiffness
-from soft_continuum.ros.entries import guarded, repeat, serve, subscribe
+from soft_continuum.ros.entries import (
+    EVERY_STATE,
+    guarded,
+    LATCHED,
+    repeat,
+    serve,
+    STREAM,
+    subscribe,
+)
 from soft_continuum.ros.names import SERVO, SHAPE_SEQUENCER
-from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing.servo import (
     AngleServo,

@@ -1,22 +1,28 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that runs sequences of shapes, using the other three nodes."""
+"""The node that runs sequences of shapes, using the other three nodes, and its action server."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from math import nan
 from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovariance
+import numpy as np
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from unique_identifier_msgs.msg import UUID
 
 from soft_continuum.hardware.clock import STEADY
+from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.arm_observer import ArmObserver
-from soft_continuum.nodes.goals import check_aim, regulator_problem, shape_library, shapes_of
 from soft_continuum.nodes.markers import Ghost
-from soft_continuum.nodes.model import load_model
 from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.planning import (
     PlanGuard,
@@ -24,30 +30,39 @@ from soft_continuum.nodes.planning import (
     PlanService,
     tip_aim,
 )
-from soft_continuum.nodes.sequence_server import (
-    error_code,
-    FinalState,
-    GoalRequest,
-    NOWHERE,
-    SequenceServer,
-)
-from soft_continuum.nodes.status import OK, StatePublisher, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
+from soft_continuum.nodes.suite_node import OK, StatePublisher, SuiteNode, WARN
+from soft_continuum.nodes.threads import load_model
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation
-from soft_continuum.parameters.shapes import direction_parameter, shape_parameter, vacuum_parameter
-from soft_continuum.planning.plans import failure_text, PlanError, Shape, ShapePlan
+from soft_continuum.parameters.shapes import (
+    angles_problem,
+    direction_parameter,
+    directions_from_parameters,
+    shape_parameter,
+    shapes_from_parameters,
+    vacuum_parameter,
+    vacuums_from_parameters,
+    vacuums_problem,
+)
+from soft_continuum.planning import TIP_KINDS
+from soft_continuum.planning.plans import failure_text, PlanError, Shape, ShapePlan, TipGoal
 from soft_continuum.planning.settings import (
     loop_from_parameters,
     reach_from_parameters,
     RunnerSettings,
 )
-from soft_continuum.ros.conversions import poses_to_ros
+from soft_continuum.ros.conversions import (
+    MAX_QUATERNION_ERROR,
+    pose_from_ros,
+    poses_to_ros,
+    seconds,
+)
 from soft_continuum.ros.entries import guarded, LOG_PERIOD, repeat, wake
 from soft_continuum.ros.names import running_nodes, SHAPE_SEQUENCER
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing import Code, Outcome
 from soft_continuum.sequencing.closed_loop import ClosedLoopRunner
 from soft_continuum.sequencing.runner import Runner
+from soft_continuum.text import MAX_NAME, name_problem, printable
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import (
     Shape as ShapeMessage,
@@ -56,12 +71,107 @@ from soft_continuum_interfaces.msg import (
     ShapeSequencerState,
     TendonActuationState,
 )
+from soft_continuum_interfaces.msg import TipGoal as TipGoalMessage
 
 TICK_PERIOD = 0.05  # s
 PIECE_PERIOD = 0.15
 """Period of motion pieces, s: validating one with nine tendons takes 10 ms of a core."""
 FIRST_MESSAGE_TIMEOUT = 5.0  # s that a goal waits for nodes that may have just been started
 STARTING_TIMEOUT = 20.0  # s that it waits for nodes that run: on a slow computer they load longer
+RESULT_TIMEOUT = 900  # s for which a client can still ask for a result
+GOALS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""Queue length, so that each of many goals is answered; rclpy would keep only ten."""
+MAX_SHAPES = 100
+"""Shapes of one goal; planning one takes tens of ms, for spatial arms hundreds."""
+MAX_TIPS = 200
+"""Tip goals of one goal."""
+
+
+@dataclass(frozen=True)
+class GoalRequest:
+    """A pending goal; ``answer(True)`` accepts it, ``answer(False)`` rejects it."""
+
+    goal_id: UUID
+    goal: RunShapeSequence.Goal
+    answer: Callable[[bool], None]
+
+
+@dataclass(frozen=True)
+class FinalState:
+    """Final state of the arm, as in the result of RunShapeSequence."""
+
+    bending_angles: Sequence[float] = ()
+    angle_stddevs: Sequence[float] = ()
+    bending_directions: Sequence[float] = ()
+    tip: PoseWithCovariance = field(default_factory=PoseWithCovariance)
+    tip_error: float = nan
+
+
+def error_code(code: Code) -> int:
+    """Return the error_code of RunShapeSequence for a code."""
+    return int(getattr(RunShapeSequence.Result, code.name))
+
+
+NOWHERE = FinalState()
+"""Result of a goal that ends before the state of the arm is known."""
+
+
+class SequenceServer(ActionServer):
+    """
+    An action server without callbacks that wait.
+
+    rclpy expects the response to a goal when its callback returns, without the id of the goal, and
+    one callback that runs as long as the goal; its executors would poll a waiting coroutine, which
+    occupies a core.
+    """
+
+    def __init__(self, node: Node, on_request: Callable[[GoalRequest], None],
+                 on_accepted: Callable[[Any], None]) -> None:
+        """Hand each goal to ``on_request``, and its handle, once accepted, to ``on_accepted``."""
+        self._on_request = on_request
+        self._answer = GoalResponse.REJECT
+        super().__init__(
+            node, RunShapeSequence, 'run_shape_sequence', lambda handle: None,
+            goal_callback=lambda goal: self._answer, handle_accepted_callback=on_accepted,
+            cancel_callback=lambda handle: CancelResponse.ACCEPT,
+            goal_service_qos_profile=GOALS, result_timeout=RESULT_TIMEOUT)
+
+    async def _execute_goal_request(self, request: Any) -> None:
+        """Leave the answer to the handler of the request."""
+        message = request[1]
+        try:
+            self._on_request(GoalRequest(
+                message.goal_id, message.goal, partial(self._send_answer, request)))
+        except Exception:
+            self._send_answer(request, False)
+            raise
+
+    def _send_answer(self, request: Any, accept: bool) -> None:
+        self._answer = GoalResponse.ACCEPT if accept else GoalResponse.REJECT
+        with suppress(StopIteration):  # it has nothing to wait for
+            super()._execute_goal_request(request).send(None)
+
+    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
+        """Leave the goal executing until ``finish`` is called."""
+
+    def finish(self, handle: Any, outcome: Outcome, reached: FinalState = NOWHERE) -> None:
+        """End a goal in the state of its outcome, and send the result."""
+
+        def result(handle: Any) -> RunShapeSequence.Result:
+            if outcome.code is Code.SUCCESSFUL:
+                handle.succeed()
+            elif outcome.code is Code.CANCELED and handle.is_cancel_requested:
+                handle.canceled()
+            else:
+                handle.abort()
+            return RunShapeSequence.Result(
+                error_code=error_code(outcome.code), error_string=outcome.message,
+                shapes_completed=outcome.shapes_completed, corrections=outcome.corrections,
+                replans=outcome.replans,
+                source=(RunShapeSequence.Result.MEASURED if outcome.measured
+                        else RunShapeSequence.Result.PREDICTED), **vars(reached))
+
+        super().notify_execute(handle, result)
 
 
 @dataclass
@@ -410,3 +520,134 @@ class ShapeSequencer(SuiteNode):
         if self._warning:
             text += f'; {self._warning}'
         self.status.set(WARN if self._warning else OK, text, **values)
+
+
+# What a goal asks for.
+
+
+def shape_library(parameters: Mapping[str, Any], arm: Arm) -> dict[str, Shape]:
+    """Return the shapes that parameters describe, by name; raises ParameterError."""
+    directions = directions_from_parameters(parameters)
+    vacuums = vacuums_from_parameters(parameters)
+    return {name: Shape(name, angles, 0.0, directions.get(name, ()),
+                        vacuums=vacuums.get(name, ()))
+            for name, angles in shapes_from_parameters(parameters, arm).items()}
+
+
+def check_aim(aim: int) -> None:
+    """Raise PlanError for an invalid aim of RunShapeSequence."""
+    angles, tip = RunShapeSequence.Goal.ANGLES, RunShapeSequence.Goal.TIP
+    if aim not in (angles, tip):
+        raise PlanError(f'aim is {aim}; allowed: {angles} (angles), {tip} (tip)')
+
+
+def shapes_of(items: Sequence[ShapeMessage], library: Mapping[str, Shape], arm: Arm,
+              parameters: Mapping[str, Any]) -> list[Shape]:
+    """
+    Return the shapes of a request; raises PlanError for an invalid one.
+
+    parameters: with the default tolerances of tip goals.
+    """
+    if not items:
+        raise PlanError('the sequence is empty; give at least one shape: ' + ', '.join(library))
+    if len(items) > MAX_SHAPES:
+        raise PlanError(f'{len(items)} shapes; allowed: {MAX_SHAPES}; send them in several goals')
+    if (tips := sum(len(item.tips) for item in items)) > MAX_TIPS:
+        raise PlanError(f'{tips} tips; allowed: {MAX_TIPS}; send them in several goals')
+    return [_shape(number, item, library, arm, parameters)
+            for number, item in enumerate(items, start=1)]
+
+
+def _shape(number: int, item: ShapeMessage, library: Mapping[str, Shape], arm: Arm,
+           parameters: Mapping[str, Any]) -> Shape:
+    if problem := name_problem(item.name):
+        raise PlanError(f'shape {number}: its name is {problem}')
+    label, hold = f'shape {number} ({item.name or "unnamed"})', seconds(item.hold_time)
+    if hold < 0.0:
+        raise PlanError(f'{label}: hold_time is {hold:g} s; it must not be negative')
+    for what, values in (('bending angles', item.bending_angles), ('vacuums', item.vacuums),
+                         ('bending directions', item.bending_directions)):
+        if len(values) > MAX_SHAPES:
+            raise PlanError(f'shape {number}: {len(values)} {what}; needed: {len(arm.segments)}')
+    angles, directions = tuple(item.bending_angles), tuple(item.bending_directions)
+    vacuums, tips = tuple(item.vacuums), _tips(label, item, arm, parameters)
+    if not (angles or tips):
+        if directions:
+            raise PlanError(f'shape {number}: bending_directions without bending_angles; give '
+                            f'both, {len(arm.segments)} each, or a name alone')
+        if item.name not in library:
+            raise PlanError(f'shape {number}: unknown shape {item.name!r}; known: '
+                            + ', '.join(library))
+        known = library[item.name]
+        angles, directions = known.bending_angles, known.bending_directions
+        vacuums = vacuums or known.vacuums
+    if not tips and (problem := angles_problem(angles, arm, directions)):
+        raise PlanError(f'{label}: {problem}')
+    if vacuums and len(tips) > 1:
+        raise PlanError(f'{label}: {len(tips)} tips and vacuums: a path is followed with every '
+                        'segment stiff but one; give one tip, or leave the vacuums out')
+    if vacuums and (problem := vacuums_problem(
+            vacuums, arm, parameters['full_vacuum'], parameters['soft_vacuum'],
+            parameters['arm.jamming'])):
+        raise PlanError(f'{label}: {problem}')
+    name = item.name or (_tips_name(tips, arm) if tips else f'shape {number}')
+    return Shape(name, angles, hold, directions, tips, vacuums)
+
+
+def regulator_problem(shapes: Sequence[Shape], regulators: bool) -> str:
+    """Return which shape has vacuums although the rig has valves; empty for none."""
+    return next((f'{shape.name}: vacuums are given, but jamming_valves has valves, not '
+                 'regulators; leave the vacuums out'
+                 for shape in shapes if shape.vacuums and not regulators), '')
+
+
+def _tips(label: str, item: ShapeMessage, arm: Arm, parameters: Mapping[str, Any]
+          ) -> tuple[TipGoal, ...]:
+    """Return the goals of the tip of a shape, none for angles; raises PlanError."""
+    if not item.tips:
+        return ()
+    if len(item.bending_angles) or len(item.bending_directions):
+        raise PlanError(f'{label}: tips and bending angles or directions; give only one of the '
+                        'two')
+    goals = []
+    for number, tip in enumerate(item.tips, start=1):
+        try:
+            goals.append(_tip_goal(tip, parameters))
+            goals[-1].check(arm)
+        except PlanError as error:
+            of = f'tip {number}: ' if len(item.tips) > 1 else ''
+            raise PlanError(f'{label}: {of}{error}') from None
+    return tuple(goals)
+
+
+def _tips_name(tips: Sequence[TipGoal], arm: Arm) -> str:
+    """Return what people know goals of the tip by."""
+    if len(tips) > 1:
+        return f'path through {len(tips)} points'
+    place = 1e3 * tips[0].position[arm.pose_axes[:3]]
+    return f'tip at ({", ".join(f"{value:.0f}" for value in place)}) mm'
+
+
+def _tip_goal(tip: TipGoalMessage, parameters: Mapping[str, Any]) -> TipGoal:
+    if tip.header.frame_id not in ('', frame := parameters['frame_id']):
+        raise PlanError(f'the frame_id of the tip goal is '
+                        f'{printable(repr(tip.header.frame_id), MAX_NAME)}; allowed: {frame!r}, '
+                        'or empty. Transform the goal, for instance with tf2')
+    if tip.kind >= len(TIP_KINDS):
+        raise PlanError(f'the kind of the tip goal is {tip.kind}; allowed: '
+                        + ', '.join(f'{n} ({kind})' for n, kind in enumerate(TIP_KINDS)))
+    pose = np.array(pose_from_ros(tip.pose))
+    rotation = None
+    if tip.kind != TipGoalMessage.POSITION:
+        quaternion = pose[3:]
+        length = float(np.linalg.norm(quaternion))
+        if not abs(length - 1.0) < MAX_QUATERNION_ERROR:
+            raise PlanError(f'the orientation of the tip goal is a quaternion of length '
+                            f'{length:.3g}; needed: 1')
+        from scipy.spatial.transform import Rotation  # 0.1 s that a start need not wait for
+        rotation = Rotation.from_quat(quaternion).as_matrix()
+    tolerances = {}
+    for name, given in (('position_tolerance', tip.position_tolerance),
+                        ('angle_tolerance', tip.angle_tolerance)):
+        tolerances[name] = given if given != 0.0 else parameters[f'reach.{name}']
+    return TipGoal(pose[:3], rotation, TIP_KINDS[tip.kind], **tolerances)

@@ -1,10 +1,25 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What all nodes have in common, and their parameters, checked against their table."""
+"""
+What a node of the suite is: checked parameters, a status, and a heartbeat for the other nodes.
+
+The status is for people, the typed state for other nodes; version, computer and arm are on a topic
+and a service.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from copy import copy, deepcopy
+from dataclasses import dataclass
+from math import inf
+import re
+import socket
+from struct import unpack_from
+import time
+from typing import Any, Self
+from uuid import uuid4
 
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
@@ -14,13 +29,61 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.serialization import deserialize_message
 
-from soft_continuum.nodes.node_info import NodeInfoPublisher
-from soft_continuum.nodes.status import FAILURE_PERIOD, Status
+from soft_continuum import version
 from soft_continuum.nodes.threads import on_ros_thread
+from soft_continuum.parameters.arm import description_digest
 from soft_continuum.parameters.parameter import Parameter, ParameterError
+from soft_continuum.ros.conversions import seconds
+from soft_continuum.ros.entries import guarded, LATCHED, LOG_PERIOD, repeat, STREAM
+from soft_continuum.ros.names import GET_NODE_INFO, HEARTBEAT
 from soft_continuum.ros.parameter_table import default_frame, FRAME, NODE_PARAMETERS
-from soft_continuum.text import printable
+from soft_continuum.ros.ros_time import stamp_of
+from soft_continuum.text import plain, printable
+from soft_continuum_interfaces import srv
+from soft_continuum_interfaces.msg import Heartbeat
+
+HEARTBEAT_PERIOD = 0.2  # s between two signs of life
+MAX_CONFLICT = 500  # characters of a conflict that another node notices
+REPEAT_PERIOD = 1.0  # s between two states that are the same
+FAILURE_PERIOD = 5.0  # s for which a mistake of the program is shown
+
+NUMBER = re.compile(r'-?\d+\.\d+(e[-+]?\d+)?|-?\d+(?= (?:mm|ms|s|k?Pa|N|%)(?!\w))')
+"""Numbers that may change in an otherwise equal status: measured values, not part numbers."""
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class SuiteNode(Node):
+    """
+    A node with checked parameters, a heartbeat and a status, which reports what callbacks raise.
+
+    Its ``start`` is called when it can be spun, ``quit`` before the process ends.
+    """
+
+    def __init__(self, name: str, hardware_id: str, **options: Any) -> None:
+        """
+        Declare the parameters of ``name``; raises ParameterError.
+
+        hardware_id: for diagnostics (REP-107); {parameter} in it stands for the value of one.
+        """
+        super().__init__(name, **options)
+        self.parameters = NodeParameters(self, NODE_PARAMETERS[name])
+        self.hardware_id = hardware_id.format_map(self.parameters)
+        self.status = Status(self, self.hardware_id)
+        self.node_info = NodeInfoPublisher(self, self.parameters)
+
+    def callback_failed(self, error: Exception) -> None:
+        """Report what a callback raised, on the thread of ROS."""
+        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
+
+    def thread_failed(self, error: Exception) -> None:
+        """Report what a thread of its own raised; any thread may call this."""
+        on_ros_thread(self, self.callback_failed, error)
+
+    def quit(self) -> None:
+        """End; a node that moves something holds it."""
 
 
 class NodeParameters(Mapping[str, Any]):
@@ -126,32 +189,189 @@ def _descriptor(parameter: Parameter) -> ParameterDescriptor:
     return descriptor
 
 
-class SuiteNode(Node):
-    """
-    A node with checked parameters, a heartbeat and a status, which reports what callbacks raise.
+class Status:
+    """Publishes the status of a node: latched on ``~/status``, and at 1 Hz on /diagnostics."""
 
-    Its ``start`` is called when it can be spun, ``quit`` before the process ends.
-    """
+    def __init__(self, node: Node, hardware_id: str) -> None:
+        """Create the two publishers and the timer of ``node``."""
+        self._message = DiagnosticStatus(
+            name=node.get_fully_qualified_name().lstrip('/'), hardware_id=hardware_id)
+        self._node = node
+        self._logged: tuple[bytes, str] = OK, ''  # level and kind of the last
+        self._log_times: dict[bytes, float] = {}  # by level: when, s (steady)
+        self._publisher = node.create_publisher(DiagnosticStatus, '~/status', LATCHED)
+        self._diagnostics = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._own: tuple[bytes, str, dict[str, str]] = OK, '', {}
+        self._shown = self._own
+        self._alarms: dict[str, tuple[str, float]] = {}  # by source: text, monotonic s of its end
+        repeat(node, 1.0, self._publish_diagnostics)
 
-    def __init__(self, name: str, hardware_id: str, **options: Any) -> None:
+    @property
+    def message(self) -> str:
+        """The present status text."""
+        return str(self._message.message)
+
+    def set(self, level: bytes, message: str, **values: object) -> None:
         """
-        Declare the parameters of ``name``; raises ParameterError.
+        Update the status and publish it if it changed; for the thread of ROS.
 
-        hardware_id: for diagnostics (REP-107); {parameter} in it stands for the value of one.
+        level: OK, WARN or ERROR.  values: shown as printed.
         """
-        super().__init__(name, **options)
-        self.parameters = NodeParameters(self, NODE_PARAMETERS[name])
-        self.hardware_id = hardware_id.format_map(self.parameters)
-        self.status = Status(self, self.hardware_id)
-        self.node_info = NodeInfoPublisher(self, self.parameters)
+        self._own = level, message, {key: str(value) for key, value in values.items()}
+        self._update()
 
-    def callback_failed(self, error: Exception) -> None:
-        """Report what a callback raised, on the thread of ROS."""
-        self.status.alarm('callback', f'{type(error).__name__}: {error}', FAILURE_PERIOD)
+    def alarm(self, source: str, text: str, seconds: float = inf) -> None:
+        """Report an ERROR of ``source`` for so long, or until its ``text`` is empty."""
+        if self._alarms.get(source, ('', inf))[0] != text or text and seconds < inf:
+            self._alarms[source] = text, time.monotonic() + seconds
+            self._update()
 
-    def thread_failed(self, error: Exception) -> None:
-        """Report what a thread of its own raised; any thread may call this."""
-        on_ros_thread(self, self.callback_failed, error)
+    def _update(self) -> None:
+        level, message, values = self._own
+        alarms = [text for text, end in self._alarms.values() if text and end > time.monotonic()]
+        if alarms:
+            own = [message] if level != OK else []
+            level, message = ERROR, '; '.join([*alarms, *own])
+        self._log(level, message)
+        if self._shown == (level, message, values):
+            return
+        self._shown = level, message, values
+        self._message.level, self._message.message = level, message
+        self._message.values = [
+            KeyValue(key=key, value=value) for key, value in values.items()]
+        self._publisher.publish(self._message)
 
-    def quit(self) -> None:
-        """End; a node that moves something holds it."""
+    def _log(self, level: bytes, message: str) -> None:
+        """Log what changed but for numbers; of what changes faster than LOG_PERIOD, what lasts."""
+        now, kind = time.monotonic(), (level, NUMBER.sub('#', message))
+        if (kind == self._logged
+                or now - self._log_times.get(level, -inf) <= LOG_PERIOD):
+            return
+        self._logged, self._log_times[level] = kind, now
+        logger = self._node.get_logger()
+        # Separate calls: rclpy ties a severity to the calling line.
+        if level == ERROR:
+            logger.error(message)
+        elif level == WARN:
+            logger.warning(message)
+        else:
+            logger.info(message)
+
+    def _publish_diagnostics(self) -> None:
+        self._update()  # alarms come to their end
+        array = DiagnosticArray(status=[self._message])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._diagnostics.publish(array)
+
+
+class StatePublisher:
+    """
+    Publishes a typed state latched on ``~/state``, whenever more than its stamp changes.
+
+    It is repeated every second, in case a subscriber received a false one.
+    """
+
+    def __init__(self, node: Node, message_type: Any) -> None:
+        """Create the publisher of ``node``."""
+        self._node = node
+        self._publisher = node.create_publisher(message_type, '~/state', LATCHED)
+        self._last: Any = None
+        self._changed = Time()
+        repeat(node, REPEAT_PERIOD, self._send)
+
+    def publish(self, message: Any) -> None:
+        """Publish ``message``, whose stamp is still zero, if it has changed."""
+        if message != self._last:
+            self._last = deepcopy(message)
+            self._changed = self._node.get_clock().now().to_msg()
+            self._send()
+
+    def _send(self) -> None:
+        if self._last is not None:
+            message = copy(self._last)
+            message.stamp = self._changed
+            self._publisher.publish(message)
+
+
+@dataclass(frozen=True)
+class NodeInfo:
+    """
+    Information about a node, published five times a second on ``~/heartbeat``.
+
+    description: parameters.arm.description_digest.  time: its ROS time, s.
+    """
+
+    process: str
+    version: str = ''
+    description: str = ''
+    host: str = ''
+    time: float = 0.0
+    conflict: str = ''
+
+    @classmethod
+    def own(cls, parameters: Mapping[str, Any]) -> Self:
+        """Return the information of a node of this process with these parameters."""
+        return cls(uuid4().hex, version(), description_digest(parameters), socket.gethostname())
+
+    def to_ros(self, time: float) -> Heartbeat:
+        """Return a message sent at a ROS time, s."""
+        return Heartbeat(
+            stamp=stamp_of(time), process=self.process, host=self.host, version=self.version,
+            description=self.description, conflict=self.conflict)
+
+    @classmethod
+    def from_ros(cls, message: Heartbeat) -> Self:
+        """Read a message."""
+        return cls(plain(message.process), plain(message.version), plain(message.description),
+                   plain(message.host), seconds(message.stamp),
+                   printable(message.conflict, MAX_CONFLICT))
+
+
+class HeartbeatReader:
+    """
+    Reads serialized heartbeats of one topic.
+
+    Most equal the last one but for their stamp; of those only the stamp, which comes first, is
+    converted: a heartbeat is received some 80 times a second by the nodes of an arm at rest.
+    """
+
+    def __init__(self) -> None:
+        """Start without a heartbeat."""
+        self._content, self._info = (b'', b''), NodeInfo('')
+
+    def __call__(self, data: bytes, _: Any = None) -> tuple[NodeInfo, float]:
+        """Return the last information, and the time of this message, s."""
+        encoding, content = data[:4], (data[:4], data[12:])
+        if content != self._content:
+            self._info = NodeInfo.from_ros(deserialize_message(data, Heartbeat))
+            self._content = content
+        sec, nanosec = unpack_from('<iI' if encoding[1] & 1 else '>iI', data, 4)
+        return self._info, sec + nanosec * 1e-9
+
+
+class NodeInfoPublisher:
+    """Publishes the NodeInfo of a node as ~/heartbeat, and serves ~/get_node_info."""
+
+    def __init__(self, node: Any, parameters: Mapping[str, Any]) -> None:
+        """Begin; parameters: of the node."""
+        self.own = NodeInfo.own(parameters)
+        self._node = node
+        self._publisher = node.create_publisher(Heartbeat, HEARTBEAT, STREAM)
+        answer = guarded(node, self._answer)
+        node.create_service(srv.GetNodeInfo, GET_NODE_INFO,
+                            lambda _, response: answer(response) or response)
+        repeat(node, HEARTBEAT_PERIOD, self._publish)
+
+    @property
+    def time(self) -> float:
+        """ROS time of the node, s."""
+        return float(self._node.get_clock().now().nanoseconds * 1e-9)
+
+    def _publish(self) -> None:
+        self._publisher.publish(self.own.to_ros(self.time))
+
+    def _answer(self, response: srv.GetNodeInfo.Response) -> srv.GetNodeInfo.Response:
+        response.host, response.version = self.own.host, self.own.version
+        response.description = self.own.description
+        response.stamp = self._node.get_clock().now().to_msg()
+        return response

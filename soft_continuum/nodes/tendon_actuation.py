@@ -1,21 +1,24 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The node that owns the motors of the tendons."""
+"""The node that owns the motors of the tendons: its load cells, and the tensions it predicts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
-from math import inf
+from math import inf, nan
 from typing import Any
 
+import numpy as np
+from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import families, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, TendonDriver
 from soft_continuum.hardware.tendon_controller import (
     MotionRefusedError,
@@ -23,21 +26,29 @@ from soft_continuum.hardware.tendon_controller import (
     TendonController,
     TendonLimits,
 )
-from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Equilibrium
+from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.load_cells import LoadCells
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
-from soft_continuum.nodes.model import load_model, loading
-from soft_continuum.nodes.prediction import TensionLimits, TensionPrediction
 from soft_continuum.nodes.reported_arm import ReportedArm
-from soft_continuum.nodes.status import ERROR, OK, StatePublisher, WARN
+from soft_continuum.nodes.suite_node import ERROR, OK, StatePublisher, WARN
 from soft_continuum.nodes.tendon_control import MAX_POINTS, Report, Request, TendonControl
-from soft_continuum.nodes.threads import Newest, Worker
+from soft_continuum.nodes.threads import load_model, loading, Newest, Worker
 from soft_continuum.parameters.arm import arm_from_parameters
+from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.conversions import Stiffness, trajectory_from_ros
-from soft_continuum.ros.entries import guarded, LOG_PERIOD, MAX_BYTES, serve
-from soft_continuum.ros.names import TENDON_ACTUATION
-from soft_continuum.ros.qos import STREAM
+from soft_continuum.ros.entries import (
+    guarded,
+    LOG_PERIOD,
+    MAX_BYTES,
+    SENSOR,
+    serve,
+    STREAM,
+    subscribe,
+)
+from soft_continuum.ros.names import LOAD_CELLS, TENDON_ACTUATION
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.text import name_problem, plain
 from soft_continuum_interfaces.msg import TendonActuationState, TendonTrajectory
@@ -49,7 +60,9 @@ REFUSAL_PAUSE = 0.01  # s after a refusal: a flood of them would keep other thre
 AGREE_PERIOD = 0.01  # s between two looks whether kinematics has the segments stiff that are
 UNREAD_GAP = 0.1  # s between two reports of trajectories that were refused unread
 MAX_AHEAD = 60.0  # s from now to the start of a trajectory
-
+PREDICTION_STEP = 0.002  # m of pull between two predicted states
+MAX_STATES = 2000
+"""States predicted for one trajectory; one takes some milliseconds."""
 
 Kind = type[JointTrajectory] | type[TendonTrajectory]
 
@@ -126,8 +139,8 @@ class TendonActuation(ManagedNode):
 
     def open_device(self) -> TendonController:
         """Connect and read; move nothing."""
-        driver: TendonDriver = make_driver(
-            TENDON_DRIVERS, self.parameters['tendon_driver'], self.parameters, STEADY, self)
+        family = families(TENDON_DRIVERS)[self.parameters['tendon_driver']]
+        driver: TendonDriver = family.make(self.parameters, STEADY, self)
         driver.open()
         low, high = self.parameters['pull_limits']
         limits = TendonLimits(self._tendons, (low, high), self.parameters['speed_limit'])
@@ -357,3 +370,125 @@ def _read(kind: Kind, data: bytes) -> tuple[str, JointTrajectory]:
     if isinstance(message, TendonTrajectory):
         return message.id, message.trajectory
     return '', message
+
+
+class LoadCells:
+    """
+    Tensions from effort in load_cells (sensor_msgs/JointState), with the names of the tendons.
+
+    They may share a message or have one each.  The ROS thread writes, any thread reads.
+    """
+
+    def __init__(self, node: Node, tendons: Sequence[str], parameters: Mapping[str, Any]) -> None:
+        """Subscribe if load_cells.enabled is set; raises ParameterError."""
+        self._tendons = tuple(tendons)
+        self._enabled: bool = parameters['load_cells.enabled']
+        self._parameters = parameters
+        self._zeros, self._scales = (
+            _per_tendon(name, parameters[name], tendons) if self._enabled else ()
+            for name in ('load_cells.zeros', 'load_cells.scales'))
+        self._last = {name: (nan, Age()) for name in tendons}  # N
+        if 0.0 in self._scales:
+            raise ParameterError('parameter load_cells.scales has a 0, which hides every tension; '
+                                 'soft_continuum calibrate load_cells finds the scales')
+        if self._enabled:
+            subscribe(node, JointState, LOAD_CELLS, self._on_message, SENSOR)
+
+    def _on_message(self, message: JointState) -> None:
+        for name, effort in zip(message.name, message.effort, strict=False):
+            if name in self._last:
+                t = self._tendons.index(name)
+                self._last[name] = self._scales[t] * (effort - self._zeros[t]), Age.now()
+
+    def tensions(self) -> tuple[float, ...] | None:
+        """Return the tension of each tendon, N, nan for a stale cell; None without load cells."""
+        if not self._enabled:
+            return None
+        timeout = self._parameters['stale_timeout']
+        return tuple(tension if age.seconds <= timeout else nan
+                     for tension, age in map(self._last.__getitem__, self._tendons))
+
+
+def _per_tendon(name: str, values: Sequence[float], tendons: Sequence[str]) -> tuple[float, ...]:
+    if len(values) != len(tendons):
+        raise ParameterError(f'parameter {name} has {len(values)} numbers; needed: one for each '
+                             f'of {", ".join(tendons)}')
+    return tuple(values)
+
+
+@dataclass(frozen=True)
+class TensionLimits:
+    """
+    Limits of predicted tension: of any tendon, and of opposing tendons at once, N.
+
+    Tendons that end at one disc oppose each other if the backbone is between them: their common
+    tension bends nothing.
+    """
+
+    any_tendon: float
+    at_once: float
+
+
+class TensionPrediction:
+    """Predicts tensions along trajectories, and refuses those that exceed the limits."""
+
+    def __init__(self, arm: Arm) -> None:
+        """Prepare the model of ``arm``, which is compiled on first use."""
+        self._statics: Statics = Statics(arm)
+        self._tendons = arm.tendon_names
+        self.opposing = arm.opposing_tendons
+        """Numbers of the tendons that oppose each other, in groups."""
+        self.chain = self._statics.chain
+
+    @staticmethod
+    def steps(pulls: Array) -> list[int]:
+        """
+        Return how many states are predicted between the points of pulls (k, tendons) in m.
+
+        Raises MotionRefusedError when they are more than MAX_STATES.
+        """
+        moves = np.abs(np.diff(pulls, axis=0)).max(axis=1)
+        steps: list[int] = np.maximum(1, np.ceil(moves / PREDICTION_STEP)).astype(int).tolist()
+        if sum(steps) > MAX_STATES:
+            raise MotionRefusedError(
+                Reason.INVALID,
+                f'{len(pulls)} points with {moves.sum():.3f} m of pull take {sum(steps)} '
+                f'predicted states; allowed: {MAX_STATES}; send it in parts')
+        return steps
+
+    def check(self, pulls: Array, shape: Equilibrium, soft: Sequence[bool],
+              limits: TensionLimits, revoked: Callable[[], bool]) -> None:
+        """
+        Refuse pulls (k, tendons) in m that exceed the tension limits or have no equilibrium.
+
+        pulls: including the offsets of the tendons.  shape: best estimate of the initial shape.
+        soft: per segment.  Ends early once ``revoked``.  Raises MotionRefusedError.
+        """
+        state, vacuum = shape, shape.vacuum or None
+        if self._statics.chain.arm is not shape.chain.arm:
+            self._statics = Statics(shape.chain.arm)
+        try:
+            for before, after, steps in zip(
+                    pulls[:-1], pulls[1:], self.steps(pulls), strict=True):
+                sliding = np.sign(after - before).astype(int).tolist()
+                for part in np.arange(1, steps + 1) / steps:
+                    if revoked():
+                        return
+                    wanted = before + part * (after - before)
+                    state = self._statics.solve(
+                        state, wanted - SLACK_ALLOWANCE, soft, vacuum=vacuum, sliding=sliding)
+                    self._check(wanted, np.asarray(state.tensions), limits)
+        except StaticsError as error:
+            raise MotionRefusedError(Reason.TENSION, str(error)) from None
+
+    def _check(self, pulls: Array, tensions: Array, limits: TensionLimits) -> None:
+        at_once = max((tensions[which].min() for which in self.opposing), default=0.0)
+        if tensions.max() > limits.any_tendon or at_once > limits.at_once:
+            predicted = ', '.join(
+                f'{name} {pull * 1e3:.2f} mm: {tension:.1f} N' for name, pull, tension
+                in zip(self._tendons, pulls, tensions, strict=True))
+            raise MotionRefusedError(
+                Reason.TENSION,
+                f'the motion would need excessive tensions, at {predicted}; tension_limit: '
+                f'{limits.any_tendon:g} N, co_contraction_limit (opposing tendons at once): '
+                f'{limits.at_once:g} N')

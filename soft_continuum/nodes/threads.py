@@ -1,21 +1,25 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The threads of a node: control, long tasks, and ROS."""
+"""The threads of a node: control, long tasks, loading of the model, and ROS."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from importlib import import_module
 from queue import Empty, Full, Queue, SimpleQueue
 import sys
 import threading
 from time import monotonic
 import traceback
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from rclpy.node import Node
 
 from soft_continuum.hardware.real_time import ask_for_real_time
 from soft_continuum.ros.entries import guarded
+
+if TYPE_CHECKING:  # nodes without a model do not load the mechanics
+    from soft_continuum.mechanics.arm import Arm
 
 CALL_TIMEOUT = 3.0
 """Time (s) that a caller waits for a thread; drivers must be much faster."""
@@ -226,3 +230,38 @@ class Worker:
     def _run(self) -> None:
         while (work := self._work.get()) is not None:
             work.run()
+
+
+def loading() -> str:
+    """Return the status text while the model loads."""
+    from soft_continuum.mechanics._kernel import must_build
+    return ('compiling the model, only on first use; it takes up to a minute' if must_build() else
+            'loading the model')
+
+
+def load_model(node: Any, arm: 'Arm', loaded: Callable[[], None] | None = None,
+               later: Sequence[str] = ()) -> None:
+    """
+    Load the compiled model on a thread of its own; compiling takes tens of seconds.
+
+    arm: the described one.  ``loaded`` is called on the thread of ROS.  later: modules to import
+    afterwards, so that their first use does not wait.  The thread does not prevent a process from
+    ending.
+    """
+    def load() -> None:
+        try:
+            from soft_continuum.mechanics._kernel import warm_up
+            from soft_continuum.mechanics.statics import Statics
+            warm_up()
+            for module in Statics(arm).late_imports:  # else the first motion waits for them
+                import_module(module)
+        except Exception as error:  # of numba, a compiler, a disk
+            on_ros_thread(node, node.status.alarm, 'model', 'the model cannot be loaded: '
+                          f'{type(error).__name__}: {error}; see soft_continuum doctor')
+            return
+        if loaded is not None:
+            on_ros_thread(node, loaded)
+        for module in later:
+            import_module(module)
+
+    threading.Thread(target=load, name='model', daemon=True).start()

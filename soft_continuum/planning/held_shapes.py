@@ -23,10 +23,9 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.planning.planner import Planner
 from soft_continuum.planning.plans import PlanError, PlanResult, Shape, TipGoal
 from soft_continuum.planning.reach.arcs import TipResidual
-from soft_continuum.planning.reach.budget import Budget
 from soft_continuum.planning.reach.candidates import Candidate
 from soft_continuum.planning.reach.passage import BlockedError, MotionValidator, Node
-from soft_continuum.planning.reach.search import AIM, check_goal, Search
+from soft_continuum.planning.reach.search import AIM, Budget, check_goal, Search
 
 PASSES = 6
 """Largest number of plans of a shape, each corrected by the error of the previous one."""

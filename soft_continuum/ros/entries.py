@@ -1,19 +1,48 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Entry points of a node, bounded and guarded: messages, services, which may ask, and timers."""
+"""
+Entry points of a node, bounded and guarded: messages, services, which may ask, and timers.
+
+With the QoS profiles of the suite, and the executor of the nodes: EventsExecutor, in one thread.
+"""
 
 from collections.abc import Callable
+import sys
 import traceback
 from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.timer import Timer
 
 from soft_continuum.ros.ros_time import Age
+
+try:
+    from rclpy.experimental import EventsExecutor
+except ImportError:  # before rclpy 7.1.4
+    EventsExecutor = None
+
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""State that late joiners need."""
+STREAM = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+"""Streams that the suite publishes."""
+COMMAND = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE,
+                     lifespan=Duration(seconds=0.5))
+"""Motion requests, which are not delivered late after a network failure."""
+EVERY_STATE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE,
+                         durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""State of which subscribers must not miss a change."""
+OBSTACLES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+"""Changes that must not be missed, from publishers of any durability."""
+SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Subscribed streams: compatible with any publisher."""
 
 MAX_BYTES = 65536
 """Largest size of a message; converting one blocks every thread of a process for up to 0.1 s."""
@@ -140,3 +169,17 @@ def wake(timer: Timer) -> None:
     """Have a timer go on that was canceled because nothing waited for it."""
     if timer.is_canceled():
         timer.reset()
+
+
+def make_executor(context: Context | None = None) -> Executor:
+    """
+    Return an executor of a context, by default that of the process.
+
+    EventsExecutor needs a file behind stderr.  Without one, as in some notebooks, this is the
+    slower SingleThreadedExecutor.
+    """
+    try:
+        sys.stderr.fileno()
+    except (AttributeError, OSError, ValueError):
+        return SingleThreadedExecutor(context=context)
+    return (EventsExecutor or SingleThreadedExecutor)(context=context)

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.estimation.discs import angle_stddevs
+from soft_continuum.estimation.measuring import angle_stddevs
 from soft_continuum.estimation.sensing.rigid import levers
-from soft_continuum.estimation.settings import Prior
-from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of, limited
+from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of, limited, Prior
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import LawError

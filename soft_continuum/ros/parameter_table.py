@@ -8,10 +8,10 @@ from math import pi, radians
 from typing import Any
 
 from soft_continuum.estimation.sensing.tilt import ImuSettings
-from soft_continuum.estimation.settings import ESTIMATION_PARAMETERS
+from soft_continuum.estimation.unknowns import ESTIMATION_PARAMETERS
 from soft_continuum.hardware.drivers import (
-    driver_names,
     driver_parameters,
+    families,
     JAMMING_DRIVERS,
     TENDON_DRIVERS,
 )
@@ -97,7 +97,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     TENDON_ACTUATION: (
         *ARM_PARAMETERS, AUTOSTART, PULL_LIMITS, TENSION_LIMIT, CO_CONTRACTION_LIMIT, STALE_AFTER,
         Parameter('tendon_driver', 'simulated', 'driver of the motors',
-                  choices=driver_names(TENDON_DRIVERS)),
+                  choices=tuple(families(TENDON_DRIVERS))),
         Parameter('tendon_rate', 50.0, 'control rate, and publishing rate of tendon_states during '
                   'motion',
                   5.0, 500.0, unit='Hz'),
@@ -116,7 +116,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
     JAMMING_VALVES: (
         *ARM_PARAMETERS, AUTOSTART, AMBIENT,
         Parameter('jamming_driver', 'simulated', 'driver of pump, valves and pressure sensors',
-                  choices=driver_names(JAMMING_DRIVERS)),
+                  choices=tuple(families(JAMMING_DRIVERS))),
         Parameter('jamming_rate', 20.0, 'control rate, and publishing rate of the pressures',
                   5.0, 100.0,
                   unit='Hz'),

@@ -22,9 +22,9 @@ import numpy as np
 
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.planning.aiming import Aim, AimStep
+from soft_continuum.planning.planner import minimum_jerk
 from soft_continuum.planning.plans import Move, Shape, ShapePlan, WHOLE_ARM
 from soft_continuum.planning.settings import ABORT, LoopSettings, PAUSE, RunnerSettings
-from soft_continuum.planning.timing import minimum_jerk
 from soft_continuum.sequencing import Code, Outcome, Phase
 from soft_continuum.sequencing.runner import ArmPort, EndError, Plan, PlanInvalidError, Runner
 

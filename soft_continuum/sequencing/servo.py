@@ -24,8 +24,8 @@ import numpy as np
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.planning.bending_map import bending_map, BendingLimits, complex_bending
+from soft_continuum.planning.planner import minimum_jerk, minimum_jerk_duration
 from soft_continuum.planning.settings import MotionLimits
-from soft_continuum.planning.timing import minimum_jerk, minimum_jerk_duration
 
 LEAD = 0.035
 """Lead time (s) of changes in a piece, since tendon_actuation reads ahead."""

@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 import pytest
 from std_srvs.srv import SetBool
 
-from soft_continuum.ui.browser import log
+from soft_continuum.ui.browser import limits
 from support.page import address_of, DEADLINE, Page, SLOW, start_view
 from support.processes import Processes
 from support.rig_fixtures import (
@@ -64,9 +64,9 @@ def runs(browser):
 @pytest.fixture(autouse=True)
 def _long_log(monkeypatch):
     """Let each test log what it has to, however much those before it did."""
-    monkeypatch.setattr(log, 'LINES', 1000)
-    for each in (log.LOG, log.SERVER_LOG):
-        monkeypatch.setattr(each, 'filters', [log._RateLimit()])
+    monkeypatch.setattr(limits, 'LINES', 1000)
+    for each in (limits.LOG, limits.SERVER_LOG):
+        monkeypatch.setattr(each, 'filters', [limits._RateLimit()])
 
 
 @pytest.fixture(scope='module')

@@ -16,10 +16,10 @@ import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from soft_continuum.ui.browser import access, connection_limiter
+from soft_continuum.ui.browser import access, limits
 from soft_continuum.ui.browser.access import open_server
 from soft_continuum.ui.browser.bar import Bar, PATH
-from soft_continuum.ui.browser.connection_limiter import MAX_REQUESTS
+from soft_continuum.ui.browser.limits import MAX_REQUESTS
 
 TOKEN = 'a-token-of-this-test'
 PROTOCOL = f'viser-v{viser.__version__}'
@@ -191,8 +191,8 @@ def test_a_hundred_pages_are_more_than_are_served_and_those_that_are_open_stop(v
 
 
 def test_a_page_that_sends_without_end_holds_up_only_itself(view, monkeypatch):
-    monkeypatch.setattr(connection_limiter, 'RATE', 1.0)
-    monkeypatch.setattr(connection_limiter, 'BURST', 20.0)
+    monkeypatch.setattr(limits, 'RATE', 1.0)
+    monkeypatch.setattr(limits, 'BURST', 20.0)
     with view.attacker(view.handshake(PATH, view.cookie)) as flood:
         flood.sendall(5000 * frame(1, b'stop'))
         for _ in range(20):

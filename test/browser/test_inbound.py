@@ -12,7 +12,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from soft_continuum.ui.browser.access import open_server
-from soft_continuum.ui.browser.inbound import MAX_TEXT, TIP_HANDLE
+from soft_continuum.ui.browser.limits import MAX_TEXT, TIP_HANDLE
 
 CAMERA = {'type': 'ViewerCameraMessage', 'wxyz': [1, 0, 0, 0], 'position': [0, 0, 1], 'fov': 1.0,
           'near': 0.1, 'far': 10.0, 'image_height': 100, 'image_width': 100,
@@ -134,7 +134,7 @@ def test_a_message_that_is_too_long_costs_only_its_sender_the_connection(control
 
 
 def test_the_log_stays_short_whatever_is_sent(controls, caplog, monkeypatch):
-    monkeypatch.setattr('soft_continuum.ui.browser.log.LINES', 20)
+    monkeypatch.setattr('soft_continuum.ui.browser.limits.LINES', 20)
     for _ in range(200):
         controls.browser.send(b'\xc1')
     controls.assert_click_works()

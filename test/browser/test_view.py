@@ -24,8 +24,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from soft_continuum.lab.analysis.recording import read_recording
 from soft_continuum.planning.obstacles import Box, Capsule, Obstacle, Sphere
+from soft_continuum.ros.entries import LATCHED, OBSTACLES, STREAM
 from soft_continuum.ros.obstacles import obstacle_to_ros
-from soft_continuum.ros.qos import LATCHED, OBSTACLES, STREAM
 from soft_continuum.user_files import description_file
 from support.descriptions import given_in
 from support.page import address_of, dark, DEADLINE, green, olive, orange, SLOW, start_view, teal

@@ -16,12 +16,12 @@ MOVE = """
 import sys, time
 from pathlib import Path
 from soft_continuum.commissioning.checks import check_tendons
-from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import families, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.ros.description import load_rig
 values = load_rig([Path(path) for path in sys.argv[1:]])
 print([check.step for check in check_tendons(values)])
-driver = make_driver(TENDON_DRIVERS, values['tendon_driver'], values, time.monotonic)
+driver = families(TENDON_DRIVERS)[values['tendon_driver']].make(values, time.monotonic)
 driver.open()
 print(driver.read().referenced)
 driver.reference()

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.logs import choose_log_folder, discard_old_logs, require_log_folder
+from soft_continuum.ros.environment import choose_log_folder, discard_old_logs, require_log_folder
 from soft_continuum.ros.names import NODES
 from soft_continuum.ui.cli import install_service
 from soft_continuum.ui.cli.install_service import (

@@ -19,7 +19,7 @@ from soft_continuum.lab.analysis import identification as identify
 from soft_continuum.lab.analysis import validation as validate
 from soft_continuum.parameters.arguments import Parser
 from soft_continuum.ui.cli import plan
-from soft_continuum.ui.cli.registry import VERBS
+from soft_continuum.ui.cli.main import VERBS
 
 PACKAGE = Path(__file__).parents[2] / 'soft_continuum'
 OPTION = re.compile(r'(?<![\w-])--[a-z][a-z-]*')

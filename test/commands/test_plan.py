@@ -10,8 +10,8 @@ from matplotlib.image import imread
 import pytest
 
 from soft_continuum.lab.analysis.delimited import MeasurementError
+from soft_continuum.ui.cli.goals import read_tip_path
 from soft_continuum.ui.cli.plan import main
-from soft_continuum.ui.cli.tip_options import read_tip_path
 
 OBSTACLES = """
 unit: mm

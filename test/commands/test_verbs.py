@@ -19,8 +19,7 @@ from soft_continuum.client.sequence import sequence_result
 from soft_continuum.client.state import progress_of
 from soft_continuum.parameters import arguments
 from soft_continuum.text import printable
-from soft_continuum.ui.cli.main import main
-from soft_continuum.ui.cli.registry import VERBS
+from soft_continuum.ui.cli.main import main, VERBS
 
 ROOT = Path(__file__).parents[2]
 SCRIPT = ROOT / 'bin' / 'soft_continuum'
@@ -175,7 +174,7 @@ def test_options_are_read_before_anything_is_loaded_that_takes_long():
     ran = subprocess.run([sys.executable, '-c', """
 import sys
 from soft_continuum.ui.cli.main import main
-from soft_continuum.ui.cli.registry import VERBS
+from soft_continuum.ui.cli.main import VERBS
 for verb in VERBS.values():
     if verb.completes:
         try:

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.estimation.anomalies import REPORTED
-from soft_continuum.estimation.hypotheses import Cause
+from soft_continuum.estimation.anomalies import Cause, REPORTED
 from soft_continuum.estimation.measuring import ActuatorState
 from soft_continuum.estimation.shape import ArmShape
 from soft_continuum.mechanics import Statics, Wrench

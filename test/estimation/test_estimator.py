@@ -8,9 +8,9 @@ from math import log, pi
 import numpy as np
 import pytest
 
-from soft_continuum.estimation.discs import MODEL_ERROR
 from soft_continuum.estimation.estimator import FORGOTTEN, HISTORY, OWN_SHARE, PERSISTENT
-from soft_continuum.estimation.settings import Drift, Prior
+from soft_continuum.estimation.measuring import MODEL_ERROR
+from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, MomentCurvature

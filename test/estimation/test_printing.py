@@ -12,7 +12,7 @@ from soft_continuum.estimation.sensing import printing
 from soft_continuum.estimation.sensing.lens import Lens
 from soft_continuum.estimation.sensing.lens_calibration import board
 from soft_continuum.estimation.sensing.lens_calibration import calibrate as calibrate_lens
-from soft_continuum.ui.cli import tags
+from soft_continuum.ui.cli.measure import tags
 from support.views import space_views, views
 
 DOTS = 6  # per mm
@@ -149,10 +149,10 @@ def test_a_source_without_pictures_is_named(source, tmp_path, capsys, monkeypatc
 
 
 def test_the_command_writes_a_pdf_and_never_over_another_one(tmp_path, capsys):
-    assert tags.main(['--output', str(tmp_path)]) == 0
+    assert tags(['--output', str(tmp_path)]) == 0
     assert (tmp_path / 'tags.pdf').read_bytes().startswith(b'%PDF')
-    assert tags.main(['--output', str(tmp_path)]) == 2
+    assert tags(['--output', str(tmp_path)]) == 2
     assert '--force' in capsys.readouterr().err
     spatial = ['--params-file', str(space_views.PATH), '--output', str(tmp_path), '--force']
-    assert tags.main(spatial) == 0
+    assert tags(spatial) == 0
     assert '24 tags for discs and 8 fixed ones' in capsys.readouterr().out

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, predicted
-from soft_continuum.estimation.settings import Drift, Prior
 from soft_continuum.estimation.shape import ArmShape, ShapeError
-from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of
+from soft_continuum.estimation.unknowns import arm_with, Drift, first_values, indices_of, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
 from soft_continuum.nodes.measurements import MeasuredTensions, TENSION_INTERVAL, UNCHECKED_TIME

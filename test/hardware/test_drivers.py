@@ -11,10 +11,9 @@ import textwrap
 import pytest
 
 from soft_continuum.hardware.drivers import (
-    driver_names,
     driver_parameters,
+    families,
     JAMMING_DRIVERS,
-    make_driver,
     TENDON_DRIVERS,
 )
 
@@ -30,8 +29,8 @@ METHODS = {
 def test_our_drivers_do_what_the_protocol_asks_for(group):
     from soft_continuum.ros.description import load_description
 
-    for name in driver_names(group):
-        driver = make_driver(group, name, load_description(), lambda: 0.0)
+    for family in families(group).values():
+        driver = family.make(load_description(), lambda: 0.0)
         assert all(callable(getattr(driver, method)) for method in METHODS[group])
 
 
@@ -71,10 +70,10 @@ def test_a_package_that_cannot_be_loaded_fails_only_when_it_is_chosen(tmp_path):
     other_package(tmp_path, 'import no_such_module')
     said = run_with(tmp_path, """
         from soft_continuum.ros.description import load_description
-        from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+        from soft_continuum.hardware.drivers import families, TENDON_DRIVERS
         from soft_continuum.hardware.protocols import HardwareError
         try:
-            make_driver(TENDON_DRIVERS, 'servo', load_description(), lambda: 0.0)
+            families(TENDON_DRIVERS)['servo'].make(load_description(), lambda: 0.0)
         except HardwareError as error:
             print(error)
     """)

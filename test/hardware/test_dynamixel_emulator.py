@@ -18,7 +18,6 @@ from soft_continuum.sim.emulators.dynamixel import (
     make_servos,
 )
 from soft_continuum.sim.emulators.dynamixel_models import MODELS
-from soft_continuum.sim.emulators.dynamixel_motor import SpringTendon
 from soft_continuum.sim.emulators.dynamixel_packets import (
     BROADCAST,
     Instruction,
@@ -26,7 +25,7 @@ from soft_continuum.sim.emulators.dynamixel_packets import (
     PacketReader,
     status,
 )
-from soft_continuum.sim.emulators.dynamixel_servo import BOOT_TIME, DynamixelServo
+from soft_continuum.sim.emulators.dynamixel_servo import BOOT_TIME, DynamixelServo, SpringTendon
 from support.driver_waits import until
 from support.virtual_clock import VirtualClock
 

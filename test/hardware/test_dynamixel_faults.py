@@ -13,8 +13,8 @@ from statistics import median
 import pytest
 
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.sim.emulators import dynamixel_motor
-from soft_continuum.sim.emulators.driving import tension_limit
+from soft_continuum.sim.emulators import dynamixel_servo
+from soft_continuum.sim.emulators.dynamixel import tension_limit
 from support import servo_rig
 from support.servo_rig import (
     BEYOND_TURN,
@@ -119,8 +119,8 @@ def test_load_friction_inertia_and_a_late_computer_do_not_look_like_a_servo_that
         seed, tmp_path, monkeypatch):
     random = Random(seed)
     model = ('XM430-W350', 'XL330-M288')[seed % 2]
-    monkeypatch.setattr(dynamixel_motor, 'TIME_CONSTANT', random.choice([0.005, 0.02]))
-    monkeypatch.setattr(dynamixel_motor, 'LOAD_FRICTION', random.choice([0.05, 0.3]))
+    monkeypatch.setattr(dynamixel_servo, 'TIME_CONSTANT', random.choice([0.005, 0.02]))
+    monkeypatch.setattr(dynamixel_servo, 'LOAD_FRICTION', random.choice([0.05, 0.3]))
     monkeypatch.setattr(servo_rig, 'VirtualClock', lambda: LateClock(
         'DynamixelTendons', lambda _: random.choice([0.002, 0.01, 0.04])
         if random.random() < 0.2 else 0.0))

@@ -13,12 +13,12 @@ from soft_continuum.commissioning.calibrate import main as calibrate
 from soft_continuum.commissioning.calibrate_servos import main as calibrate_servos
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import FAIL, OK, WARN
-from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import families, TENDON_DRIVERS
 from soft_continuum.hardware.dynamixel import setup
 from soft_continuum.hardware.dynamixel.bus import DamagedReplyError, DynamixelBus, NoReplyError
 from soft_continuum.hardware.dynamixel.commissioning import checks, clear_zero
-from soft_continuum.hardware.dynamixel.exchange import ServoState, Written
 from soft_continuum.hardware.dynamixel.reference import mark, marked_zero, zero_within_turn
+from soft_continuum.hardware.dynamixel.setup import ServoState, Written
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import load_rig
@@ -256,7 +256,7 @@ def test_a_provisional_zero_is_forgotten(real, tmp_path):
     emulator, file = real
     each(Operating_Mode=(5, 5))(emulator.servos)
     values = load_rig([file])
-    tendons = make_driver(TENDON_DRIVERS, 'dynamixel', values, STEADY)
+    tendons = families(TENDON_DRIVERS)['dynamixel'].make(values, STEADY)
     tendons.open()
     tendons.reference()
     tendons.close()

@@ -10,8 +10,8 @@ import pytest
 from soft_continuum.hardware.dynamixel.motion import Track
 from soft_continuum.hardware.dynamixel.reference import ZeroFile
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.sim.emulators import dynamixel_motor, dynamixel_servo
-from soft_continuum.sim.emulators.driving import SPOOL_RADIUS
+from soft_continuum.sim.emulators import dynamixel_servo
+from soft_continuum.sim.emulators.dynamixel import SPOOL_RADIUS
 from soft_continuum.sim.emulators.dynamixel_packets import Error, Instruction
 from support.driver_waits import at_rest, failed
 from support.servo_rig import (
@@ -31,8 +31,8 @@ CLOSE = 1e-4  # m
 @pytest.fixture(autouse=True)
 def _smooth(monkeypatch):
     """Gears that do not rub, and currents without noise: test_dynamixel_faults has both."""
-    monkeypatch.setattr(dynamixel_motor, 'LOAD_FRICTION', 0.0)
-    monkeypatch.setattr(dynamixel_motor, 'OWN_FRICTION', 0.0)
+    monkeypatch.setattr(dynamixel_servo, 'LOAD_FRICTION', 0.0)
+    monkeypatch.setattr(dynamixel_servo, 'OWN_FRICTION', 0.0)
     monkeypatch.setattr(dynamixel_servo, 'CURRENT_NOISE', 0.0)
 
 

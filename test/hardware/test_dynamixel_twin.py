@@ -9,7 +9,7 @@ import pytest
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.ros.description import load_arm
-from soft_continuum.sim.emulators.driving import SPOOL_RADIUS
+from soft_continuum.sim.emulators.dynamixel import SPOOL_RADIUS
 from soft_continuum.sim.twin.model_errors import read_model_errors
 from soft_continuum.sim.twin.rig import TwinRig
 from soft_continuum.user_files import description_file

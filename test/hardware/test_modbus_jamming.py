@@ -21,8 +21,12 @@ from soft_continuum.hardware.jamming_controller import (
     RESPONSE_TIME,
 )
 from soft_continuum.hardware.modbus.bus import ModbusBus
-from soft_continuum.hardware.modbus.jamming import COILS_INTERVAL, ModbusJamming
-from soft_continuum.hardware.modbus.regulators import ModbusRegulators, Outputs
+from soft_continuum.hardware.modbus.jamming import (
+    COILS_INTERVAL,
+    ModbusJamming,
+    ModbusRegulators,
+    Outputs,
+)
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.sim.emulators.modbus import crc, execute_command

@@ -15,28 +15,12 @@ import numpy as np
 import pytest
 
 from soft_continuum.lab.analysis.delimited import MeasurementError
-from soft_continuum.lab.analysis.recording import read_recording
+from soft_continuum.lab.analysis.recording import _fields, export, read_recording
 from soft_continuum.lab.analysis.report import main as report
 from soft_continuum.lab.recordings.bag import BagError, BagReader, BagWriter, Topic
-from soft_continuum.ui.cli.export import _fields
-from soft_continuum.ui.cli.export import main as export
+from test.support.bags import JOINTS, other_run
 
 TEXT = Topic('/arm/said', 'std_msgs/msg/String', 'string data\n', '')
-JOINTS = """\
-std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
 ABOUT = {'version': '9.9', 'namespace': '/arm', 'begun': '2026-01-02T03:04:05'}
 
 
@@ -214,29 +198,6 @@ def test_the_description_of_one_arm_is_not_taken_for_another(tmp_path):
     assert read_recording(path).description == ''
 
 
-def other_run(path, spaces=('/left',), times=(0, 1, 2), extra=False):
-    """
-    Write a bag as another program does: pulls of two tendons in each namespace.
-
-    extra: with topics of other robots that have names like ours.
-    """
-    with path.open('wb') as file:
-        writer = OtherWriter(file)
-        schema = writer.register_msgdef('sensor_msgs/msg/JointState', JOINTS)
-        if extra:
-            text = writer.register_msgdef('std_msgs/msg/String', 'string data\n')
-            for name in ('/gripper/status', '/left/kinematics/status', '/segment_1/pressure',
-                         f'/segment_{"9" * 50}/pressure'):
-                writer.write_message(name, text, {'data': 'x'}, log_time=5)
-        for n, time in enumerate(times):
-            for space in spaces:
-                writer.write_message(f'{space}/tendon_states', schema, {
-                    'header': {'stamp': {'sec': n, 'nanosec': 0}, 'frame_id': ''},
-                    'name': ['b', 'a'], 'position': [0.001 * n, -0.002 * n], 'velocity': [],
-                    'effort': []}, log_time=time * 10**9 + 5, publish_time=n)
-        writer.finish()
-
-
 def test_a_bag_of_another_program_is_reported_and_exported(tmp_path, capsys):
     path = tmp_path / 'other.mcap'
     other_run(path)
@@ -317,7 +278,9 @@ def test_every_column_has_a_name_of_its_own_in_matlab():
     assert all(re.fullmatch('[A-Za-z][A-Za-z0-9_]{0,62}', name) for name in found)
 
 
-def test_a_folder_of_several_bags_names_one(tmp_path):
+def test_a_folder_of_several_bags_names_one_and_one_of_none_says_so(tmp_path):
+    with pytest.raises(MeasurementError, match='no recording in it; give the directory that'):
+        read_recording(tmp_path)
     other_run(tmp_path / 'a.mcap')
     assert len(read_recording(tmp_path).tendons) == 3
     other_run(tmp_path / 'b.mcap')

@@ -10,7 +10,6 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from soft_continuum.lab.analysis.figures import shapes_figure
 from soft_continuum.mechanics import Chain
 from soft_continuum.mechanics.drawing import draw_arm
 from soft_continuum.mechanics.space.chain import SpaceChain
@@ -26,6 +25,7 @@ from soft_continuum.planning.obstacles import (
 )
 from soft_continuum.planning.obstacles.drawing import draw_obstacles, faces, outlines
 from soft_continuum.ros.description import load_arm
+from soft_continuum.ui.cli.demo import shapes_figure
 
 DESCRIPTION = Path(__file__).resolve().parents[2] / 'config' / 'manipulator.yaml'
 CHAIN = Chain(load_arm(DESCRIPTION))

@@ -11,7 +11,7 @@ import pytest
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
 from soft_continuum.estimation.sensing.rigid import in_plane
-from soft_continuum.estimation.settings import Drift, Prior
+from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.lab.analysis.identification import find_unknowns, identify, spread_out
 from soft_continuum.lab.analysis.measured_shapes import MeasuredShape, Step
 from soft_continuum.mechanics import Statics

@@ -13,7 +13,7 @@ MODULES = [PACKAGE / 'lab' / 'recordings' / 'bag.py',  # the one module there th
              for path in (PACKAGE / room).rglob('*.py'))]
 ALLOWED = {*sys.stdlib_module_names, 'numpy', 'scipy', 'numba', 'tqdm'}
 OWN = ('mechanics', 'lab.analysis', 'lab.recordings.bag', 'parameters', 'planning.obstacles',
-       'ros.description', 'ros.parameter_table', 'colours', 'extras', 'lazy', 'text')
+       'ros.description', 'ros.parameter_table', 'colours', 'extras', 'text')
 
 
 def imported(path):

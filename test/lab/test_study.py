@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.lab.study.design import read_study
-from soft_continuum.lab.study.running import cluster, Results, run_units
-from soft_continuum.lab.study.work import compute, work_units
+from soft_continuum.lab.study.running import cluster, compute, Results, run_units, work_units
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ui.cli.main import main
 

@@ -11,7 +11,7 @@ import pytest
 
 from soft_continuum.hardware.tendon_controller import Reason
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.sequence_server import error_code
+from soft_continuum.nodes.shape_sequencer import error_code
 from soft_continuum.parameters.shapes import PAPER_SHAPES
 from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import Shape

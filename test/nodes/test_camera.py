@@ -19,7 +19,7 @@ from soft_continuum.estimation.sensing.layout import FRONT
 from soft_continuum.estimation.sensing.rigid import displacement, planar_pose
 from soft_continuum.nodes import camera
 from soft_continuum.ros.conversions import CHANNELS, grey_message, grey_picture, pose_from_ros
-from soft_continuum.ros.qos import LATCHED, SENSOR
+from soft_continuum.ros.entries import LATCHED, SENSOR
 from support.descriptions import given_in
 from support.planar import planar
 from support.ros_rig import STREAM

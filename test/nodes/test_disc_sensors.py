@@ -18,7 +18,7 @@ from soft_continuum.estimation.sensing.tare import WINDOW
 from soft_continuum.nodes.disc_sensors import _Feed, MAX_COUNT
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.description import load_arm
-from soft_continuum.ros.qos import LATCHED
+from soft_continuum.ros.entries import LATCHED
 from support.descriptions import given_in, JAMMING, PLANAR
 from support.planar import planar
 from support.ros_rig import pairs, spoil, STREAM

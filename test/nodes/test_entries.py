@@ -20,7 +20,7 @@ from soft_continuum.nodes import emergency_stop
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.node_info import NodeInfo
+from soft_continuum.nodes.suite_node import NodeInfo
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import (
     equilibrium_from_ros,
@@ -28,8 +28,7 @@ from soft_continuum.ros.conversions import (
     tracked_pose_to_ros,
 )
 from soft_continuum.ros.description import load_arm
-from soft_continuum.ros.entries import MAX_BYTES, serve, subscribe
-from soft_continuum.ros.qos import LATCHED, SENSOR, STREAM
+from soft_continuum.ros.entries import LATCHED, MAX_BYTES, SENSOR, serve, STREAM, subscribe
 from soft_continuum.ros.urdf import arm_urdf
 from soft_continuum.text import plain
 from soft_continuum_interfaces.msg import Heartbeat, JammingValvesState

@@ -20,6 +20,7 @@ from soft_continuum.planning.obstacles import (
     turned_by,
 )
 from soft_continuum.planning.obstacles.files import load_obstacles
+from soft_continuum.ros.entries import OBSTACLES
 from soft_continuum.ros.obstacles import (
     is_decoration,
     name_of,
@@ -27,7 +28,6 @@ from soft_continuum.ros.obstacles import (
     obstacle_to_ros,
     removal,
 )
-from soft_continuum.ros.qos import OBSTACLES
 from support.ros_rig import LATCHED, set_in
 
 EXAMPLE = Path(__file__).resolve().parents[2] / 'config' / 'obstacles_example.yaml'

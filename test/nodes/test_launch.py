@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from soft_continuum.hardware.drivers import driver_names, JAMMING_DRIVERS, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import families, JAMMING_DRIVERS, TENDON_DRIVERS
 from soft_continuum.nodes.runtime import check_parameter_files
 from soft_continuum.parameters.overrides import full_name_of
 from soft_continuum.parameters.parameter import ParameterError
@@ -92,8 +92,8 @@ def test_a_driver_that_is_asked_for_wins_over_a_section_of_each_form(
 
 @pytest.mark.parametrize('starter', [by_launch, by_up])
 @pytest.mark.parametrize(('node', 'parameter', 'drivers'), [
-    ('tendon_actuation', 'tendon_driver', driver_names(TENDON_DRIVERS)),
-    ('jamming_valves', 'jamming_driver', driver_names(JAMMING_DRIVERS))])
+    ('tendon_actuation', 'tendon_driver', tuple(families(TENDON_DRIVERS))),
+    ('jamming_valves', 'jamming_driver', tuple(families(JAMMING_DRIVERS)))])
 def test_every_driver_can_be_asked_for(tmp_path, starter, node, parameter, drivers):
     for driver in drivers:
         path = tmp_path / 'rig.yaml'

@@ -13,7 +13,7 @@ from soft_continuum.client import requests as client_requests
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.errors import LostError, NoAnswerError, RefusedError
 from soft_continuum.lab.recordings import recorder as recorder_node
-from soft_continuum.nodes.sequence_server import SequenceServer
+from soft_continuum.nodes.shape_sequencer import SequenceServer
 from soft_continuum.ui.browser.session import PageSession
 from soft_continuum.ui.teleop import steered_arm
 from soft_continuum_interfaces.action import RunShapeSequence

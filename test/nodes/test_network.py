@@ -12,7 +12,7 @@ import sys
 
 import pytest
 
-from soft_continuum.ros.network import (
+from soft_continuum.ros.environment import (
     choose_network,
     given_network,
     PROFILES,
@@ -157,7 +157,7 @@ def test_a_computer_without_a_network_is_enough_also_when_lo_comes_late(processe
 CLIENT = """
 import sys
 from soft_continuum.client import Arm
-from soft_continuum.ros.network import reachable_addresses
+from soft_continuum.ros.environment import reachable_addresses
 with Arm(sys.argv[1]):
     print(reachable_addresses(), '/dev/shm/fastrtps' in open('/proc/self/maps').read())
 """

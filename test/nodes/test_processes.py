@@ -12,7 +12,7 @@ import time
 
 import pytest
 
-from soft_continuum.ros.network import PARENT
+from soft_continuum.ros.environment import PARENT
 from soft_continuum.ui.cli.main import main
 from soft_continuum.user_files import description_file
 from support.documented_commands import kept_signal_handlers

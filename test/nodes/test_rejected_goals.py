@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes import kinematics, planning, shape_sequencer
-from soft_continuum.nodes.model import load_model
+from soft_continuum.nodes.threads import load_model
 from soft_continuum.planning.plans import PlanError
 from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file

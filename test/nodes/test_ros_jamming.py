@@ -10,7 +10,7 @@ from sensor_msgs.msg import FluidPressure
 from std_msgs.msg import Bool
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import JAMMING_DRIVERS, make_driver
+from soft_continuum.hardware.drivers import families, JAMMING_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError, RegulatorDriver
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import load_description
@@ -39,7 +39,7 @@ def make(domain, monkeypatch):
         board, lender = of(domain), OtherNodes(domain, 'jamming_valves')
         closing.extend([board, lender])
         given = VALVES if of is Valves else REGULATORS
-        driver = make_driver(JAMMING_DRIVERS, 'ros_topics', checked(
+        driver = families(JAMMING_DRIVERS)['ros_topics'].make(checked(
             {**given, **{f'ros_jamming.{name}': value for name, value in changes.items()}}),
             STEADY, lender.node)
         closing.insert(0, driver)

@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.hardware.drivers import make_driver, TENDON_DRIVERS
+from soft_continuum.hardware.drivers import families, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.ros.description import load_description
 from soft_continuum.ros.parameter_table import NODE_PARAMETERS
@@ -39,7 +39,7 @@ def make(domain, monkeypatch):
         if kind == 'trajectory':
             values |= {'ros_tendons.command_type': 'trajectory',
                        'ros_tendons.command_topic': 'trajectory_controller/joint_trajectory'}
-        driver = make_driver(TENDON_DRIVERS, 'ros_topics', values, STEADY, lender.node)
+        driver = families(TENDON_DRIVERS)['ros_topics'].make(values, STEADY, lender.node)
         closing.extend([driver, controllers, lender])
         return driver, controllers
 

@@ -8,7 +8,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from soft_continuum.commissioning import calibrate, doctor
-from soft_continuum.hardware.drivers import driver_topics
+from soft_continuum.hardware.drivers import chosen_families
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.ros.description import load_rig
 from soft_continuum.ros_topics import commissioning
@@ -81,8 +81,13 @@ def test_the_zero_and_the_signs_of_joints_are_measured_and_kept_in_a_file(
     assert steps['ros_tendons.scales'] == (0.011, 0.01)
 
 
+def topics_of(values):
+    return {parameter: family.topics(values)
+            for parameter, family in chosen_families(values).items()}
+
+
 def test_what_drivers_publish_and_subscribe_to_is_told_by_their_parameters(file):
-    topics = driver_topics(load_rig([file]))
+    topics = topics_of(load_rig([file]))
     assert topics['tendon_driver'] == (
         {'position_controller/commands': 'std_msgs/Float64MultiArray'},
         {'joint_state_broadcaster/joint_states': 'sensor_msgs/JointState'})
@@ -92,5 +97,5 @@ def test_what_drivers_publish_and_subscribe_to_is_told_by_their_parameters(file)
     assert subscribed['/board/pressure_2'] == 'sensor_msgs/FluidPressure'
     assert subscribed['/board/valve_state_3'] == subscribed['/board/pump_state'] == 'std_msgs/Bool'
     assert len(subscribed) == 7
-    simulated = driver_topics(load_rig([]))
+    simulated = topics_of(load_rig([]))
     assert simulated == {'tendon_driver': ({}, {}), 'jamming_driver': ({}, {})}

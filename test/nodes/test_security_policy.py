@@ -15,7 +15,7 @@ import pytest
 from soft_continuum.client import Arm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import load_rig
-from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER, with_enclave
+from soft_continuum.ros.environment import CLIENT, INPUTS, VIEWER, with_enclave
 from soft_continuum.ros.interface_tables import documented_nodes
 from soft_continuum.ros.names import RECORDER
 from soft_continuum.ui.cli.main import main

@@ -21,7 +21,7 @@ from soft_continuum.client.plot import plot
 from soft_continuum.nodes import servo
 from soft_continuum.ros.conversions import pose_from_ros, poses_from_ros
 from soft_continuum.ros.description import load_arm, load_description
-from soft_continuum.ros.qos import SENSOR
+from soft_continuum.ros.entries import SENSOR
 from soft_continuum.sequencing.servo import AngleServo
 from soft_continuum.ui.teleop import steered_arm
 from soft_continuum_interfaces.action import RunShapeSequence

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from soft_continuum.nodes import status as module
-from soft_continuum.nodes.status import ERROR, OK, Status, WARN
+from soft_continuum.nodes import suite_node as module
+from soft_continuum.nodes.suite_node import ERROR, OK, Status, WARN
 from soft_continuum.ros.names import RECORDER, TELEOP
 from soft_continuum_interfaces.msg import RecorderState, TeleopState
 from support.ros_rig import LATCHED

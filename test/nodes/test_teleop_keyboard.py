@@ -4,7 +4,7 @@
 
 import time
 
-from soft_continuum.ui.teleop.enable_button import MOVE
+from soft_continuum.ui.teleop.joystick import MOVE
 from soft_continuum_interfaces.msg import TeleopState
 from support.command import Terminal
 from support.ros_rig import DEADLINE, LATCHED

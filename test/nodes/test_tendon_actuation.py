@@ -11,7 +11,7 @@ import pytest
 
 from soft_continuum.nodes import reported_arm, tendon_control
 from soft_continuum.nodes.kinematics import Kinematics
-from soft_continuum.nodes.prediction import TensionPrediction
+from soft_continuum.nodes.tendon_actuation import TensionPrediction
 from soft_continuum.ros.ros_time import RosTime
 from soft_continuum_interfaces.msg import MotionRequest
 from support.ros_rig import assert_declined, RELIABLE, trajectory
@@ -181,7 +181,7 @@ def test_a_stop_does_not_wait_for_a_trajectory_that_is_judged_and_wins(tendons, 
         judging.set()
         assert go.wait(30.0)
 
-    monkeypatch.setattr('soft_continuum.nodes.prediction.TensionPrediction.check', slow)
+    monkeypatch.setattr('soft_continuum.nodes.tendon_actuation.TensionPrediction.check', slow)
     rig.send(PULL)
     assert judging.wait(30.0)
     before = node._control.revocations

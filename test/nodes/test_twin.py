@@ -13,7 +13,7 @@ from sensor_msgs.msg import Imu, JointState
 from soft_continuum.estimation.sensing.rigid import planar_pose
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.names import NODES
-from soft_continuum.sim.emulators.driving import board_links, driving_parameters
+from soft_continuum.sim.emulators.tendon_motors import board_links, driving_parameters
 from soft_continuum.sim.twin.model_errors import load_cell_parameters
 from soft_continuum.user_files import description_file
 from support.descriptions import given_in

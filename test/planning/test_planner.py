@@ -17,13 +17,12 @@ from scipy.interpolate import PchipInterpolator
 from soft_continuum.mechanics import Jam, LEFT, RIGHT, Statics
 from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.nodes.goals import shape_library
+from soft_continuum.nodes.shape_sequencer import shape_library
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.shapes import PAPER_SHAPES
-from soft_continuum.planning.planner import Planner, PlanSettings
+from soft_continuum.planning.planner import monotone_cubic, Planner, PlanSettings, timed
 from soft_continuum.planning.plans import PlanError, Shape, WHOLE_ARM
 from soft_continuum.planning.shape_plans import plans_to
-from soft_continuum.planning.timing import monotone_cubic, timed
 from soft_continuum.ros.description import load_arm, load_description
 from support.flat_arm import made_of, of_segments
 from support.spatial_arms import in_space

@@ -17,7 +17,7 @@ from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.planning.obstacles import Box, CollisionScene, Obstacle, Sphere
 from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import PlanError, TipGoal, WHOLE_ARM
-from soft_continuum.planning.reach import budget, follow, reach, ReachSettings
+from soft_continuum.planning.reach import follow, reach, ReachSettings, search
 from soft_continuum.planning.reach.passage import BlockedError, MotionValidator, moved
 from soft_continuum.ros.description import load_arm, load_description
 from support.flat_arm import of_segments
@@ -306,7 +306,7 @@ def test_more_states_find_no_worse_a_plan_few_are_kept_to_and_the_machine_s_spee
     assert angles(few[0]).tolist() == angles(many[0]).tolist()
     assert (many[-1].softenings, many[-1].duration) <= (few[-1].softenings, few[-1].duration)
     clock = count()  # a second or more passes between two looks at it
-    monkeypatch.setattr(budget, 'monotonic', lambda: float(next(clock)))
+    monkeypatch.setattr(search, 'monotonic', lambda: float(next(clock)))
     assert angles(plans(states=1300)[-1]).tolist() == angles(few[-1]).tolist()
     assert plans(states=1300, time_limit=60.0)[-1].cut_short
 

@@ -24,8 +24,7 @@ import yaml
 
 from soft_continuum.parameters.arguments import Parser
 from soft_continuum.ros.parameter_table import NODE_PARAMETERS
-from soft_continuum.ui.cli.main import call
-from soft_continuum.ui.cli.registry import NODE, VERBS
+from soft_continuum.ui.cli.main import call, NODE, VERBS
 
 ROOT = Path(__file__).resolve().parents[2]
 FENCE = re.compile(r' *```(.*)')

@@ -23,7 +23,7 @@ from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.description import load_arm
-from soft_continuum.ros.executor import make_executor
+from soft_continuum.ros.entries import make_executor
 from soft_continuum.ros.names import NODES
 from soft_continuum.ros.urdf import joint_names
 from soft_continuum.user_files import description_file

@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 import pytest
 from sensor_msgs.msg import Joy
 
-from soft_continuum.ui.teleop.enable_button import RELEASE
+from soft_continuum.ui.teleop.joystick import RELEASE
 from soft_continuum_interfaces.msg import TeleopState, TendonTrajectory
 from support.ros_rig import DEADLINE, LATCHED, RELIABLE, Rig, trajectory
 

@@ -5,9 +5,13 @@
 from contextlib import contextmanager
 
 from soft_continuum.hardware.modbus.bus import ModbusBus
-from soft_continuum.hardware.modbus.jamming import ModbusJamming, registers_from_parameters
-from soft_continuum.hardware.modbus.regulators import ModbusRegulators, Outputs
-from soft_continuum.hardware.modbus.transmitters import Transmitters
+from soft_continuum.hardware.modbus.jamming import (
+    ModbusJamming,
+    ModbusRegulators,
+    Outputs,
+    Relays,
+    Transmitters,
+)
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.sim.emulators.modbus import ModbusEmulator
 from support.virtual_clock import VirtualClock
@@ -39,10 +43,9 @@ def driver_of(emulator, **changes):
     values = parameters(emulator.link or emulator.port, len(emulator.segments), **changes)
     bus = ModbusBus(values['modbus.port'], values['modbus.baud_rate'], values['modbus.timeout'],
                     emulator.clock)
-    if values['modbus.regulators']:
-        return ModbusRegulators(
-            bus, Outputs.from_parameters(values), Transmitters.from_parameters(values))
-    return ModbusJamming(bus, registers_from_parameters(values))
+    driver, board = ((ModbusRegulators, Outputs) if values['modbus.regulators'] else
+                     (ModbusJamming, Relays))
+    return driver(bus, board.from_parameters(values), Transmitters.from_parameters(values))
 
 
 @contextmanager

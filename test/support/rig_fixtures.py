@@ -21,7 +21,7 @@ os.environ['FASTDDS_DEFAULT_PROFILES_FILE'] = str(HERE / 'fastdds.xml')
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'SYSTEM_DEFAULT'  # LOCALHOST would replace it
 
 from soft_continuum.hardware import tendon_controller  # noqa: E402
-from soft_continuum.hardware.dynamixel import bus, exchange, packets  # noqa: E402
+from soft_continuum.hardware.dynamixel import bus, packets  # noqa: E402
 from soft_continuum.hardware.dynamixel import tendons as servo_tendons  # noqa: E402
 from soft_continuum.hardware.grbl import tendons as grbl_tendons  # noqa: E402
 from soft_continuum.mechanics._kernel import warm_up  # noqa: E402
@@ -58,8 +58,8 @@ def _patient() -> Iterator[None]:
         patch.setattr(managed_node, 'RETRY', 0.3)
         patch.setattr(packets, 'REPLY_TIME', 0.2)
         patch.setattr(bus, 'SEARCH_TIME', 0.2)
-        patch.setattr(exchange, 'SILENCE_TIMEOUT', 2.0)
-        patch.setattr(exchange, 'WATCHDOG', 100)  # 2 s
+        patch.setattr(servo_tendons, 'SILENCE_TIMEOUT', 2.0)
+        patch.setattr(servo_tendons, 'WATCHDOG', 100)  # 2 s
         patch.setattr(servo_tendons, 'BEHIND_TIMEOUT', 2.0)
         patch.setattr(grbl_tendons, 'QUERY_TIMEOUT', 1.0)
         patch.setattr(grbl_tendons, 'ACKNOWLEDGEMENT_TIMEOUT', 3.0)

@@ -21,7 +21,7 @@ from rclpy.action import ActionClient, get_action_names_and_types
 from rclpy.qos import DurabilityPolicy, QoSProfile
 import yaml
 
-from soft_continuum.ros.qos import SENSOR
+from soft_continuum.ros.entries import SENSOR
 from support.ros_rig import Rig
 
 SEQUENCE_TIMEOUT = 120.0  # s

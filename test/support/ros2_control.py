@@ -23,7 +23,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.ros.executor import make_executor
+from soft_continuum.ros.entries import make_executor
 from support import driver_waits
 
 DEADLINE = 20.0  # s

@@ -42,7 +42,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from soft_continuum.nodes.runtime import node_class
 from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX
 from soft_continuum.ros.description import load_description
-from soft_continuum.ros.executor import make_executor
+from soft_continuum.ros.entries import make_executor
 from soft_continuum.ros.names import NODES
 from soft_continuum.ros.parameter_table import NODE_PARAMETERS
 from soft_continuum.user_files import description_file

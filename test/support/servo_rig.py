@@ -17,8 +17,13 @@ from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.dynamixel.setup import Spools
 from soft_continuum.hardware.dynamixel.tendons import DynamixelTendons
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.sim.emulators.driving import SERVO_MODEL, SPOOL_RADIUS, tension_limit
-from soft_continuum.sim.emulators.dynamixel import DynamixelEmulator, make_servos
+from soft_continuum.sim.emulators.dynamixel import (
+    DynamixelEmulator,
+    make_servos,
+    SERVO_MODEL,
+    SPOOL_RADIUS,
+    tension_limit,
+)
 from soft_continuum.sim.emulators.dynamixel_models import PULSE
 from soft_continuum.sim.emulators.dynamixel_packets import Instruction
 from support.virtual_clock import VirtualClock

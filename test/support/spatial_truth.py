@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from soft_continuum.estimation.settings import Drift, Prior
+from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import yaml
 
-from soft_continuum.ros.network import PROFILES
+from soft_continuum.ros.environment import PROFILES
 from soft_continuum.user_files import description_file
 from support.processes import NodeProcess, Processes
 from support.ros_rig import Rig

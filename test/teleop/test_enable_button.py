@@ -4,8 +4,7 @@
 
 import pytest
 
-from soft_continuum.ui.teleop.enable_button import EnableButton
-from soft_continuum.ui.teleop.pad import PadState
+from soft_continuum.ui.teleop.joystick import EnableButton, PadState
 
 HELD = frozenset({'enable'})
 REST = PadState()

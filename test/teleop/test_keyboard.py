@@ -5,8 +5,7 @@
 import pytest
 
 from soft_continuum.ui.cli.teleop import HELP, in_keys, screen_lines
-from soft_continuum.ui.teleop.enable_button import EnableButton, RELEASE
-from soft_continuum.ui.teleop.keyboard import Keyboard
+from soft_continuum.ui.teleop.joystick import EnableButton, Keyboard, RELEASE
 
 
 class Typist:

@@ -8,7 +8,7 @@ import pytest
 
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.parameter_table import NODE_PARAMETERS
-from soft_continuum.ui.teleop.pad import Pad, PadError, PadState
+from soft_continuum.ui.teleop.joystick import Pad, PadError, PadState
 
 DEFAULTS = {p.name: p.default for p in NODE_PARAMETERS['teleop']}
 XBOX_AXES, XBOX_BUTTONS = 8, 11  # that joy_node publishes

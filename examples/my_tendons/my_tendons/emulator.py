@@ -8,7 +8,7 @@ import threading
 import time
 
 from soft_continuum.parameters.arguments import Parser, whole_number_in
-from soft_continuum.sim.emulators.console import Command, execute, serve, set_to
+from soft_continuum.sim.emulators.device import Command, execute, serve, set_to
 
 
 class EmulatedBox(socketserver.ThreadingTCPServer):

@@ -14,14 +14,19 @@ from soft_continuum.hardware.commissioning import (
     WARN,
 )
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus, latency_timer
-from soft_continuum.hardware.dynamixel.exchange import read_states
 from soft_continuum.hardware.dynamixel.reference import clear_marks, find_zeros, ZeroFile
 from soft_continuum.hardware.dynamixel.registers import (
     PRESENT_CURRENT,
     RETURN_DELAY,
     TORQUE_ENABLE,
 )
-from soft_continuum.hardware.dynamixel.setup import find_servos, FoundServo, problems, Spools
+from soft_continuum.hardware.dynamixel.setup import (
+    find_servos,
+    FoundServo,
+    problems,
+    read_states,
+    Spools,
+)
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.user_files import dynamixel_zeros
 

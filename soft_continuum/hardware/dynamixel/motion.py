@@ -16,14 +16,20 @@ servo does not travel at all.
 from collections import deque
 from collections.abc import Sequence
 
-from soft_continuum.hardware.dynamixel.exchange import MAX_LEAD, profile_speed, ServoState
 from soft_continuum.hardware.dynamixel.registers import RADIANS_PER_PULSE, TICK_RANGE
-from soft_continuum.hardware.dynamixel.setup import FoundServo, FRICTION_SHARE, Spools
+from soft_continuum.hardware.dynamixel.setup import (
+    FoundServo,
+    FRICTION_SHARE,
+    profile_speed,
+    ServoState,
+    Spools,
+)
 from soft_continuum.hardware.simulated_tendons import SimulatedTendons
 
 MAX_STEP = 0.03
 """s of the path per cycle: what a cycle comes late by more is not caught up."""
 LEAD_RATE = 8.0  # 1/s with which the lead removes an error at rest
+MAX_LEAD = 0.01  # m, of a goal
 SATURATED = 0.95  # of the current that a servo may use: a lead would only wind up
 MIN_COUNTS = 5  # of current, above which it determines the lead
 PATH_RESOLUTION = 1e-9  # m

@@ -23,13 +23,12 @@ from soft_continuum.hardware.dynamixel.bus import (
     DynamixelBus,
     NoReplyError,
 )
-from soft_continuum.hardware.dynamixel.exchange import ATTEMPTS, ServoState
 from soft_continuum.hardware.dynamixel.registers import (
     PULSES_PER_TURN,
     SPARE,
     WATCHDOG_TRIGGERED,
 )
-from soft_continuum.hardware.dynamixel.setup import FoundServo, Spools
+from soft_continuum.hardware.dynamixel.setup import ATTEMPTS, FoundServo, ServoState, Spools
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.text import read_bytes, write_whole
 

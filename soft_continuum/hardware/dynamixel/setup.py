@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Required settings of Dynamixel servos, and how they are found and checked.
+Dynamixel servos: their required settings, how they are found and checked, and their state.
 
 The settings are in the EEPROM of the servos, which is locked while their torque is on.  Only
 ``write_settings`` changes anything.
@@ -17,9 +17,11 @@ from soft_continuum.hardware.dynamixel.bus import (
     DamagedReplyError,
     DynamixelBus,
     NoReplyError,
+    Reply,
     ServoRejectedError,
 )
 from soft_continuum.hardware.dynamixel.registers import (
+    BUS_WATCHDOG,
     CURRENT_BASED_POSITION,
     CURRENT_LIMIT,
     DISABLED_ID,
@@ -27,6 +29,8 @@ from soft_continuum.hardware.dynamixel.registers import (
     explain_hardware_error,
     FIRMWARE,
     FULL_PWM,
+    GOAL_CURRENT,
+    GOAL_POSITION,
     HARDWARE_ERROR,
     HOMING_OFFSET,
     INPUT_VOLTAGE,
@@ -34,8 +38,12 @@ from soft_continuum.hardware.dynamixel.registers import (
     OPERATING_MODE,
     P_GAIN_UNIT,
     POSITION_P_GAIN,
+    PRESENT_CURRENT,
+    PRESENT_POSITION,
+    PROFILE_VELOCITY,
     PWM_LIMIT,
     RADIANS_PER_PULSE,
+    REALTIME_TICK,
     Register,
     SECONDARY_ID,
     ServoModel,
@@ -43,6 +51,7 @@ from soft_continuum.hardware.dynamixel.registers import (
     STARTUP,
     STATUS_RETURN_LEVEL,
     TEMPERATURE,
+    TICK_RANGE,
     TORQUE_ENABLE,
     VELOCITY_LIMIT,
     VELOCITY_UNIT,
@@ -67,6 +76,10 @@ FRICTION_SHARE, FRICTION_OF_STALL = 0.3, 0.02  # of tension, and of the one at s
 RAM_RESTORE = 0x02
 EEPROM_END, TABLE_END = 64, 147
 CALIBRATE = 'soft_continuum calibrate servos'
+BLOCK = TORQUE_ENABLE.address, PRESENT_POSITION.end
+TICK_TOLERANCE = 0.1
+"""Largest advance of a servo's clock over the computer's between two replies, s."""
+ATTEMPTS = 5  # to read all servos, and to write what they must have or keep
 
 
 @dataclass(frozen=True)
@@ -212,6 +225,76 @@ class FoundServo:
         """Return model, firmware, supply and temperature for a person."""
         return (f'{self.model.name}, firmware {self.get(FIRMWARE)}, '
                 f'{0.1 * self.get(INPUT_VOLTAGE):.1f} V, {self.get(TEMPERATURE)} °C')
+
+
+@dataclass(frozen=True)
+class Written:
+    """What the driver wrote to a servo: Bus Watchdog, Goal Current, Profile Velocity, goal."""
+
+    watchdog: int
+    current: int
+    velocity: int
+    goal: int
+
+
+def profile_speed(written: Written) -> float:
+    """Return the largest speed of a servo with the written values, pulses/s."""
+    return written.velocity * VELOCITY_UNIT / RADIANS_PER_PULSE
+
+
+@dataclass(frozen=True)
+class ServoState:
+    """
+    One servo at a time between asked and time (s), when its reply was received.
+
+    position: pulses.  current: counts.  tick: ms.  alert: whether it has a hardware error.
+    torque: whether it is on.
+    """
+
+    asked: float
+    time: float
+    written: Written
+    position: int
+    current: int
+    tick: int
+    alert: bool
+    torque: bool = True
+
+    @classmethod
+    def from_reply(cls, reply: Reply, asked: float, time: float) -> 'ServoState':
+        """Return the state in a reply to a sync read of BLOCK."""
+        def get(register: Register) -> int:
+            return register.decode(reply.data, BLOCK[0])
+
+        return cls(asked, time, Written(get(BUS_WATCHDOG), get(GOAL_CURRENT),
+                                        get(PROFILE_VELOCITY),
+                                        get(GOAL_POSITION)),
+                   get(PRESENT_POSITION), get(PRESENT_CURRENT), get(REALTIME_TICK), reply.alert,
+                   bool(get(TORQUE_ENABLE)))
+
+    def follows(self, earlier: 'ServoState', fastest: float) -> bool:
+        """Whether this state is plausible after ``earlier``; fastest: pulses/s."""
+        elapsed = self.time - earlier.asked  # at most: a busy computer sees a reply late
+        ticks = (self.tick - earlier.tick) % TICK_RANGE
+        new = ticks > 0 or self.time - earlier.time < 0.002
+        return (new and 1e-3 * ticks <= elapsed + TICK_TOLERANCE
+                and abs(self.position - earlier.position) <= fastest * (elapsed + 0.02) + 20)
+
+
+def read_states(bus: DynamixelBus, servos: Sequence[FoundServo]) -> list[ServoState]:
+    """Return the state of all servos, by the fastest read instruction that they support."""
+    ids = [servo.id for servo in servos]
+    fast = bus.fast is not False
+    for attempt in range(ATTEMPTS):
+        bus.fast = fast and attempt < 2  # older firmware has no Fast Sync Read
+        asked = bus.clock()
+        try:
+            replies = bus.sync_read(ids, *BLOCK)
+        except (NoReplyError, DamagedReplyError) as error:
+            reason = error
+            continue
+        return [ServoState.from_reply(reply, asked, bus.clock()) for reply in replies]
+    raise HardwareError(f'the servos reply individually, but not together: {reason}')
 
 
 def find_servos(bus: DynamixelBus, spools: Spools) -> list[FoundServo]:

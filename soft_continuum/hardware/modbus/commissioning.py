@@ -2,15 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of Modbus boards: whether and how fast they answer; nothing is switched."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.hardware.modbus.bus import MAX_PAUSE, ModbusBus
-from soft_continuum.hardware.modbus.jamming import registers_from_parameters
-from soft_continuum.hardware.modbus.regulators import Outputs
-from soft_continuum.hardware.modbus.transmitters import Transmitters
+from soft_continuum.hardware.modbus.jamming import Board, Outputs, Relays, Transmitters
 from soft_continuum.hardware.protocols import HardwareError
 
 PORT = 'modbus.port'
@@ -24,6 +22,10 @@ OUTPUT_BOARD = 'output board'
 
 def checks(values: Mapping[str, Any]) -> Iterator[Check]:
     """Yield the state of both boards."""
+    boards: dict[str, Board] = (
+        {OUTPUT_BOARD: Outputs.from_parameters(values)} if values['modbus.regulators'] else
+        {'relay board': Relays.from_parameters(values)})
+    boards['analog board'] = Transmitters.from_parameters(values)
     bus = ModbusBus(values['modbus.port'], values['modbus.baud_rate'], values['modbus.timeout'])
     try:
         bus.open()
@@ -32,18 +34,14 @@ def checks(values: Mapping[str, Any]) -> Iterator[Check]:
         return
     yield Check('jamming port', OK, f'{values["modbus.port"]} opened, no other program uses it')
     trips: list[float] = []
-    transmitters = Transmitters.from_parameters(values)
     try:
-        for board, ask, unit, addresses in (
-                _switching_board(bus, values),
-                ('analog board', bus.read_input_registers, transmitters.unit,
-                 transmitters.registers)):
+        for name, board in boards.items():
             state: tuple[int, ...] = ()
             lost: list[str] = []
             for _ in range(ROUND_TRIPS):
                 begin = STEADY()
                 try:
-                    state = ask(unit, addresses[0], len(addresses))
+                    state = board.ask_all(bus)
                     trips.append(STEADY() - begin)
                 except HardwareError as error:
                     lost.append(str(error))
@@ -51,15 +49,15 @@ def checks(values: Mapping[str, Any]) -> Iterator[Check]:
                     bus.open()  # so that no late reply is received
                 if len(lost) > MAX_LOST_REPLIES:
                     break
-            message = f'unit {unit} answers: ' + ', '.join(
-                _state(board, a, s) for a, s in zip(addresses, state, strict=False))
+            message = f'unit {board.unit} answers: ' + ', '.join(
+                _state(name, a, s) for a, s in zip(board.span, state, strict=False))
             if len(lost) > MAX_LOST_REPLIES:
-                yield Check(board, FAIL, lost[-1])
+                yield Check(name, FAIL, lost[-1])
             elif lost:
-                yield Check(board, WARN, f'{message}; {len(lost)} of {ROUND_TRIPS} replies '
+                yield Check(name, WARN, f'{message}; {len(lost)} of {ROUND_TRIPS} replies '
                             f'missed: {lost[0]}')
             else:
-                yield Check(board, OK, message)
+                yield Check(name, OK, message)
     except HardwareError as error:
         yield Check('jamming port', FAIL, str(error))
         return
@@ -67,16 +65,6 @@ def checks(values: Mapping[str, Any]) -> Iterator[Check]:
         bus.close()
     if trips:
         yield _check_round_trip(trips, values['modbus.timeout'])
-
-
-def _switching_board(bus: ModbusBus, values: Mapping[str, Any]
-                     ) -> tuple[str, Callable[[int, int, int], tuple[int, ...]], int, range]:
-    """Return the board that evacuates segments: its read function, its unit and its addresses."""
-    if values['modbus.regulators']:
-        outputs = Outputs.from_parameters(values)
-        return OUTPUT_BOARD, bus.read_holding_registers, outputs.unit, outputs.registers
-    relays = registers_from_parameters(values)
-    return 'relay board', bus.read_coils, relays.relay_unit, relays.coils
 
 
 def _state(board: str, address: int, state: int) -> str:

@@ -23,9 +23,15 @@ import scipy
 
 from soft_continuum.lab.analysis.curves import Curve, read_curves
 from soft_continuum.lab.analysis.delimited import MeasurementError
-from soft_continuum.lab.analysis.figures import DPI, new_figure
-from soft_continuum.lab.analysis.results import cell, reserve_outputs, text_table
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb
+from soft_continuum.lab.analysis.verbs import (
+    cell,
+    described_arm,
+    DPI,
+    new_figure,
+    reserve_outputs,
+    run_verb,
+    text_table,
+)
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
 from soft_continuum.mechanics.laws import MomentCurvature
 from soft_continuum.mechanics.stiffness import bending_stiffness_from_slope, joint_stiffness

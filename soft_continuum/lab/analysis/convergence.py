@@ -17,9 +17,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.lab.analysis.figures import DPI, new_figure
-from soft_continuum.lab.analysis.results import progress, reserve_outputs, text_table
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb
+from soft_continuum.lab.analysis.verbs import (
+    described_arm,
+    DPI,
+    new_figure,
+    progress,
+    reserve_outputs,
+    run_verb,
+    text_table,
+)
 from soft_continuum.mechanics import Arm, ArmError, Equilibrium, SECOND_ORDER, SLACK, Statics
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.parameters.arguments import FOR_ANALYSIS, number_in, Parser, whole_number_in

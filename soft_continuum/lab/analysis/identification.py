@@ -23,10 +23,18 @@ import numpy as np
 import scipy
 
 from soft_continuum.lab.analysis.delimited import MeasurementError
-from soft_continuum.lab.analysis.figures import DPI, new_figure
 from soft_continuum.lab.analysis.measured_shapes import MeasuredShape, read_shapes, simulate_steps
-from soft_continuum.lab.analysis.results import cell, progress, reserve_outputs, text_table
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb, shapes_parser
+from soft_continuum.lab.analysis.verbs import (
+    cell,
+    described_arm,
+    DPI,
+    new_figure,
+    progress,
+    reserve_outputs,
+    run_verb,
+    shapes_parser,
+    text_table,
+)
 from soft_continuum.mechanics import SECOND_ORDER, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.parameters.arm import arm_from_parameters

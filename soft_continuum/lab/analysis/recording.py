@@ -1,33 +1,34 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-A recorded run as tables: one per kind of message, which CSV files keep.
+A recorded run as tables, one per kind of message; ``export`` writes them as files.
 
 Times are from the start of the recording.  Lengths are in mm, tensions in N, absolute pressures in
 kPa, orientations are quaternions: tables are for people and spreadsheets.
 """
 
+import argparse
 from array import array
 from collections import defaultdict
 from collections.abc import Sequence
-import csv
 from dataclasses import dataclass, field
-import io
-from math import inf, isnan, nan
+from math import nan
 from pathlib import Path
 import re
+import sys
 from typing import Any
 
 import numpy as np
 
+from soft_continuum.extras import require
 from soft_continuum.lab.analysis.delimited import Array, MeasurementError
-from soft_continuum.lab.analysis.results import write_rows
-from soft_continuum.lab.recordings.bag import BagError, BagReader
-from soft_continuum.text import MAX_NAME, printable, read_bytes
+from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb, write_rows
+from soft_continuum.lab.recordings.bag import BAG, BagError, BagReader, DESCRIPTION
+from soft_continuum.parameters.arguments import given_path, Parser
+from soft_continuum.text import MAX_NAME, printable
 
 PULL, TENSION = ' pull [mm]', ' tension [N]'  # after the name of a tendon
 POSE = ('x [mm]', 'y [mm]', 'z [mm]', 'qx', 'qy', 'qz', 'qw')
-PLANAR_POSE = ('x [mm]', 'z [mm]', 'tangent [deg]')  # as version 0.1 wrote it
 COLUMNS = {
     'points': ('time [s]', 'point', *POSE),
     'pressures': ('time [s]', 'segment', 'pressure [kPa]'),
@@ -38,19 +39,9 @@ COLUMNS = {
 
 TABLES = ('tendons', 'tensions', *COLUMNS)
 """The tables of a recording."""
-FILES = tuple(f'{name}.csv' for name in TABLES)
-
-DESCRIPTION = 'description.yaml'
-"""Parameter file of the recorded arm."""
 ABOUT = 'recording'  # source of the event that says when, what and by which version
-
-BAG = 'recording.mcap'
-"""The file that ``record`` writes into its directory."""
-
-MAX_SIZE = 32_000_000  # bytes of a file, about an hour
-MAX_ROWS = 600_000  # of a file, in an hour there are 180,000 of the tendons
-MAX_COLUMNS = 100
-MAX_VALUE = 1e9
+BESIDE = Path('RECORDING')  # as --output: where the recording is
+FORMATS = ('csv', 'mat', 'parquet')
 COUNTED = (('segment',), ('point',))  # second columns of whole numbers
 HOLDING_DELAY = 0.2  # s, by which poses and pulls may come after the event that they belong to
 TOPICS = {
@@ -137,166 +128,15 @@ class Recording:
         return next((text for _, source, text in self.events if source == ABOUT), '')
 
 
-def recorded_tables(recording: Recording
-                    ) -> dict[str, tuple[tuple[str, ...], list[Sequence[object]]]]:
-    """Return the columns and the rows of every table by name, as in CSV files."""
-    named = {'tendons': ('time [s]', *(name + PULL for name in recording.tendon_names)),
-             'tensions': ('time [s]', *(name + TENSION for name in recording.tendon_names)),
-             **COLUMNS}
-    return {name: (header, [_counted(row) for row in getattr(recording, name).tolist()]
-                   if header[1:2] in COUNTED else list(getattr(recording, name)))
-            for name, header in named.items()}
-
-
-def _counted(row: list[float]) -> list[object]:
-    """Return a row whose second number, that of a point or segment, is a whole one."""
-    return [row[0], int(row[1]), *row[2:]]
-
-
-def write_tables(recording: Recording, paths: Sequence[Path]) -> None:
-    """Write the tables into CSV files of the names in FILES; raises OSError."""
-    for path, (header, rows) in zip(paths, recorded_tables(recording).values(), strict=True):
-        write_rows(path, [header, *(
-            [f'{time:.4f}', *(f'{v:.6g}' if isinstance(v, float) else v for v in values)]
-            for time, *values in rows)])
-
-
-def read_tables(directory: Path) -> Recording:
-    """
-    Read tables of write_tables, and of ``record`` in version 0.1.
-
-    Raises MeasurementError naming file and line.
-    """
-    names, tendons = _tendons(directory / 'tendons.csv', PULL)
-    same, tensions = _tendons(directory / 'tensions.csv', TENSION)
-    if same != names:
-        raise MeasurementError(f'{directory / "tensions.csv"}: line 1 has the tendons '
-                               f'{", ".join(same)} instead of {", ".join(names)}')
-    path, described = directory / 'events.csv', directory / DESCRIPTION
-    events = [(_number(path, line, row[0]), printable(row[1], MAX_NAME), printable(row[2]))
-              for line, row in _rows(path, COLUMNS['events'])[1]]
-    try:
-        description = read_bytes(described, MAX_SIZE).decode('utf-8', 'replace')
-    except FileNotFoundError:
-        description = ''
-    except OSError as error:
-        raise MeasurementError(f'{described}: {error.strerror}') from None
-    return Recording(
-        names, tendons, tensions, _points(directory / 'points.csv'),
-        _numbers(directory / 'pressures.csv', COLUMNS['pressures'])[1],
-        _numbers(directory / 'stiff.csv', COLUMNS['stiff'])[1], events, description)
-
-
-def _tendons(path: Path, ending: str) -> tuple[tuple[str, ...], Array]:
-    """Return the names of the tendons and the rows of their values."""
-    header, rows = _numbers(path)
-    if len(header) > MAX_COLUMNS:
-        raise MeasurementError(f'{path}: line 1 has {len(header)} columns; at most {MAX_COLUMNS} '
-                               'are read')
-    names = tuple(printable(column.removesuffix(ending), MAX_NAME) for column in header[1:])
-    if header != ('time [s]', *(name + ending for name in names)) or not names:
-        raise MeasurementError(f'{path}: line 1 must be: time [s], then TENDON{ending} for each '
-                               'tendon')
-    return names, rows
-
-
-def _points(path: Path) -> Array:
-    header, rows = _numbers(path, COLUMNS['points'], ('time [s]', 'point', *PLANAR_POSE))
-    if header == COLUMNS['points']:
-        return rows
-    poses = np.zeros((len(rows), 9))
-    poses[:, [0, 1, 2, 4]] = rows[:, :4]
-    half = np.radians(rows[:, 4]) / 2.0
-    poses[:, 6], poses[:, 8] = np.sin(half), np.cos(half)
-    return poses
-
-
-def _rows(path: Path, *allowed: tuple[str, ...]
-          ) -> tuple[tuple[str, ...], list[tuple[int, list[str]]]]:
-    """Return the header, one of ``allowed`` if given, and the rows below it with their lines."""
-    rows: list[tuple[int, list[str]]] = []
-    try:
-        text = read_bytes(path, MAX_SIZE).decode('utf-8')
-        lines = enumerate(csv.reader(io.StringIO(text, newline='')), start=1)
-        header = tuple(next(lines, (1, list[str]()))[1])
-        if not header or (allowed and header not in allowed):
-            expected = ','.join(allowed[0]) if allowed else 'the names of the columns'
-            raise MeasurementError(f'{path}: line 1 must be: {expected}')
-        for line, row in lines:
-            if line > MAX_ROWS:
-                raise MeasurementError(f'{path}: more than {MAX_ROWS} lines; divide the recording')
-            if len(row) == len(header):
-                rows.append((line, row))
-            elif next(lines, None):  # else a killed recorder had not ended it
-                raise MeasurementError(f'{path}: line {line} has {len(row)} fields instead of '
-                                       f'{len(header)}; repair or remove it')
-    except OSError as error:
-        raise MeasurementError(f'{path}: {error.strerror}; give the directory that the command '
-                               'record has written') from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise MeasurementError(f'{path}: not a recording: {error}') from None
-    return header, rows
-
-
-def _numbers(path: Path, *allowed: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
-    header, rows = _rows(path, *allowed)
-    counted = header[1:2] in COUNTED
-    numbers = [[_number(path, line, text, counts=counted and column == 1, gap=column > 0)
-                for column, text in enumerate(row)] for line, row in rows]
-    values = np.array(numbers, dtype=float).reshape(len(rows), len(header))
-    back = np.flatnonzero(np.diff(values[:, 0]) < 0.0)
-    if back.size:
-        raise MeasurementError(f'{path}: line {rows[back[0] + 1][0]}: the time steps back; put '
-                               'the lines in order')
-    return header, values
-
-
-def _number(path: Path, line: int, text: str, counts: bool = False, gap: bool = False) -> float:
-    """Return a number; counts: of a segment or point, gap: may be nan, where nothing is known."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = inf
-    if counts and value not in range(1, MAX_COLUMNS + 1) or not (
-            abs(value) <= MAX_VALUE or (gap and isnan(value))):
-        raise MeasurementError(
-            f'{path}: line {line}: {text[:MAX_NAME]!r} is not '
-            + (f'a whole number from 1 to {MAX_COLUMNS}' if counts else 'a number')
-            + '; repair or remove the line')
-    return value
-
-
 def read_recording(path: Path, namespace: str = '') -> Recording:
     """
-    Read a recording: an MCAP file, a directory with one, or a directory of tables.
+    Read a recording: an MCAP file, or a directory with one.
 
     namespace: of the arm, if several were recorded; / for none.  Raises MeasurementError.
     """
-    bag = bag_in(path)
-    return read_tables(bag) if bag.is_dir() else _read(bag, namespace)
-
-
-def bag_in(path: Path) -> Path:
-    """Return the MCAP file in a directory; other paths are returned unchanged."""
-    if path.suffix == '.db3' or (path.is_dir() and any(path.glob('*.db3*'))):
-        folder = path if path.is_dir() else path.parent
-        raise MeasurementError(
-            f'{path}: is a bag in the format of SQLite (db3); MCAP is read. Write a file '
-            'mcap.yaml with the line `output_bags: [{uri: converted, storage_id: mcap, '
-            f'all_topics: true}}]`, and type `ros2 bag convert -i {folder} -o mcap.yaml`')
-    if not path.is_dir():
-        return path
-    bags = [path / BAG] if (path / BAG).exists() else sorted(path.glob('*.mcap'))
-    if len(bags) > 1:
-        raise MeasurementError(f'{path}: there are {len(bags)} recordings in it; give one of '
-                               f'the files, such as {bags[-1]}')
-    return bags[0] if bags else path
-
-
-def _read(path: Path, namespace: str) -> Recording:
     arms: dict[str, _Tables] = defaultdict(_Tables)
     begin, unread = 0, ''
-    with BagReader(path) as bag:
+    with BagReader(bag_in(path)) as bag:
         for message in bag.messages():
             begin = begin or message.time
             found = TOPIC.fullmatch(message.topic.name)
@@ -315,6 +155,26 @@ def _read(path: Path, namespace: str) -> Recording:
     chosen = bag.arm_in([space for space, arm in arms.items() if arm.tendons], namespace)
     return arms[chosen].recording(
         bag.said_of(chosen, DESCRIPTION), bag.damage, _about(bag.about, chosen))
+
+
+def bag_in(path: Path) -> Path:
+    """Return the MCAP file in a directory; other paths unchanged.  Raises MeasurementError."""
+    if path.suffix == '.db3' or (path.is_dir() and any(path.glob('*.db3*'))):
+        folder = path if path.is_dir() else path.parent
+        raise MeasurementError(
+            f'{path}: is a bag in the format of SQLite (db3); MCAP is read. Write a file '
+            'mcap.yaml with the line `output_bags: [{uri: converted, storage_id: mcap, '
+            f'all_topics: true}}]`, and type `ros2 bag convert -i {folder} -o mcap.yaml`')
+    if not path.is_dir():
+        return path
+    bags = [path / BAG] if (path / BAG).exists() else sorted(path.glob('*.mcap'))
+    if len(bags) > 1:
+        raise MeasurementError(f'{path}: there are {len(bags)} recordings in it; give one of '
+                               f'the files, such as {bags[-1]}')
+    if not bags:
+        raise MeasurementError(f'{path}: there is no recording in it; give the directory that the '
+                               'command record has written')
+    return bags[0]
 
 
 def _about(given: dict[str, str], space: str) -> str:
@@ -401,3 +261,109 @@ class _Tables:
                          table('points', 9), table('pressures', 3), table('stiff', 3),
                          events + sorted(self._events, key=lambda event: event[0]),
                          description, damage)
+
+
+# Verbs that read a recording.
+
+
+def recording_parser(name: str, description: str) -> Parser:
+    """Return the parser of a verb that reads a recording and writes beside it by default."""
+    parser = Parser(name, description, '--namespace', '--output', '--force')
+    parser.add_argument('recording', type=given_path, metavar='RECORDING',
+                        help='directory that record wrote, or an MCAP file')
+    parser.set_defaults(output=BESIDE)
+    return parser
+
+
+def given_recording(options: argparse.Namespace, done: str) -> tuple[Recording, Path]:
+    """
+    Read the recording of recording_parser; return it, and the directory of the results.
+
+    done: what is done with an incomplete recording, for the message.  Raises MeasurementError.
+    """
+    path: Path = options.recording
+    recording = read_recording(path, options.namespace)
+    if recording.damage:
+        print(f'{path}: {recording.damage}; what comes before {done}', file=sys.stderr)
+    beside = path if path.is_dir() else path.parent
+    return recording, beside if options.output is BESIDE else options.output
+
+
+def export(argv: Sequence[str] | None = None) -> int:
+    """Run the verb; return the exit status."""
+    parser = recording_parser('export', 'Write pulls, tensions, points, pressures, stiffness and '
+                              'events of a recording as tables.')
+    parser.add_argument('--format', choices=FORMATS, default='csv',
+                        help='csv for spreadsheets, mat for MATLAB, parquet for pandas '
+                        '(default: %(default)s)')
+    return run_verb(parser, _export, argv)
+
+
+def _export(options: argparse.Namespace) -> None:
+    if options.format == 'parquet':
+        require('pyarrow')
+    recording, folder = given_recording(options, 'is exported')
+    names = {'csv': tuple(f'{name}.csv' for name in TABLES), 'mat': ('recording.mat',),
+             'parquet': tuple(f'{name}.parquet' for name in TABLES)}[options.format]
+    *paths, described = reserve_outputs(folder, [*names, DESCRIPTION], options.force)
+    {'csv': write_tables, 'mat': _write_mat, 'parquet': _write_parquet}[options.format](
+        recording, paths)
+    if recording.description:
+        described.write_text(recording.description, encoding='utf-8')
+    print(f'Written: {", ".join(map(str, paths))}')
+
+
+def recorded_tables(recording: Recording
+                    ) -> dict[str, tuple[tuple[str, ...], list[Sequence[object]]]]:
+    """Return the columns and the rows of every table by name, as in CSV files."""
+    named = {'tendons': ('time [s]', *(name + PULL for name in recording.tendon_names)),
+             'tensions': ('time [s]', *(name + TENSION for name in recording.tendon_names)),
+             **COLUMNS}
+    return {name: (header, [_counted(row) for row in getattr(recording, name).tolist()]
+                   if header[1:2] in COUNTED else list(getattr(recording, name)))
+            for name, header in named.items()}
+
+
+def _counted(row: list[float]) -> list[object]:
+    """Return a row whose second number, that of a point or segment, is a whole one."""
+    return [row[0], int(row[1]), *row[2:]]
+
+
+def write_tables(recording: Recording, paths: Sequence[Path]) -> None:
+    """Write the tables into CSV files, one for each of TABLES; raises OSError."""
+    for path, (header, rows) in zip(paths, recorded_tables(recording).values(), strict=True):
+        write_rows(path, [header, *(
+            [f'{time:.4f}', *(f'{v:.6g}' if isinstance(v, float) else v for v in values)]
+            for time, *values in rows)])
+
+
+def _write_mat(recording: Recording, paths: Sequence[Path]) -> None:
+    """Write a struct of columns for each table: pressures.time_s, pressures.pressure_kPa."""
+    from scipy.io import savemat
+    savemat(paths[0], {
+        name: {field: _column([row[k] for row in rows])
+               for k, field in enumerate(_fields(header))}
+        for name, (header, rows) in recorded_tables(recording).items()},
+        oned_as='column', long_field_names=True)
+
+
+def _fields(columns: Sequence[str]) -> list[str]:
+    """Return names for columns as MATLAB allows them: 63 letters, digits and underscores."""
+    found: list[str] = []
+    for column in columns:
+        name = re.sub(r'[^A-Za-z0-9]+', '_', column).strip('_')
+        name = (name if name[:1].isalpha() else f'x{name}')[:60]
+        found.append(f'{name}_{len(found)}' if name in found else name)
+    return found
+
+
+def _column(values: Sequence[object]) -> np.ndarray:
+    return np.array(values, dtype=object if any(isinstance(v, str) for v in values) else float)
+
+
+def _write_parquet(recording: Recording, paths: Sequence[Path]) -> None:
+    import pyarrow as arrow
+    from pyarrow import parquet
+    for path, (header, rows) in zip(paths, recorded_tables(recording).values(), strict=True):
+        columns = {column: [row[k] for row in rows] for k, column in enumerate(header)}
+        parquet.write_table(arrow.table(columns), path)

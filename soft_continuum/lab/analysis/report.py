@@ -14,10 +14,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soft_continuum import version
-from soft_continuum.lab.analysis.figures import new_figure, new_panels
-from soft_continuum.lab.analysis.recording import HeldShape, Recording
-from soft_continuum.lab.analysis.results import reserve_outputs, text_table
-from soft_continuum.lab.analysis.verbs import given_recording, recording_parser, run_verb
+from soft_continuum.lab.analysis.recording import (
+    given_recording,
+    HeldShape,
+    Recording,
+    recording_parser,
+)
+from soft_continuum.lab.analysis.verbs import (
+    new_figure,
+    new_panels,
+    reserve_outputs,
+    run_verb,
+    text_table,
+)
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.parameters.scalars import as_yaml

@@ -16,15 +16,24 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.lab.analysis.figures import finish_panels, new_figure, new_panels
 from soft_continuum.lab.analysis.measured_shapes import (
     MeasuredShape,
     read_shapes,
     simulate_steps,
     Step,
 )
-from soft_continuum.lab.analysis.results import progress, reserve_outputs, text_table, write_rows
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb, shapes_parser
+from soft_continuum.lab.analysis.verbs import (
+    described_arm,
+    finish_panels,
+    new_figure,
+    new_panels,
+    progress,
+    reserve_outputs,
+    run_verb,
+    shapes_parser,
+    text_table,
+    write_rows,
+)
 from soft_continuum.mechanics import (
     Arm,
     ArmError,

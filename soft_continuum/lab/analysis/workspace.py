@@ -20,9 +20,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from soft_continuum.lab.analysis.figures import finish_panels, new_panels
-from soft_continuum.lab.analysis.results import progress, reserve_outputs, text_table
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb
+from soft_continuum.lab.analysis.verbs import (
+    described_arm,
+    finish_panels,
+    new_panels,
+    progress,
+    reserve_outputs,
+    run_verb,
+    text_table,
+)
 from soft_continuum.mechanics._kernel import warm_up
 from soft_continuum.mechanics.arm import Arm, ArmError, Array, BEND_TIME
 from soft_continuum.mechanics.directions import hinged

@@ -14,14 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.lab.analysis.figures import preview_figure
-from soft_continuum.lab.analysis.results import reserve_outputs, ResultError, text_table
-from soft_continuum.lab.analysis.verbs import run_verb
-from soft_continuum.lab.new_arm.drawings import DRAWINGS
+from soft_continuum.lab.analysis.verbs import (
+    finish_panels,
+    new_panels,
+    reserve_outputs,
+    ResultError,
+    run_verb,
+    text_table,
+)
 from soft_continuum.lab.new_arm.questions import (
     Answer,
     AnswerError,
     Answers,
+    DRAWINGS,
     Given,
     PLANAR,
     Question,
@@ -31,6 +36,7 @@ from soft_continuum.lab.new_arm.questions import (
 from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.drawing import draw_arm, rim
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
 from soft_continuum.mechanics.statics import Statics
@@ -42,6 +48,7 @@ from soft_continuum.parameters.scalars import as_yaml
 
 ASSUMED = 'ASSUMED'
 SHAPE = 'bow'
+LABELS = 1.45  # times the distance of a tendon from the backbone: where its name is
 PART = 0.5  # of the limits, for the segments of the first shape
 LEAST_BODIES = 10  # per segment
 ONLY_OF_LEAVES = ('arm.youngs_modulus', 'arm.leaf_thicknesses', 'arm.leaf_widths')
@@ -369,3 +376,25 @@ def _preview(picture: Path, description: AnnotatedParameters) -> None:
                       'the arm or the limit.')
     preview_figure(picture, states)
     print(f'Picture: {picture}')
+
+
+def preview_figure(path: Path, states: Sequence[tuple[str, Equilibrium]]) -> None:
+    """Write a side view of states by their titles, and the tendons at the base; in mm."""
+    figure, panels = new_panels(1, len(states) + 1, 3.6 * (len(states) + 1), 5.0)
+    for axes, (title, state) in zip(panels, states, strict=False):
+        draw_arm(axes, state, ())
+        axes.set_title(title)
+    figure.delaxes(panels[-1])  # the tendons have a scale of their own
+    axes, state = figure.add_subplot(1, len(panels), len(panels)), states[0][1]
+    edge = 1e3 * rim(state.poses[0], state.chain.disc_radii[0])
+    axes.plot(edge[:, 0], edge[:, 1], color='0.6', linewidth=1.2)
+    for name, guides in zip(state.chain.arm.tendon_names, state.tendon_points, strict=True):
+        x, y = 1e3 * guides[0, :2]
+        axes.plot(x, y, 'o', color='0.0', markersize=4)
+        axes.annotate(name, (x, y), (LABELS * x, LABELS * y), ha='center', va='center',
+                      fontsize=7, parse_math=False)
+    axes.set(aspect='equal', title='tendons at the base, from the tip', xlabel='x in mm',
+             ylabel='y in mm')
+    axes.margins(0.35)
+    axes.grid(alpha=0.3)
+    finish_panels(path, figure, 4)

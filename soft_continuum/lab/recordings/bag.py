@@ -19,6 +19,10 @@ MAX_RECORD = 256_000_000  # bytes of a chunk or an attachment: one picture is le
 MAX_ATTACHMENT, MAX_ATTACHMENTS = 1_000_000, 20  # bytes of one that is read, and how many are
 MAX_DECODED = 1_000_000  # bytes of a message that is decoded
 MAX_DEFINITION = 100_000  # characters
+BAG = 'recording.mcap'
+"""The file that ``record`` writes into its directory."""
+DESCRIPTION = 'description.yaml'
+"""Attachment: the recorded arm as a parameter file."""
 PARAMETERS = 'parameters.yaml'
 """Attachment: the parameters of all running nodes."""
 PICTURES = ('sensor_msgs/msg/Image', 'sensor_msgs/msg/CompressedImage')

@@ -25,10 +25,9 @@ import yaml
 
 from soft_continuum.lab.recordings.bag import BagError, BagReader, PARAMETERS, PICTURES, Topic
 from soft_continuum.ros.definitions import DefinitionError, message_class
-from soft_continuum.ros.executor import make_executor
+from soft_continuum.ros.entries import EVERY_STATE, make_executor, STREAM
+from soft_continuum.ros.environment import choose_own_network
 from soft_continuum.ros.names import KINEMATICS, NODES
-from soft_continuum.ros.network import choose_own_network
-from soft_continuum.ros.qos import EVERY_STATE, STREAM
 
 PERIOD = 0.04  # s
 CLOSE_TIMEOUT = 10.0  # s

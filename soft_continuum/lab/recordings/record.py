@@ -11,15 +11,14 @@ import sys
 from time import monotonic
 from typing import Any, TYPE_CHECKING
 
-from soft_continuum.lab.analysis.recording import BAG
-from soft_continuum.lab.analysis.results import reserve_outputs
-from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
+from soft_continuum.lab.recordings.bag import BAG
 from soft_continuum.parameters.arguments import DONE, FAILED, number_in, Parser
 from soft_continuum.ros.names import NODES
 
 if TYPE_CHECKING:
     from soft_continuum.client.requests import Requests
-    from soft_continuum.lab.recordings.topics import TopicRecorder
+    from soft_continuum.lab.recordings.recorder import TopicRecorder
 
 DISCOVERY_TIMEOUT = 5.0  # s
 AFTER_GOAL = 0.5  # s, in which the last state and poses of a goal arrive
@@ -54,7 +53,7 @@ class TimedRecording:
         the packages.
         """
         from soft_continuum.client.tasks import until
-        from soft_continuum.lab.recordings import topics as recorded
+        from soft_continuum.lab.recordings import recorder
         requests, node = self._requests, self._requests.node
         if not await until(lambda: node.count_publishers('tendon_states') or self._ended(),
                            min(duration, DISCOVERY_TIMEOUT)):
@@ -62,13 +61,13 @@ class TimedRecording:
         if self._ended():
             return
         self._path.unlink(missing_ok=True)  # that it may be overwritten was asked before
-        self.topics = topics = recorded.TopicRecorder(
-            node, self._path, recorded.about(node), pictures=self._pictures)
+        self.topics = topics = recorder.TopicRecorder(
+            node, self._path, recorder.about(node), pictures=self._pictures)
         try:
-            attaching = requests.start(recorded.attach_parameters(requests, topics))
+            attaching = requests.start(recorder.attach_parameters(requests, topics))
             if await until(self._ended, duration) and not self.interrupted:
                 await until(lambda: self.interrupted, AFTER_GOAL)
-            await recorded.end_recording(topics, attaching, requests)
+            await recorder.end_recording(topics, attaching, requests)
         finally:
             topics.close()
 

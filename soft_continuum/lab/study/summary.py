@@ -19,12 +19,30 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.lab.analysis.figures import DPI, new_figure, new_panels
-from soft_continuum.lab.analysis.results import cell, progress, text_table, write_rows
-from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.lab.analysis.verbs import (
+    cell,
+    DPI,
+    new_figure,
+    new_panels,
+    progress,
+    run_verb,
+    text_table,
+    write_rows,
+)
 from soft_continuum.lab.study.design import Design, read_study, varied_text
-from soft_continuum.lab.study.running import cluster, Results, run_units, StudyError, workers_of
-from soft_continuum.lab.study.work import FALLS, FOUND, HELD, NONE, QUERIES, Unit
+from soft_continuum.lab.study.running import (
+    cluster,
+    FALLS,
+    FOUND,
+    HELD,
+    NONE,
+    QUERIES,
+    Results,
+    run_units,
+    StudyError,
+    Unit,
+    workers_of,
+)
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.parameters.arguments import (
     ask,

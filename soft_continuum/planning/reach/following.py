@@ -26,10 +26,9 @@ from soft_continuum.planning.plans import (
     WHOLE_ARM,
 )
 from soft_continuum.planning.reach.arcs import Arcs, TipResidual
-from soft_continuum.planning.reach.budget import Budget
 from soft_continuum.planning.reach.candidates import Candidate
 from soft_continuum.planning.reach.passage import BlockedError, MotionValidator, Node
-from soft_continuum.planning.reach.search import check_goal, NAME, Search
+from soft_continuum.planning.reach.search import Budget, check_goal, NAME, Search
 
 WIDTH = 3  # plans that are carried on from goal to goal
 PAIRS = 4  # ways to set two segments that are tried where one does not come near enough

@@ -15,20 +15,16 @@ import random
 import termios
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.sim.emulators.console import (
+from soft_continuum.parameters.parameter import Value
+from soft_continuum.planning.settings import MotionLimits
+from soft_continuum.sim.emulators.device import (
     Command,
     device_parser,
+    EmulatedDevice,
     execute,
     RANGES,
     serve,
     set_to,
-)
-from soft_continuum.sim.emulators.device import EmulatedDevice
-from soft_continuum.sim.emulators.driving import (
-    BAUD_RATE,
-    dynamixel_parameters,
-    SERVO_MODEL,
-    SPOOL_RADIUS,
 )
 from soft_continuum.sim.emulators.dynamixel_models import (
     BAUD_RATES,
@@ -36,7 +32,6 @@ from soft_continuum.sim.emulators.dynamixel_models import (
     MODELS,
     RETURN_DELAY_UNIT,
 )
-from soft_continuum.sim.emulators.dynamixel_motor import SpringTendon
 from soft_continuum.sim.emulators.dynamixel_packets import (
     ALERT,
     BROADCAST,
@@ -55,8 +50,15 @@ from soft_continuum.sim.emulators.dynamixel_servo import (
     ENCODER_ERROR,
     OVERLOAD_ERROR,
     SHOCK_ERROR,
+    SpringTendon,
 )
 
+BAUD_RATE = 1000000
+SPOOL_RADIUS = 0.01
+"""m, of an emulated servo."""
+SERVO_MODEL = 'XM430-W350'
+TENSION_LIMIT, STALL_SHARE = MotionLimits.tension_limit, 0.5
+"""N, limited to this share of the stall tension of the servo."""
 BITS_PER_BYTE = 10
 GAP = 0.05  # s without a byte after which a packet that began is given up; assumed
 PING_SLOT = 0.003  # s for each ID in answer to a broadcast ping, as the maker's SDK waits
@@ -328,6 +330,23 @@ def make_servos(tendons: int, model: str, baud_rate: int = BAUD_RATE,
         if mode in servo.model.modes:
             servo.set_up('Operating Mode', mode)
     return servos
+
+
+def tension_limit(model: str) -> float:
+    """Return the tension limit (N) of a servo on an emulated spool."""
+    return min(TENSION_LIMIT, STALL_SHARE * MODELS[model].stall_torque / SPOOL_RADIUS)
+
+
+def dynamixel_parameters(port: str | Path, tendons: int, baud_rate: int = BAUD_RATE,
+                         model: str = SERVO_MODEL) -> dict[str, Value]:
+    """Return the parameters of servos with the IDs 1, 2, ... at a port."""
+    return {'tendon_driver': 'dynamixel', 'dynamixel.port': str(port),
+            'dynamixel.baud': baud_rate,
+            'dynamixel.ids': tuple(range(1, tendons + 1)),
+            'dynamixel.spool_radii': (SPOOL_RADIUS,) * tendons,
+            'dynamixel.signs': (1.0,) * tendons,
+            'dynamixel.tension_limits': (tension_limit(model),) * tendons,
+            'dynamixel.torque_constants': (0.0,) * tendons}
 
 
 def describe(emulator: DynamixelEmulator) -> str:

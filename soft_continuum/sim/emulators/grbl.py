@@ -4,21 +4,24 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from pathlib import Path
 import random
 
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.sim.emulators.console import (
+from soft_continuum.parameters.parameter import Value
+from soft_continuum.sim.emulators.device import (
     Command,
     device_parser,
+    EmulatedDevice,
     execute,
     RANGES,
     serve,
     set_to,
 )
-from soft_continuum.sim.emulators.device import EmulatedDevice
-from soft_continuum.sim.emulators.driving import grbl_parameters, STEPS_PER_MM
-from soft_continuum.sim.emulators.grbl_firmware import GrblFirmware
-from soft_continuum.sim.emulators.grbl_planner import Steps
+from soft_continuum.sim.emulators.grbl_firmware import GrblFirmware, Steps
+
+STEPS_PER_MM = 200
+"""Steps per mm of the emulated motors and drums; a GRBL board itself counts steps."""
 
 
 class GrblEmulator(EmulatedDevice):
@@ -130,6 +133,12 @@ class GrblEmulator(EmulatedDevice):
         if self.garble and self.random.random() < self.garble:
             data[self.random.randrange(len(data))] = self.random.randrange(256)
         self.send(bytes(data))
+
+
+def grbl_parameters(ports: str | Path, tendons: int) -> dict[str, Value]:
+    """Return the parameters of stepper boards at ports with spaces between."""
+    return {'tendon_driver': 'grbl', 'grbl.port': str(ports),
+            'grbl.steps_per_mm': (float(STEPS_PER_MM),) * tendons, 'grbl.signs': (1.0,) * tendons}
 
 
 def describe(emulator: GrblEmulator) -> str:

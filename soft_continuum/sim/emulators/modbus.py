@@ -27,15 +27,15 @@ from soft_continuum.hardware.simulated_jamming import (
     SimulatedRegulators,
 )
 from soft_continuum.parameters.parameter import Value
-from soft_continuum.sim.emulators.console import (
+from soft_continuum.sim.emulators.device import (
     Command,
     device_parser,
+    EmulatedDevice,
     execute,
     RANGES,
     serve,
     set_to,
 )
-from soft_continuum.sim.emulators.device import EmulatedDevice
 
 RELAY_UNIT, ANALOG_UNIT, OUTPUT_UNIT = 1, 2, 3
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
@@ -45,6 +45,7 @@ DEAD_BAND = 300.0  # Pa, of a regulator
 FRAME_GAP = 0.005  # s without a byte that end a frame
 IDLE_STEP = 0.05  # s
 BITS_PER_CHARACTER = 10
+TIMEOUT = 0.4  # s: boards that share a processor with a plant answer later than real ones
 
 
 def crc(data: bytes) -> bytes:
@@ -354,6 +355,12 @@ class ModbusEmulator(EmulatedDevice):
             else:
                 for segment in valves:
                     segment.set_pump(on)
+
+
+def modbus_parameters(port: str | Path) -> dict[str, Value]:
+    """Return the parameters of valves and sensors at a port."""
+    return {'jamming_driver': 'modbus', 'modbus.port': str(port),
+            'modbus.timeout': TIMEOUT}
 
 
 def parameters(emulator: ModbusEmulator) -> dict[str, Value]:

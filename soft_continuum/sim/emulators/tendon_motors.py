@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The emulated motors of all tendons of an arm, whatever drives them."""
+"""The emulated motors of all tendons of an arm, and the parameters of nodes that drive them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -12,15 +12,35 @@ from typing import Self
 from soft_continuum.hardware.clock import Clock
 from soft_continuum.parameters.parameter import Value
 from soft_continuum.sim.emulators.device import EmulatedDevice
-from soft_continuum.sim.emulators.driving import (
-    board_links,
+from soft_continuum.sim.emulators.dynamixel import (
     dynamixel_parameters,
-    grbl_parameters,
+    DynamixelEmulator,
+    make_servos,
     SERVO_MODEL,
-    STEPS_PER_MM,
 )
-from soft_continuum.sim.emulators.dynamixel import DynamixelEmulator, make_servos
-from soft_continuum.sim.emulators.grbl import GrblEmulator
+from soft_continuum.sim.emulators.grbl import grbl_parameters, GrblEmulator, STEPS_PER_MM
+from soft_continuum.sim.emulators.modbus import modbus_parameters
+
+AXES = 3
+"""Axes of an emulated board; boards share the tendons of larger arms evenly."""
+
+
+def board_links(first: str | Path, tendons: int) -> tuple[str, ...]:
+    """Return a link to the port of each GRBL board of an arm: the first, then with _2, _3, ..."""
+    return tuple(str(first) + (f'_{n}' if n > 1 and str(first) else '')
+                 for n in range(1, ceil(tendons / AXES) + 1))
+
+
+def driving_parameters(grbl: str | Path = '', modbus: str | Path = '', tendons: int = 2, *,
+                       dynamixel: str | Path = '') -> dict[str, Value]:
+    """
+    Return the node parameters for boards at these ports.
+
+    grbl: of the tendons, with spaces between; or dynamixel: of servos.  tendons: how many.
+    """
+    moving = (dynamixel_parameters(dynamixel, tendons) if dynamixel
+              else grbl_parameters(grbl, tendons))
+    return moving | modbus_parameters(modbus)
 
 
 @dataclass

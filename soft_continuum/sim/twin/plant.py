@@ -10,18 +10,25 @@ with dry friction: beyond the yield moment that angle creeps.  A tendon is an up
 length.  Friction at its guides (Capstan) is a force along each span that follows the tension, in
 the direction in which its motor moved last: MuJoCo's own dry friction lets go at rest.  The arm
 touches obstacles, without friction, but not itself.
+
+The springs of MuJoCo's ball joints are isotropic and have no preload.  So each ball has three
+actuators instead, about the rows of J^-1: with the rotation vector phi of the joint, and the
+velocity omega of the body in its own frame, phi' = J^-1 omega (Chirikjian, Stochastic Models,
+Information Theory, and Lie Groups, volume 2, 10.86).  Their damping is a property of the model,
+which MuJoCo integrates implicitly: this keeps stiff ones stable.  Infinite stiffness in the
+description becomes RIGID times that of the softest bending.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import cos, sin
+from math import cos, inf, pi, sin
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.sim.twin import mjcf
-from soft_continuum.sim.twin.joints import Balls, Hinges
-from soft_continuum.sim.twin.model_errors import ModelErrors, TwinError
+from soft_continuum.mechanics.arm import Arm, Array, PAPER
+from soft_continuum.sim.twin.model_errors import CylinderObstacle, ModelErrors, TwinError
 
 TIME_STEP = 0.002  # s
 TIGHTENING = 0.02  # of the excess of a taut tendon, in each time step
@@ -30,6 +37,19 @@ MAX_TIGHTENING = 1e-3  # m
 STRETCHING = 0.05  # of what a tendon has yet to stretch, in each time step: at once, it chatters
 SLIP = 5e-3 * TIME_STEP  # m by which a tendon slips in each time step
 PRESLIDING = 5e-5  # m of a motor until the friction has turned round
+RIGID = 1e6
+HINGE_ARMATURE = 1e-3  # kg m^2: with less, taut tendons chatter at this time step
+ARMATURE, HEAVIEST = 5e-4, 30.0
+"""
+Armature of each ball, kg m^2 per N m/rad; stiffness up to this many times its spring counts.
+MuJoCo solves for tensions as if joints moved freely, which stiff ones do not.  Without this
+armature tensions chatter.
+"""
+# MuJoCo lets a taut tendon be some tenths of a mm too long: it is tightened until it is not.
+LIMIT = 'solreflimit="0.01 1" solimplimit="0.9 0.95 0.001 0.5 1"'
+CONTACT = 'condim="1" solref="0.01 1" solimp="0.99 0.999 0.001 0.5 1"'
+ARM = 'contype="1" conaffinity="0"'
+"""Contact with obstacles, without self-contact."""
 
 
 class Plant:
@@ -240,6 +260,131 @@ class Plant:
         return int(self._model.body(f'b{number * self._per_segment - 1}').id)
 
 
+class Hinges:
+    """
+    Joints that turn about y, with springs of MuJoCo.
+
+    springs: (joints, axes), N m/rad.  jams: stiffness to which jams are proportional.  actuator:
+    MJCF of the actuator of a joint.  shape: of the contact geometry, by half a width and half a
+    length.
+    """
+
+    actuator = ''
+    shape = 'type="box" size="{0!r} {0!r} {1!r}"'
+
+    def __init__(self, arm: Arm, stiffnesses: Array, damping_time: float) -> None:
+        """Take the stiffnesses of segments about x, y and z, (segments, 3), N m^2; s."""
+        self.springs = self.jams = _of_joints(arm, stiffnesses[:, 1:2])
+        self._damping_time = damping_time
+        self.names = [f'joint_{n}' for n in range(1, len(self.springs) + 1)]
+
+    def element(self, joint: int) -> str:
+        """Return the MJCF of a joint, 0-based."""
+        return (f'<joint name="j{joint}" type="hinge" axis="0 1 0" stiffness="1" '
+                f'armature="{HINGE_ARMATURE!r}"/>')
+
+    def angles(self, data: Any) -> Array:
+        """Return the rotation of every joint about its axes, (joints, axes), rad."""
+        return np.array(data.qpos[:, None])
+
+    def pull(self, model: Any, data: Any, turned: Array, jam: Array, held: Array) -> None:
+        """
+        Give MuJoCo the springs, and jams (joints, axes) N m/rad that hold angles in rad.
+
+        turned: the present angles.
+        """
+        total = self.springs + jam
+        model.jnt_stiffness[:] = total[:, 0]
+        model.qpos_spring[:] = (jam * held / total)[:, 0]
+        model.dof_damping[:] = self._damping_time * total[:, 0]
+
+    def energy(self, data: Any, jam: Array, held: Array) -> float:
+        """Return the energy of springs and jams outside of MuJoCo's model, J."""
+        return 0.0
+
+    def direction(self, random: np.random.Generator) -> Array:
+        """Return a random rotation direction (axes,) of a joint, times up to 1."""
+        return random.uniform(-1.0, 1.0, 1)
+
+
+class Balls:
+    """The same about every axis; angles are rotation vectors in the frame of the body below."""
+
+    shape = 'type="cylinder" size="{!r} {!r}"'
+    actuator = ''.join(
+        f'<general joint="j{{0}}" gear="{int(axis == 0)} {int(axis == 1)} {int(axis == 2)}" '
+        'biastype="affine"/>' for axis in range(3))
+
+    def __init__(self, arm: Arm, stiffnesses: Array, damping_time: float) -> None:
+        """Take the stiffnesses as of Hinges."""
+        softest = stiffnesses[:, :2].min(axis=1, keepdims=True)
+        finite = stiffnesses < inf
+        self.jams = _of_joints(arm, np.where(finite, stiffnesses, 0.0))
+        self.springs = _of_joints(arm, np.where(finite, stiffnesses, RIGID * softest))
+        self._damping_time = damping_time
+        self.names = [f'joint_{n}_{axis}' for n in range(1, len(self.springs) + 1)
+                      for axis in 'xyz']
+
+    def element(self, joint: int) -> str:
+        """Return the MJCF of a joint, 0-based."""
+        armature = ARMATURE * float(self.springs[joint, :2].min())
+        return f'<joint name="j{joint}" type="ball" armature="{armature!r}"/>'
+
+    def angles(self, data: Any) -> Array:
+        """Return the rotation of every joint about its axes, (joints, axes), rad."""
+        turns = data.qpos.reshape(-1, 4)
+        sines = np.linalg.norm(turns[:, 1:], axis=1)
+        angles = 2.0 * np.arctan2(sines, np.abs(turns[:, 0]))
+        factors = np.where(sines > 0.0, angles / np.maximum(sines, 1e-300), 2.0)
+        found: Array = (np.copysign(factors, turns[:, 0]))[:, None] * turns[:, 1:]
+        return found
+
+    def pull(self, model: Any, data: Any, turned: Array, jam: Array, held: Array) -> None:
+        """Give MuJoCo the springs and jams as Hinges.pull."""
+        total = self.springs + jam
+        data.ctrl[:] = -(self.springs * turned + jam * (turned - held)).ravel()
+        model.actuator_gear[:, :3] = _inverse_jacobians(turned).reshape(-1, 3)
+        heaviest = HEAVIEST * self.springs[:, :2].min(axis=1, keepdims=True)
+        armature = ARMATURE * np.minimum(total, heaviest).ravel()
+        before = model.dof_armature
+        data.qvel *= np.minimum(1.0, before / armature)  # no energy comes from it
+        before[:] = armature
+        model.actuator_biasprm[:, 2] = -self._damping_time * total.ravel()
+
+    def energy(self, data: Any, jam: Array, held: Array) -> float:
+        """Return the energy of springs and jams outside of MuJoCo's model, J."""
+        turned = self.angles(data)
+        return 0.5 * float((self.springs * turned**2 + jam * (turned - held)**2).sum())
+
+    def direction(self, random: np.random.Generator) -> Array:
+        """Return a random rotation direction (axes,) of a joint, times up to 1."""
+        direction, size = random.uniform(0.0, 2.0 * pi), random.uniform(0.0, 1.0)
+        return np.array([size * cos(direction), size * sin(direction), 0.0])
+
+
+def _of_joints(arm: Arm, stiffnesses: Array) -> Array:
+    """Return the stiffness of every joint, (joints, axes), N m/rad; given (segments, axes)."""
+    n = arm.bodies_per_segment
+    parts = np.full(n + 1, 1.0 / (n + 1)) if arm.discretisation == PAPER else np.array(
+        [0.5 / n, *[1.0 / n] * (n - 1), 0.5 / n])
+    lengths = np.outer([segment.length for segment in arm.segments], parts).ravel()
+    found: Array = np.repeat(stiffnesses, n + 1, axis=0) / lengths[:, None]
+    return found
+
+
+def _inverse_jacobians(vectors: Array) -> Array:
+    """Return J^-1 of rotation vectors (joints, 3), (joints, 3, 3)."""
+    square = (vectors**2).sum(axis=1)
+    angle = np.sqrt(np.maximum(square, 1e-8))
+    factor = np.where(square < 1e-4, 1.0 / 12.0 + square / 720.0,
+                      1.0 / angle**2 - (1.0 + np.cos(angle)) / (2.0 * angle * np.sin(angle)))
+    x, y, z = vectors.T
+    none = np.zeros_like(x)
+    cross = np.array([[none, -z, y], [z, none, -x], [-y, x, none]]).transpose(2, 0, 1)
+    found: Array = np.eye(3) + 0.5 * cross + factor[:, None, None] * (cross @ cross)
+    return found
+
+
 class Sensors:
     """
     A load cell in each tendon, and an IMU at the bottom centre of each disc, base first.
@@ -313,28 +458,28 @@ def _model(arm: Arm, guides: list[list[Guide]], joints: Hinges | Balls, model_er
     """Return the arm as MJCF, in base_link: z along the straight arm."""
     sites: dict[int, str] = {}
     for guide in (guide for each in guides for guide in each):
-        sites[guide.body] = sites.get(guide.body, '') + mjcf.site(guide.name, *guide.place)
+        sites[guide.body] = sites.get(guide.body, '') + _site(guide.name, *guide.place)
     lines, below, joint = [sites.get(-1, '')], arm.discs[0].height, 0
     for segment, disc in zip(arm.segments, arm.discs[1:], strict=True):
         n = arm.bodies_per_segment
         for length, mass in [(segment.length / n, segment.mass / n)] * n + [
                 (disc.height, disc.mass)]:
-            lines.append(mjcf.opened(f'b{joint}', below, joints.element(joint), length,
+            lines.append(_body(f'b{joint}', below, joints.element(joint), length,
                                      model_errors.mass_factor * mass))
             if model_errors.obstacles and length:
                 half, shape = segment.outer_diameter / 2.0, joints.shape
                 lines.append(f'<geom {shape.format(half, length / 2.0)} '
-                             f'pos="0 0 {length / 2.0!r}" {mjcf.ARM} {mjcf.CONTACT}/>')
+                             f'pos="0 0 {length / 2.0!r}" {ARM} {CONTACT}/>')
             lines.append(sites.get(joint, ''))
             below, joint = length, joint + 1
-    lines.append(mjcf.payload(below, arm.payload))
-    tendons = [mjcf.tendon([guide.name for guide in each], 10.0 * arm.length) for each in guides]
+    lines.append(_payload(below, arm.payload))
+    tendons = [_tendon([guide.name for guide in each], 10.0 * arm.length) for each in guides]
     if model_errors.guide_friction > 0.0:
-        tendons += [mjcf.tendon([low.name, high.name]) for each in guides
+        tendons += [_tendon([low.name, high.name]) for each in guides
                     for low, high in zip(each, each[1:], strict=False) if high.ends_span]
-    return mjcf.document(
+    return _document(
         [float(part) for part in arm.gravity], TIME_STEP,
-        mjcf.cylinders(model_errors.obstacles, arm.length) + ''.join(lines) + '</body>' * joint,
+        _cylinders(model_errors.obstacles, arm.length) + ''.join(lines) + '</body>' * joint,
         ''.join(tendons), ''.join(joints.actuator.format(j) for j in range(joint)))
 
 
@@ -358,3 +503,49 @@ def _stiffnesses(arm: Arm, model_errors: ModelErrors) -> Array:
                              for s in arm.segments]) * np.reshape(factors, (-1, 1))
     found[:, 0] *= model_errors.lateral_stiffness_factor
     return found
+
+
+# The model as MJCF, the format of MuJoCo, in SI units.
+
+def _body(name: str, below: float, joint: str, length: float, mass: float) -> str:
+    """Return a body on the previous one, without closing tag; below: length of that one."""
+    inertia = max(mass * length**2 / 12.0, 1e-8)
+    return (f'<body name="{name}" pos="0 0 {below!r}">{joint}'
+            f'<inertial pos="0 0 {length / 2.0!r}" mass="{max(mass, 1e-6)!r}" '
+            f'diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>')
+
+
+def _payload(below: float, mass: float) -> str:
+    """Return a point mass on top of the body before; empty for zero mass."""
+    return (f'<body pos="0 0 {below!r}"><inertial pos="0 0 0" mass="{mass!r}" '
+            'diaginertia="1e-8 1e-8 1e-8"/></body>') if mass else ''
+
+
+def _site(name: str, x: float, y: float, z: float) -> str:
+    """Return a guide."""
+    return f'<site name="{name}" pos="{x!r} {y!r} {z!r}"/>'
+
+
+def _tendon(sites: Iterable[str], longest: float = 0.0) -> str:
+    """Return a tendon through sites; longest: m, 0: only measure its length."""
+    limit = f' limited="true" range="0 {longest!r}" {LIMIT}' if longest else ''
+    return f'<spatial{limit}>' + ''.join(f'<site site="{name}"/>' for name in sites) + '</spatial>'
+
+
+def _cylinders(obstacles: Sequence[CylinderObstacle], half: float) -> str:
+    """Return obstacles that reach from -half to half along y."""
+    return ''.join(
+        f'<geom name="obstacle {number}" type="capsule" size="{one.radius!r}" fromto="'
+        f'{one.x!r} {-half!r} {one.z!r} {one.x!r} {half!r} {one.z!r}" '
+        f'contype="0" conaffinity="1" {CONTACT}/>'
+        for number, one in enumerate(obstacles, start=1))
+
+
+def _document(gravity: Sequence[float], time_step: float, world: str, tendons: str,
+             actuators: str = '') -> str:
+    """Return a whole model."""
+    return ('<mujoco><compiler angle="radian" autolimits="false"/>'
+            f'<option timestep="{time_step!r}" integrator="implicitfast" '
+            f'gravity="{" ".join(map(repr, gravity))}"/>'
+            f'<worldbody>{world}</worldbody><tendon>{tendons}</tendon>'
+            f'<actuator>{actuators}</actuator></mujoco>')

@@ -13,11 +13,10 @@ from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.simulated_jamming import JammingPlant
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.parameter import Value
-from soft_continuum.sim.emulators.driving import modbus_parameters
-from soft_continuum.sim.emulators.modbus import ModbusEmulator
+from soft_continuum.sim.emulators.modbus import modbus_parameters, ModbusEmulator
 from soft_continuum.sim.emulators.tendon_motors import TENDON_MOTORS
 from soft_continuum.sim.twin.model_errors import ModelErrors
-from soft_continuum.sim.twin.plant import Plant, TIME_STEP
+from soft_continuum.sim.twin.plant import Plant, Sensors, TIME_STEP
 
 PERIOD = 0.005  # s between two looks at the boards
 MAX_LATENESS = 0.2  # s that are made up for; the plant stands still for what is beyond
@@ -30,8 +29,8 @@ class TwinRig:
     The emulated boards and the plant behind them; runs while this context manager is open.
 
     It starts stiff, like a rig with a running pump, if its segments have jamming.  While ``lock``
-    is held no time passes for the plant.  lost: s of real time that the plant lost because the
-    computer was too slow.
+    is held no time passes for the plant.  sensors: its readings.  lost: s of real time that the
+    plant lost because the computer was too slow.
     """
 
     def __init__(self, arm: Arm, model_errors: ModelErrors, tendon_link: str | Path = '',
@@ -46,6 +45,7 @@ class TwinRig:
         stiff.  regulators: of vacuum, in place of pump and valves.
         """
         self.plant = Plant(arm, model_errors)
+        self.sensors = Sensors(self.plant)
         self.motors = TENDON_MOTORS[tendon_driver](tendon_link, len(arm.tendon_names), clock)
         self.modbus = ModbusEmulator(
             len(arm.segments), initially_stiff=jams, link=modbus_link or None, baud_rate=9600,

@@ -1,19 +1,48 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The twin on topics: its sensors, as on a rig, and its ground truth."""
+"""The twin on topics: its sensors and camera, as on a rig, and its ground truth."""
+
+from abc import abstractmethod
+from typing import Self, TYPE_CHECKING
 
 from geometry_msgs.msg import PoseArray
 import numpy as np
-from sensor_msgs.msg import Imu, JointState
+from sensor_msgs.msg import CameraInfo, Image, Imu, JointState
 
-from soft_continuum.ros.conversions import poses_to_ros
-from soft_continuum.ros.names import LOAD_CELLS, TWIN
-from soft_continuum.ros.qos import STREAM
-from soft_continuum.sim.twin.plant import Sensors
-from soft_continuum.sim.twin.publisher import DISC_POSES, Publisher
-from soft_continuum.sim.twin.rig import TwinRig
+from soft_continuum.client.connection import Connection
+from soft_continuum.ros.conversions import grey_message, poses_from_ros, poses_to_ros, seconds
+from soft_continuum.ros.entries import SENSOR, STREAM, subscribe_unguarded
+from soft_continuum.ros.names import CAMERA, LOAD_CELLS, TWIN
+
+if TYPE_CHECKING:  # a process has one of the two: the rig, or a camera
+    from soft_continuum.sim.twin.camera import TwinCamera
+    from soft_continuum.sim.twin.rig import TwinRig
 
 PERIOD = 0.02  # s
+DISC_POSES = 'twin/disc_poses'
+FRAME = 'simulated_{}'
+
+
+class Publisher:
+    """Publishes on a node of its own while this context manager is open."""
+
+    def __init__(self, name: str, namespace: str) -> None:
+        """Make a node; raises ClientError for a namespace that ROS does not take."""
+        self._connection = Connection(name, namespace)
+        self._node = self._connection.node
+
+    def __enter__(self) -> Self:
+        """Begin to publish."""
+        self._connection.requests.start(self._begin()).result()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End."""
+        self._connection.close()
+
+    @abstractmethod
+    async def _begin(self) -> None:
+        """Create publishers and timers, on the thread that spins the node."""
 
 
 class GroundTruth(Publisher):
@@ -23,7 +52,7 @@ class GroundTruth(Publisher):
     For tests and benchmarks: no node of the suite subscribes to it.
     """
 
-    def __init__(self, rig: TwinRig, namespace: str = '') -> None:
+    def __init__(self, rig: 'TwinRig', namespace: str = '') -> None:
         """Make the node ``twin``; raises ClientError for a namespace that ROS does not take."""
         super().__init__(TWIN, namespace)
         self._rig = rig
@@ -59,10 +88,10 @@ class SensorTopics(Publisher):
     The frame of an IMU is that of its disc in the URDF; the base disc's is base_link.
     """
 
-    def __init__(self, rig: TwinRig, namespace: str = '') -> None:
+    def __init__(self, rig: 'TwinRig', namespace: str = '') -> None:
         """Make the node ``twin_sensors``; raises ClientError, as Publisher does."""
         super().__init__('twin_sensors', namespace)
-        self._rig, self._sensors = rig, Sensors(rig.plant)
+        self._rig = rig
         given, prefix = rig.plant.model_errors, namespace.strip('/')
         self._tensions = JointState(name=list(rig.plant.arm.tendon_names))
         self._messages = []
@@ -85,7 +114,7 @@ class SensorTopics(Publisher):
 
     def _publish(self) -> None:
         with self._rig.lock:
-            tensions, motions = self._sensors.tensions(), self._sensors.motions()
+            tensions, motions = self._rig.sensors.tensions(), self._rig.sensors.motions()
         stamp = self._node.get_clock().now().to_msg()
         self._tensions.header.stamp, self._tensions.effort = stamp, tensions.tolist()
         self._load_cells.publish(self._tensions)
@@ -94,6 +123,52 @@ class SensorTopics(Publisher):
             turning, force = message.angular_velocity, message.linear_acceleration
             turning.x, turning.y, turning.z, force.x, force.y, force.z = motion
             imu.publish(message)
+
+
+class Pictures(Publisher):
+    """
+    Publishes images, drawn from twin/disc_poses, and the calibration of a camera.
+
+    In a separate process: drawing takes most of a core.
+    """
+
+    def __init__(self, camera: 'TwinCamera', rate: float, namespace: str = '',
+                 name: str = CAMERA) -> None:
+        """
+        Make the node twin_NAME, which publishes NAME/image_raw and NAME/camera_info.
+
+        rate: Hz.  Raises ClientError, as Publisher does.
+        """
+        super().__init__(f'{TWIN}_{name}', namespace)
+        self._camera, self._rate, self._name = camera, rate, name
+        self._discs: PoseArray | None = None
+
+    async def _begin(self) -> None:
+        node = self._node
+        self._images = node.create_publisher(Image, f'{self._name}/image_raw', STREAM)
+        self._infos = node.create_publisher(CameraInfo, f'{self._name}/camera_info', STREAM)
+        subscribe_unguarded(node, PoseArray, DISC_POSES, self._on_discs, SENSOR)
+        node.create_timer(1.0 / self._rate, self._publish)
+
+    def _on_discs(self, message: PoseArray) -> None:
+        self._discs = message
+
+    def _publish(self) -> None:
+        if self._discs is None:
+            return
+        message, self._discs = self._discs, None
+        image = grey_message(self._camera.picture(
+            poses_from_ros(message)[::2], seconds(message.header.stamp)))
+        lens = self._camera.lens
+        info = CameraInfo(width=lens.size[0], height=lens.size[1], distortion_model='plumb_bob',
+                          d=lens.distortion.tolist(), k=lens.matrix.ravel())
+        info.p = lens.projection.ravel()
+        info.r = np.eye(3).ravel()
+        for item in (image, info):
+            item.header.stamp, item.header.frame_id = (
+                message.header.stamp, FRAME.format(self._name))
+        self._infos.publish(info)
+        self._images.publish(image)
 
 
 def _covariance(noise: float, bias: float) -> list[float]:

@@ -28,9 +28,14 @@ from websockets.http11 import Request, Response
 from websockets.server import ServerProtocol
 
 from soft_continuum.ui.browser.bar import Bar, PAGE, PATH
-from soft_continuum.ui.browser.connection_limiter import ConnectionLimiter, MAX_SOCKETS
-from soft_continuum.ui.browser.inbound import MAX_MESSAGE, only_controls
-from soft_continuum.ui.browser.log import LOG, SERVER_LOG
+from soft_continuum.ui.browser.limits import (
+    ConnectionLimiter,
+    LOG,
+    MAX_MESSAGE,
+    MAX_SOCKETS,
+    only_controls,
+    SERVER_LOG,
+)
 
 WRONG_TOKEN_DELAY = 1.0  # s until the next token from the same address is checked
 MAX_WAITING = 10  # waiting tokens from one address

@@ -23,8 +23,7 @@ from soft_continuum.client.observed import STALE_AFTER
 from soft_continuum.client.state import ArmState, progress_text
 from soft_continuum.client.tasks import HOW_TO_START
 from soft_continuum.ros.names import TENDON_ACTUATION
-from soft_continuum.ui.browser.connection_limiter import RateLimiter
-from soft_continuum.ui.browser.log import LOG
+from soft_continuum.ui.browser.limits import LOG, RateLimiter
 from soft_continuum.ui.browser.session import Notice, notice_text
 
 PAGE = Path(__file__).with_name('page.html').read_text(encoding='utf-8')

@@ -29,7 +29,7 @@ from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import RECORDER
 from soft_continuum.ui.browser.access import AccessError, open_server, page_address
 from soft_continuum.ui.browser.bar import alarm_text, Bar, bar_state, BarState
-from soft_continuum.ui.browser.log import LOG
+from soft_continuum.ui.browser.limits import LOG
 from soft_continuum.ui.browser.panel import Panel
 from soft_continuum.ui.browser.scene import Scene
 from soft_continuum.ui.browser.session import PageSession

@@ -35,13 +35,12 @@ from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.planning.obstacles import Obstacle
 from soft_continuum.planning.settings import MotionLimits
-from soft_continuum.ros.entries import subscribe_unguarded
+from soft_continuum.ros.entries import LATCHED, SENSOR, subscribe_unguarded
 from soft_continuum.ros.names import KINEMATICS, NODES, OVERLAY
 from soft_continuum.ros.obstacles import Key, known_from_ros, MAX_KNOWN_BYTES
-from soft_continuum.ros.qos import LATCHED, SENSOR
 from soft_continuum.ros.ros_time import Age
 from soft_continuum.sequencing import AIMS
-from soft_continuum.ui.browser.log import LOG
+from soft_continuum.ui.browser.limits import LOG
 from soft_continuum.ui.browser.meshes import Points
 from soft_continuum.ui.browser.tip_planning import TipPlanning
 from soft_continuum.ui.cli.up import nodes_for

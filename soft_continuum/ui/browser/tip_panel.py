@@ -21,7 +21,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.orientations import matrices
 from soft_continuum.ui.browser import html
 from soft_continuum.ui.browser.controls import Controls, may_run, number_of, on_change, runs
-from soft_continuum.ui.browser.inbound import TIP_HANDLE
+from soft_continuum.ui.browser.limits import TIP_HANDLE
 from soft_continuum.ui.browser.meshes import line
 from soft_continuum.ui.browser.session import Description, PageSession
 

@@ -20,19 +20,20 @@ from soft_continuum.client import Arm, ArmState, ClientError, Pose, RunningSeque
 from soft_continuum.client.measured import MeasuredDisc
 from soft_continuum.client.state import angles_text
 from soft_continuum.extras import require
-from soft_continuum.lab.analysis.figures import shapes_figure
+from soft_continuum.lab.analysis.verbs import finish_panels, new_panels
 from soft_continuum.mechanics import arm as mechanics
 from soft_continuum.mechanics import constant_curvature
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.chain import Chain
+from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
+from soft_continuum.mechanics.drawing import draw_arm, projection_of
 from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.parameters.arguments import given_path, Parser, WRONG_USAGE
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import JAMMING_VALVES
 from soft_continuum.sequencing import Phase
 from soft_continuum.sim.emulators.tendon_motors import TENDON_MOTORS
-from soft_continuum.ui.cli.output import Output
+from soft_continuum.ui.cli.operate import Output
 from soft_continuum.ui.cli.processes import NodeProcesses
 from soft_continuum.ui.cli.up import add_twin_options, ALL, arguments_of, chosen_nodes
 from soft_continuum.user_files import description_file
@@ -122,6 +123,24 @@ def _run(arm: Arm, picture: Path, *, camera: bool) -> None:
     shapes_figure(picture, drawn)
     print(f'\nSimulated data. The rigid chain is under gravity, constant curvature is not.\n'
           f'Picture: {picture}')
+
+
+def shapes_figure(path: str | Path, shapes: Mapping[str, tuple[Equilibrium, Array]]) -> None:
+    """
+    Write a figure of shapes side by side, by constant curvature and by the rigid chain.
+
+    shapes: by name, the state, and the commanded bending (segments, 2), rad.
+    """
+    arm, count = next(iter(shapes.values()))[0].chain.arm, len(shapes)
+    projection = projection_of(arm)
+    figure, panels = new_panels(1, count, 4.4 * count, 5.2, projection=projection)
+    for axes, (name, (state, bending)) in zip(panels, shapes.items(), strict=True):
+        draw_arm(axes, state)
+        arcs = 1e3 * constant_curvature.poses(arm, bending)[0][:, arm.pose_axes[:3]]
+        axes.plot(*arcs.T, 's', markersize=8, markerfacecolor='none', markeredgecolor='0.1',
+                  label='constant curvature')
+        axes.set_title(name, y=None if projection is None else 0.96, parse_math=False)
+    finish_panels(path, figure, 2 if count == 1 else 5)
 
 
 def _show_poses(description: mechanics.Arm, bending: Array, state: ArmState,

@@ -33,8 +33,8 @@ from soft_continuum.parameters.arguments import (
 )
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.description import load_rig
+from soft_continuum.ros.environment import given_network
 from soft_continuum.ros.names import JAMMING_VALVES, TENDON_ACTUATION
-from soft_continuum.ros.network import given_network
 from soft_continuum.text import printable, write_whole
 from soft_continuum.ui.cli.up import check_launch, description_files, nodes_of, start_arguments
 from soft_continuum.user_files import config_home

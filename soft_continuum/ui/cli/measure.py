@@ -1,6 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""``measure``: sets shapes, measures the discs, and writes the input of identify and validate."""
+"""
+``tags``: prints what the camera measures.  ``measure``: sets shapes and measures the discs.
+
+``measure`` writes the input of identify and validate.
+"""
 
 import argparse
 from collections import Counter
@@ -12,9 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.client.errors import ClientError
-from soft_continuum.lab.analysis.results import reserve_outputs, ResultError, write_rows
-from soft_continuum.lab.analysis.verbs import origin, run_verb
-from soft_continuum.parameters.arguments import number_in, Parser
+from soft_continuum.lab.analysis.verbs import (
+    origin,
+    reserve_outputs,
+    ResultError,
+    run_verb,
+    write_rows,
+)
+from soft_continuum.parameters.arguments import FOR_ANALYSIS, number_in, Parser
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
@@ -130,3 +139,29 @@ def _rows(name: str, discs: 'dict[int, MeasuredDisc]', arm: 'mechanics.Arm'
                 rows.append([name, str(point), *(f'{p * 1e3:.4f}' for p in place),
                              f'{stddev:.4f}'])
     return rows
+
+
+# Tags.
+
+
+def tags(argv: Sequence[str] | None = None) -> int:
+    """Write the PDF; return the exit status."""
+    parser = Parser('tags', 'Printable tags (36h11) for the described arm: one for each disc, or '
+                    'a ring of tags for each disc of a spatial arm, fixed tags for the boards '
+                    'behind it, a mounting drawing, and rulers. The parameters tags.* of the node '
+                    'camera set their sizes and positions.',
+                    *FOR_ANALYSIS)
+    return run_verb(parser, _write_tags, argv, 'cv2', 'matplotlib')
+
+
+def _write_tags(options: argparse.Namespace) -> None:
+    from soft_continuum.estimation.sensing.layout import layout_of
+    from soft_continuum.ros.description import load_description
+    from soft_continuum.ros.names import CAMERA
+    layout = layout_of(load_description(
+        *options.params_file, node=CAMERA, namespace=options.namespace))
+    path, = reserve_outputs(options.output, ['tags.pdf'], options.force)
+    from soft_continuum.estimation.sensing.printing import write_tags
+    write_tags(path, layout)
+    on_discs = sum(len(layout.ring(n)) for n in range(len(layout.heights)))
+    print(f'{on_discs} tags for discs and {len(layout.fixed)} fixed ones: {path}')

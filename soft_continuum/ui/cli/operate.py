@@ -6,7 +6,8 @@ from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from math import isfinite, radians
+import json
+from math import isfinite
 import os
 import signal
 import sys
@@ -21,6 +22,7 @@ from soft_continuum.parameters.arguments import (
     FAILED,
     FOR_NODES,
     given_path,
+    in_verbs,
     INTERRUPTED,
     NO_NODES,
     number_in,
@@ -29,13 +31,12 @@ from soft_continuum.parameters.arguments import (
 )
 from soft_continuum.sequencing import AIMS
 from soft_continuum.text import MAX_NAME, printable, read_bytes
-from soft_continuum.ui.cli.output import Output
-from soft_continuum.ui.cli.registry import VERBS
-from soft_continuum.ui.cli.tip_options import (
+from soft_continuum.ui.cli.goals import (
     add_tip,
     add_tolerance,
     add_unit,
     given_tip,
+    parse_bendings,
     read_tip_path,
     tip_problem,
     UNITS,
@@ -44,13 +45,14 @@ from soft_continuum.user_files import saved_shapes, shape_names
 
 if TYPE_CHECKING:
     from soft_continuum.client.arm import Arm
-    from soft_continuum.client.sequence import Bending, RunningSequence, ShapeLike
+    from soft_continuum.client.sequence import RunningSequence, ShapeLike
     from soft_continuum.client.state import Progress
 
 WATCH_PERIOD = 0.5  # s
 CANCEL_TIMEOUT = 60.0  # s for a canceled sequence to come to rest
 MAX_JOG = 1000.0  # mm; pull_limits are tighter
 MAX_CACHE = 100_000  # bytes
+BAR_LENGTH = 24  # characters
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -59,18 +61,20 @@ class Action:
     """
     A verb on a running arm.
 
-    run: called with the arm; returns the exit status.  add_options: adds the verb's own options.
-    missing: returns what the options lack, empty if they are complete.
+    help: one line.  run: called with the arm; returns the exit status.  add_options: adds the
+    verb's own options.  missing: returns what the options lack, empty if they are complete.
     """
 
-    run: Callable[['Arm', Namespace, Output], int]
+    help: str
+    run: Callable[['Arm', Namespace, 'Output'], int]
     add_options: Callable[[Parser], None] = lambda parser: None
     missing: Callable[[Namespace], str] = lambda options: ''
 
 
 def main(verb: str, argv: Sequence[str] | None = None) -> int:
     """Run a verb on a running arm; return the exit status."""
-    parser, action = Parser(verb, VERBS[verb].help, *FOR_NODES), ACTIONS[verb]
+    action = ACTIONS[verb]
+    parser = Parser(verb, action.help, *FOR_NODES)
     action.add_options(parser)
     options = parser.parse_args(argv)
     if missing := action.missing(options):
@@ -98,21 +102,69 @@ def _interrupt(*_: object) -> NoReturn:
     raise KeyboardInterrupt
 
 
+class Output:
+    """Prints text or, with ``--json``, one JSON document per line."""
+
+    def __init__(self, parser: Parser, as_json: bool) -> None:
+        """parser: reports failures to people."""
+        self.as_json = as_json
+        self._parser = parser
+        self._bar = ''
+
+    def print(self, text: str, **data: Any) -> None:
+        """Print ``text``, or ``data`` as JSON."""
+        self._end_bar()
+        print(json.dumps(_plain(data)) if self.as_json else in_verbs(text), flush=True)
+
+    def done(self, text: str = 'done') -> int:
+        """Report success; return the exit status."""
+        self.print(text, result='done', message=text)
+        return DONE
+
+    def fail(self, reason: object, status: int = FAILED) -> int:
+        """Report failure; return the exit status."""
+        if self.as_json:
+            self.print('', result='failed', message=str(reason))
+            return status
+        self._end_bar()
+        return self._parser.fail(reason, status)
+
+    def progress(self, now: 'Progress', before: 'Progress | None') -> None:
+        """Show the progress of a sequence: a bar on a terminal, else one line for each phase."""
+        if self.as_json:
+            self.print('', **asdict(now))
+            return
+        from soft_continuum.client.state import progress_text
+        text = f'{100 * now.fraction:3.0f} %  {now.shape}, {progress_text(now)}'
+        if sys.stdout.isatty():
+            full = round(BAR_LENGTH * now.fraction)
+            line = f'[{"#" * full}{"." * (BAR_LENGTH - full)}] {text}'
+            print(f'\r{line:<{len(self._bar)}}', end='', flush=True)
+            self._bar = line
+        elif before is None or _step(now) != _step(before):
+            print(text, flush=True)
+
+    def _end_bar(self) -> None:
+        if self._bar:
+            print(flush=True)
+            self._bar = ''
+
+
+def _step(now: 'Progress') -> tuple[object, ...]:
+    """Return the part of the progress that starts a new line when it changes."""
+    return now.shape_index, now.segment, now.phase, now.correction
+
+
+def _plain(value: Any) -> Any:
+    """Return a value for JSON: nan becomes null."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
 # Shapes.
-
-
-def parse_bendings(text: str) -> tuple['Bending', ...]:
-    """Read ``10,20,30`` or ``10,20@120,30@-60`` in degrees; return rad."""
-    try:
-        values = tuple(tuple(radians(float(number)) for number in part.split('@'))
-                       for part in text.split(','))
-    except ValueError:
-        values = ((),)
-    if not all(len(value) in (1, 2) and all(map(isfinite, value)) for value in values):
-        raise ArgumentTypeError(
-            f'{text!r} given; needed: a bending angle in degrees for each segment, such as '
-            '10,20,30; for spatial arms with a direction, such as 10@0,20@120,30@-60')
-    return tuple(value[0] if len(value) == 1 else (value[0], value[1]) for value in values)
 
 
 def _shape_name(text: str) -> str:
@@ -436,27 +488,38 @@ def _sure_options(parser: Parser) -> None:
 
 
 ACTIONS = {
-    'status': Action(_status),
-    'watch': Action(_watch),
-    'shapes': Action(_shapes),
-    'run': Action(_run, _run_options, lambda options: '' if options.shapes or options.angles else
-                  f'give a SHAPE or --angles; `{command_name("shapes")}` lists the names'),
-    'reach': Action(_reach, _reach_options, tip_problem),
-    'follow': Action(_follow, _follow_options),
-    'stiffen': Action(_stiffen, _stiffen_options),
-    'soften': Action(_soften, _soften_options),
-    'vacuum': Action(_vacuum, _vacuum_options),
-    'jog': Action(_jog, _jog_options, lambda options: '' if options.moves
-                  else 'give TENDON=MM, such as right=1.5 left=-1.5'),
-    'obstacles': Action(_obstacles, _obstacles_options, lambda options: (
+    'status': Action('show the state of the arm and its nodes', _status),
+    'watch': Action('show the state of the arm twice per second, until Ctrl-C', _watch),
+    'shapes': Action('list the shape library', _shapes),
+    'run': Action(
+        'set shapes in sequence; Ctrl-C cancels', _run, _run_options,
+        lambda options: '' if options.shapes or options.angles else
+        f'give a SHAPE or --angles; `{command_name("shapes")}` lists the names'),
+    'reach': Action('move the tip to a position; Ctrl-C cancels', _reach, _reach_options,
+                    tip_problem),
+    'follow': Action('move the tip along a path from a file', _follow, _follow_options),
+    'stiffen': Action('evacuate a segment, or all, and wait until it is stiff', _stiffen,
+                      _stiffen_options),
+    'soften': Action('vent a segment and wait until it is soft', _soften, _soften_options),
+    'vacuum': Action('set the vacuum of a segment with a regulator', _vacuum, _vacuum_options),
+    'jog': Action(
+        'pull in or pay out tendons by some mm while a segment is soft', _jog, _jog_options,
+        lambda options: '' if options.moves else 'give TENDON=MM, such as right=1.5 left=-1.5'),
+    'obstacles': Action(
+        'list, add or remove obstacles', _obstacles, _obstacles_options, lambda options:
         '--list cannot be combined with FILE, --remove or --clear; leave out one or the other'
-        if options.list and (options.file or options.remove or options.clear) else '')),
-    'stop': Action(lambda arm, _, output: output.done(arm.stop())),
-    'resume': Action(lambda arm, _, output: output.done(arm.resume())),
-    'reference': Action(lambda arm, options, output: output.done(arm.reference(options.yes)),
+        if options.list and (options.file or options.remove or options.clear) else ''),
+    'home': Action('straighten the arm from any shape, with a sequence or all at once',
+                   lambda arm, _, output: output.done(arm.home())),
+    'stop': Action('stop all motion, holding tension',
+                   lambda arm, _, output: output.done(arm.stop())),
+    'resume': Action('allow motion after a stop',
+                     lambda arm, _, output: output.done(arm.resume())),
+    'reference': Action('set the present pulls as the zero of the straight arm',
+                        lambda arm, options, output: output.done(arm.reference(options.yes)),
                         _sure_options),
-    'reset': Action(lambda arm, options, output: output.done(arm.reset(options.yes)),
+    'reset': Action('reset kinematics to the straight arm',
+                    lambda arm, options, output: output.done(arm.reset(options.yes)),
                     _sure_options),
-    'home': Action(lambda arm, _, output: output.done(arm.home())),
-    'tare': Action(_tare),
+    'tare': Action('take the present measurements as those of the straight arm', _tare),
 }

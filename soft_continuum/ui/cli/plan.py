@@ -16,9 +16,14 @@ import scipy
 
 from soft_continuum.client.tip import Tip
 from soft_continuum.extras import require
-from soft_continuum.lab.analysis.figures import DPI, new_figure
-from soft_continuum.lab.analysis.results import ResultError, text_table
-from soft_continuum.lab.analysis.verbs import described_arm, run_verb
+from soft_continuum.lab.analysis.verbs import (
+    described_arm,
+    DPI,
+    new_figure,
+    ResultError,
+    run_verb,
+    text_table,
+)
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.drawing import draw_arm, projection_of, SOFT
 from soft_continuum.parameters.arguments import (
@@ -36,10 +41,10 @@ from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import PlanResult, Shape, TipGoal, WHOLE_ARM
 from soft_continuum.planning.settings import reach_from_parameters
 from soft_continuum.planning.shape_plans import plan_shapes, plans_to
-from soft_continuum.ui.cli.operate import parse_bendings
-from soft_continuum.ui.cli.tip_options import (
+from soft_continuum.ui.cli.goals import (
     add_tip,
     given_tip,
+    parse_bendings,
     read_tip_path,
     tip_problem,
     UNITS,

@@ -14,15 +14,14 @@ import re
 import shlex
 from xml.etree import ElementTree
 
-from soft_continuum.hardware.drivers import driver_topics
-from soft_continuum.lab.analysis.results import reserve_outputs
-from soft_continuum.lab.analysis.verbs import run_verb
+from soft_continuum.hardware.drivers import chosen_families
+from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
 from soft_continuum.parameters.arguments import Parser
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.overrides import full_name
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.ros.description import load_rig
-from soft_continuum.ros.enclaves import CLIENT, INPUTS, VIEWER
+from soft_continuum.ros.environment import CLIENT, INPUTS, VIEWER
 from soft_continuum.ros.interface_tables import (
     documented_nodes,
     EVERYTHING,
@@ -140,8 +139,8 @@ def _outside(node: str, one: Interface) -> Interface:
 
 def _of_driver(values: Mapping[str, Value], parameter: str) -> Iterator[Interface]:
     """Yield the topics of other nodes that the driver of a parameter uses."""
-    for role, topics in zip(('publishes', 'subscribes'), driver_topics(values)[parameter],
-                            strict=True):
+    for role, topics in zip(('publishes', 'subscribes'),
+                            chosen_families(values)[parameter].topics(values), strict=True):
         for name, kind in topics.items():
             if not TOPIC.fullmatch(name):
                 raise ParameterError(f'a topic of {parameter} is {name!r}, which is not a valid '

@@ -23,10 +23,8 @@ from soft_continuum.nodes.runtime import (
     run,
 )
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.enclaves import CLIENT, with_enclave
-from soft_continuum.ros.logs import require_log_folder
+from soft_continuum.ros.environment import CLIENT, require_log_folder, SAID, with_enclave
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
-from soft_continuum.ros.network import SAID
 
 END_TIMEOUT = 20.0
 """s for nodes to hold and exit; a fraction of one is enough unless the computer is busy."""

@@ -23,7 +23,7 @@ from soft_continuum.parameters.shapes import (
 )
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 from soft_continuum.ros.parameter_table import NODE_PARAMETERS
-from soft_continuum.ui.cli.registry import GROUPS
+from soft_continuum.ui.cli.main import GROUPS
 
 ROOT = Path(__file__).resolve().parents[3]
 COMMAND = 'python -m soft_continuum.ui.cli.reference'

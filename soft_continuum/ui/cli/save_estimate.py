@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.estimate import LearnedParameter, parameter_text, ParameterText
-from soft_continuum.lab.analysis.results import reserve_outputs, text_table
-from soft_continuum.lab.analysis.verbs import origin, run_verb
+from soft_continuum.lab.analysis.verbs import origin, reserve_outputs, run_verb, text_table
 from soft_continuum.parameters.arguments import Parser
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import write_parameters

@@ -21,9 +21,7 @@ from soft_continuum.parameters.scalars import EXACT
 from soft_continuum.ros.names import KINEMATICS, SERVO, SHAPE_SEQUENCER, TELEOP
 from soft_continuum.ros.parameter_table import NODE_PARAMETERS
 from soft_continuum.text import printable
-from soft_continuum.ui.teleop.enable_button import MOVE, RELEASE
-from soft_continuum.ui.teleop.keyboard import Keyboard
-from soft_continuum.ui.teleop.pad import Pad, PadState
+from soft_continuum.ui.teleop.joystick import Keyboard, MOVE, Pad, PadState, RELEASE
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -152,8 +150,7 @@ class _Screen:
     def __init__(self, connection: 'Connection', pad: Pad) -> None:
         from sensor_msgs.msg import Joy
 
-        from soft_continuum.ros.entries import subscribe_unguarded
-        from soft_continuum.ros.qos import EVERY_STATE, STREAM
+        from soft_continuum.ros.entries import EVERY_STATE, STREAM, subscribe_unguarded
         from soft_continuum_interfaces.msg import TeleopState
         self._connection, self._pad, self._keyboard = connection, pad, Keyboard()
         self._state: Any = None

@@ -127,7 +127,7 @@ def camera(argv: Sequence[str] | None = None) -> int:
     from soft_continuum.ros.description import load_description
     from soft_continuum.ros.names import CAMERA
     from soft_continuum.sim.twin.camera import TwinCamera
-    from soft_continuum.sim.twin.pictures import Pictures
+    from soft_continuum.sim.twin.topics import Pictures
     from soft_continuum.user_files import description_file
 
     def begin(running: ExitStack) -> None:

@@ -42,8 +42,11 @@ from soft_continuum.ros.names import (
     TWIN_CAMERA,
 )
 from soft_continuum.ros.parameter_table import ALL_PARAMETERS
-from soft_continuum.sim.emulators.driving import board_links, driving_parameters
-from soft_continuum.sim.emulators.tendon_motors import TENDON_MOTORS
+from soft_continuum.sim.emulators.tendon_motors import (
+    board_links,
+    driving_parameters,
+    TENDON_MOTORS,
+)
 from soft_continuum.sim.twin.model_errors import DEFAULT_PRESET, load_cell_parameters, PRESETS
 from soft_continuum.ui.cli.processes import Child, end_processes, NodeProcesses
 from soft_continuum.user_files import description_file

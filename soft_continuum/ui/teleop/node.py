@@ -8,15 +8,13 @@ from sensor_msgs.msg import Joy
 
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.nodes.conflicts import Conflicts
-from soft_continuum.nodes.status import OK, StatePublisher, WARN
-from soft_continuum.nodes.suite_node import SuiteNode
-from soft_continuum.ros.entries import repeat, subscribe
+from soft_continuum.nodes.suite_node import OK, StatePublisher, SuiteNode, WARN
+from soft_continuum.ros.entries import repeat, SENSOR, subscribe
 from soft_continuum.ros.names import TELEOP, UNKNOWN_NODE
-from soft_continuum.ros.qos import SENSOR
 from soft_continuum.text import plain
-from soft_continuum.ui.teleop.enable_button import EnableButton
-from soft_continuum.ui.teleop.pad import (
+from soft_continuum.ui.teleop.joystick import (
     EMERGENCY_STOP,
+    EnableButton,
     MODE,
     NEXT_SEGMENT,
     Pad,

@@ -27,7 +27,7 @@ from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.nodes.emergency_stop import TOPIC as EMERGENCY_STOP
-from soft_continuum.ros.entries import subscribe
+from soft_continuum.ros.entries import EVERY_STATE, LATCHED, STREAM, subscribe
 from soft_continuum.ros.names import (
     JAMMING_VALVES,
     running_nodes,
@@ -35,9 +35,8 @@ from soft_continuum.ros.names import (
     SHAPE_SEQUENCER,
     TENDON_ACTUATION,
 )
-from soft_continuum.ros.qos import EVERY_STATE, LATCHED, STREAM
 from soft_continuum.text import plain
-from soft_continuum.ui.teleop.enable_button import MOVE
+from soft_continuum.ui.teleop.joystick import MOVE
 from soft_continuum_interfaces.msg import TeleopState
 
 PREPARING = 'the servo is being prepared'

@@ -1,17 +1,35 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Goals of the tip on the command line: options, and paths from files."""
+"""Goals on the command line: bending angles, the tip and its path."""
 
 from argparse import ArgumentTypeError, Namespace
 from math import degrees, inf, isfinite, pi, radians
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from soft_continuum.client.tip import Tip
 from soft_continuum.parameters.arguments import number_in, Parser
 
+if TYPE_CHECKING:
+    from soft_continuum.client.sequence import Bending
+
 UNITS = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3}
 MAX_POSITION = 10.0  # m
 MAX_POINTS = 200  # of a path; shape_sequencer accepts no more
+
+
+def parse_bendings(text: str) -> tuple['Bending', ...]:
+    """Read ``10,20,30`` or ``10,20@120,30@-60`` in degrees; return rad."""
+    try:
+        values = tuple(tuple(radians(float(number)) for number in part.split('@'))
+                       for part in text.split(','))
+    except ValueError:
+        values = ((),)
+    if not all(len(value) in (1, 2) and all(map(isfinite, value)) for value in values):
+        raise ArgumentTypeError(
+            f'{text!r} given; needed: a bending angle in degrees for each segment, such as '
+            '10,20,30; for spatial arms with a direction, such as 10@0,20@120,30@-60')
+    return tuple(value[0] if len(value) == 1 else (value[0], value[1]) for value in values)
 
 
 def add_tip(parser: Parser, needed: bool = True) -> None:

@@ -1,19 +1,26 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-Reachability of the nodes over DDS: only this computer, unless the user opens the network.
+The environment of a process before it has a node: whom it reaches, its keys, where it logs.
 
-See docs/how_to/set_up_the_network.md.
+DDS reaches only this computer, unless the user opens the network; see
+docs/how_to/set_up_the_network.md.  The enclave is the name by which SROS 2 finds keys and
+permissions of a process; without SROS 2 it is unused.  A process has one, given by its arguments
+before it has a node.  ROS creates a log file for every process and deletes none.
 """
 
 from collections.abc import Mapping, MutableMapping, Sequence
 from contextlib import suppress
+from errno import EACCES
 from ipaddress import ip_address, IPv4Address, IPv6Address
 import os
 from pathlib import Path
+import re
 from socket import AF_INET, SOCK_DGRAM, socket
 import sys
 from time import sleep
+
+from soft_continuum.parameters.parameter import ParameterError
 
 PROFILES = ('FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE')
 RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
@@ -26,6 +33,13 @@ PARENT = 'SOFT_CONTINUUM_PARENT'
 LISTENING = '0A'  # state of a TCP socket
 NOT_UP = ('127.0.0.1 is not available: waiting for the interface lo; if nothing else brings it '
           'up, run `ip link set lo up`')
+ENCLAVE = '--enclave', '-e'
+ENCLAVE_NAME = re.compile(r'(/\w+)+', re.ASCII)
+CLIENT, VIEWER, INPUTS = 'client', 'viewer', 'inputs'
+"""Enclaves of programs other than the nodes: command, view and sensor clients."""
+LOG_FOLDER = 'ROS_LOG_DIR'
+MAX_LOG_BYTES, MAX_LOG_FILES = 50_000_000, 500
+"""Logs that are kept of what processes that ended have written."""
 
 
 def choose_network(environment: MutableMapping[str, str], config: Path) -> None:
@@ -142,3 +156,70 @@ def _address(text: str) -> tuple[IPv4Address | IPv6Address, int]:
                       for start in range(0, len(digits), 8))
     address = ip_address(packed)
     return getattr(address, 'ipv4_mapped', None) or address, int(port, 16)
+
+
+def choose_log_folder(environment: MutableMapping[str, str]) -> None:
+    """Set the log folder of this suite before ROS is initialised, unless the user set one."""
+    if not environment.get(LOG_FOLDER):
+        environment[LOG_FOLDER] = str(_own_folder(environment))
+
+
+def require_log_folder(environment: Mapping[str, str]) -> None:
+    """Raise ParameterError if ROS cannot write logs, without which it does not start."""
+    folder = Path(environment.get(LOG_FOLDER) or _ros_home(environment) / 'log')
+    reason = os.strerror(EACCES)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if os.access(folder, os.W_OK | os.X_OK):
+            return
+    except OSError as error:
+        reason = error.strerror or str(error)
+    raise ParameterError(f'ROS cannot write its logs to {folder}: {reason}; set {LOG_FOLDER} to a '
+                         'folder that can be written')
+
+
+def discard_old_logs(environment: Mapping[str, str], max_bytes: int = MAX_LOG_BYTES,
+                     max_files: int = MAX_LOG_FILES) -> None:
+    """
+    Delete the oldest logs beyond the limit.
+
+    A folder that the user has chosen is left alone.
+    """
+    folder = _own_folder(environment)
+    if environment.get(LOG_FOLDER) != str(folder):
+        return
+    logs = []
+    with suppress(OSError):
+        for path in folder.glob('*.log'):
+            with suppress(OSError):  # another process deletes, too
+                about = path.lstat()
+                logs.append((about.st_mtime, about.st_size, path))
+    size = 0
+    for number, (_, length, path) in enumerate(sorted(logs, reverse=True), 1):
+        size += length
+        if size > max_bytes or number > max_files:
+            with suppress(OSError):
+                path.unlink()
+
+
+def _own_folder(environment: Mapping[str, str]) -> Path:
+    return _ros_home(environment) / 'log' / 'soft_continuum'
+
+
+def _ros_home(environment: Mapping[str, str]) -> Path:
+    return Path(environment.get('ROS_HOME') or Path.home() / '.ros')
+
+
+def with_enclave(arguments: Sequence[str], name: str, namespace: str = '') -> list[str]:
+    """
+    Return the arguments of a process with its enclave, unless they have one.
+
+    name: of its node, where no argument gives it another; likewise namespace.
+    """
+    from soft_continuum.parameters.overrides import full_name_of  # the start of verbs is without
+    words = list(arguments)
+    if not {*ENCLAVE} & {*words}:
+        path = full_name_of(words, name, namespace)
+        if ENCLAVE_NAME.fullmatch(path):  # else ROS reports the invalid namespace
+            words += ['--ros-args', ENCLAVE[0], path]
+    return words
