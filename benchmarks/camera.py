@@ -14,6 +14,7 @@ from benchmarks.timing import progress
 from soft_continuum.estimation.sensing.corners import TagDetector
 from soft_continuum.estimation.sensing.layout import TagLayout
 from soft_continuum.estimation.sensing.rigid import planar_pose
+from soft_continuum.estimation.sensing.tag_camera import TagCamera
 from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.mechanics.plane.chain import PlaneChain
@@ -68,7 +69,7 @@ def _measure(chain: PlaneChain, layout: TagLayout, given: ModelErrors,
              random: np.random.Generator) -> tuple[NDArray[np.float64], ...]:
     """Return errors (k, 3), which are inside, and s."""
     drawn = TwinCamera(layout, given)
-    camera = layout.camera(drawn.lens)
+    camera = TagCamera(layout, drawn.lens)
     errors, inside, times = [], [], []
     for _ in range(PICTURES):
         state = chain.uniform(random.uniform(-ANGLE, ANGLE, chain.segments))

@@ -17,9 +17,9 @@ from benchmarks.loop import ANGLE
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, Measurement
-from soft_continuum.estimation.sensing.mounted_imus import MountedImus
+from soft_continuum.estimation.sensing.imus import ImuSample, MountedImus
 from soft_continuum.estimation.sensing.rigid import displacement, IDENTITY
-from soft_continuum.estimation.sensing.tilt import ImuSample, SensorError
+from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.mechanics import StaticsError

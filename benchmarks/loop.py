@@ -23,7 +23,7 @@ from benchmarks.contenders import (
 from benchmarks.lab import CAMERA, Description, Lab, LabError
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
-from soft_continuum.estimation.sensing.tilt import SensorError
+from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.planning.planner import Planner

@@ -9,6 +9,7 @@ import numpy as np
 
 from soft_continuum.estimation.sensing.layout import FRONT, Layout
 from soft_continuum.estimation.sensing.rigid import displaced, displacement
+from soft_continuum.estimation.sensing.tag_camera import TagCamera
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.sim.twin.camera import TwinCamera
 from soft_continuum.sim.twin.model_errors import ModelErrors
@@ -28,10 +29,10 @@ class Sight:
         stuck = layout.stuck_as({'tags.offsets': (0.0,), 'tags.reference_corners': (0.0,)})
         for direction in DIRECTIONS[:cameras]:
             drawn = TwinCamera(layout, given, direction)
-            camera = layout.camera(drawn.lens, stuck)
+            camera = TagCamera(layout, drawn.lens, stuck)
             _, tared, _ = layout.tared(stuck, [
                 camera.measure(drawn.picture(*then)) for then in straight])
-            self._cameras.append((layout.camera(drawn.lens, tared), drawn))
+            self._cameras.append((TagCamera(layout, drawn.lens, tared), drawn))
 
     def discs(self, truth: Array, time: float) -> dict[int, Seen]:
         """Return the discs that are seen; truth: (discs, 7)."""

@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.sensing.layout import FRONT, RingLayout
-from soft_continuum.estimation.sensing.pictures import Array
-from soft_continuum.estimation.sensing.tag_camera import DiscPose
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.estimation.sensing.tag_camera import DiscPose, TagCamera
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.description import load_description
@@ -64,7 +63,7 @@ def _measure(layout: RingLayout, chain: SpaceChain, given: ModelErrors,
              random: np.random.Generator, found: dict[int, list[Array]]) -> None:
     """Add errors of position (m) and turn (rad), and their squares over the covariance."""
     drawn = [TwinCamera(layout, given, direction) for direction in DIRECTIONS]
-    cameras = [layout.camera(camera.lens) for camera in drawn]
+    cameras = [TagCamera(layout, camera.lens) for camera in drawn]
     for _ in range(PICTURES):
         discs = chain.uniform(random.uniform(-ANGLE, ANGLE, (chain.segments, 2))).poses[::2]
         sights = [camera.measure(one.picture(discs))

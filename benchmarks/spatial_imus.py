@@ -14,8 +14,8 @@ from benchmarks.spatial_loop import ARM
 from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
-from soft_continuum.estimation.sensing.mounted_imus import MountedImus
-from soft_continuum.estimation.sensing.tilt import ImuSample, SensorError
+from soft_continuum.estimation.sensing.imus import ImuSample, MountedImus
+from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Array

@@ -46,7 +46,6 @@ from soft_continuum.parameters.arguments import (
     number_in,
     one_of,
     Parser,
-    WRONG_USAGE,
 )
 from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
 from soft_continuum.parameters.files import write_parameters
@@ -158,12 +157,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='vacuum: time in s over which the loss is measured (default: 10)')
     for ended in (signal.SIGTERM, signal.SIGHUP):  # a closed terminal must not leave a pump on
         signal.signal(ended, signal.default_int_handler)
-    try:
-        return run_verb(parser, _run, argv)
-    except HardwareError as error:
-        return parser.fail(error)
-    except CalibrationError as error:
-        return parser.fail(error, WRONG_USAGE)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:

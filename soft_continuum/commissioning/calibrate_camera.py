@@ -8,8 +8,7 @@ from itertools import islice
 from pathlib import Path
 from time import monotonic
 
-from soft_continuum.estimation.sensing.pictures import Picture
-from soft_continuum.estimation.sensing.sources import is_device, pictures
+from soft_continuum.estimation.sensing.pictures import is_device, Picture, pictures
 from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb
 from soft_continuum.parameters.arguments import FOR_ANALYSIS, Parser
 
@@ -31,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    from soft_continuum.estimation.sensing.lens_calibration import calibrate
+    from soft_continuum.estimation.sensing.lens import calibrate
     path, = reserve_outputs(options.output, [FILE], options.force)
     if is_device(options.source):
         print(f'{SECONDS:g} s of {options.source}: tilt the board slowly in all directions, hold '

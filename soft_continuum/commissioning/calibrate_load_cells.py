@@ -11,7 +11,7 @@ from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.commissioning.calibration import CalibrationError
+from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.lab.analysis.verbs import described_arm, reserve_outputs, run_verb, text_table
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.parameters.arguments import (
@@ -62,10 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error('--yes needs --zero-only: otherwise a mass has to be hung up in between')
     if given.mass and given.zero_only:
         parser.error('--mass or --zero-only, not both')
-    try:
-        return run_verb(parser, _run, argv)
-    except CalibrationError as error:
-        return parser.fail(error)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -103,14 +100,14 @@ def _scale(requests: 'Requests', tendon: str, slack: Shown, mass: float | None) 
     loaded = _read(requests, (tendon,))[tendon]
     change = loaded.mean - slack.mean
     if abs(change) <= MIN_SIGNAL * max(loaded.stddev, slack.stddev):
-        raise CalibrationError(
+        raise HardwareError(
             f'the load cell of {tendon} shows {loaded.mean:g} with {mass:g} kg and '
             f'{slack.mean:g} without; is it the cell of this tendon, does the mass hang freely?')
     return mass * STANDARD_GRAVITY / change
 
 
 def _read(requests: 'Requests', tendons: Sequence[str]) -> dict[str, Shown]:
-    """Return the readings of some tendons' cells; raises NoAnswerError, CalibrationError."""
+    """Return the readings of some tendons' cells; raises NoAnswerError, HardwareError."""
     from soft_continuum.client.errors import NoAnswerError
     samples = requests.start(_listen(requests, tendons)).result()
     if few := [tendon for tendon in tendons if len(samples[tendon]) < MIN_SAMPLES]:
@@ -123,8 +120,8 @@ def _read(requests: 'Requests', tendons: Sequence[str]) -> dict[str, Shown]:
         values = samples[tendon]
         shown[tendon] = Shown(float(np.mean(values)), float(np.std(values)))
         if not abs(shown[tendon].mean) < 1e9:  # also not a number
-            raise CalibrationError(f'the load cell of {tendon} shows {shown[tendon].mean}; check '
-                                   'its wires and its amplifier')
+            raise HardwareError(f'the load cell of {tendon} shows {shown[tendon].mean}; check its '
+                                'wires and its amplifier')
     return shown
 
 

@@ -35,10 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                         help='reboot these servos too; they lose their turn count')
     parser.add_argument('--yes', action='store_true',
                         help='do not ask: the tendons are slack')
-    try:
-        return run_verb(parser, _run, argv)
-    except HardwareError as error:
-        return parser.fail(error)
+    return run_verb(parser, _run, argv)
 
 
 def _run(options: argparse.Namespace) -> None:

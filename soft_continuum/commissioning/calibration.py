@@ -25,6 +25,7 @@ from soft_continuum.hardware.protocols import (
     TendonReading,
 )
 from soft_continuum.hardware.tendon_controller import TendonLimits
+from soft_continuum.parameters.parameter import ParameterError
 
 SPEED = 2e-3
 """Speed of every calibration motion, m/s."""
@@ -43,7 +44,7 @@ MARK_TIME = 1.0  # s for a driver to mark the reference in the controller
 T = TypeVar('T')
 
 
-class CalibrationError(ValueError):
+class CalibrationError(ParameterError):
     """A value or motion that was requested is not usable; the message names the reason."""
 
 

@@ -7,10 +7,10 @@ Differences of poses, and their covariances, are shifts along x, y, z (m) and ro
 (rad) in base_link; for motions that a planar arm cannot make they are 0.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import hypot
+from math import hypot, isfinite, nan
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,7 @@ MODEL_ERROR = np.diag(np.repeat([SHIFT_ERROR, TURN_ERROR], 3))**2
 """Covariance (6, 6) of a disc's pose for that."""
 LINEARITY_TOLERANCE = 1e-6
 """Squared distance over its expected value, permitted as an error of linearisation."""
+MIN_PART = 0.01  # of a jam that the model has
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,37 @@ class ActuatorState:
     def soft(self) -> list[bool]:
         """Which segments are soft."""
         return [not stiff for stiff in self.stiff]
+
+
+class JamVacuum:
+    """Follows the pressures of the segments whose jams are not rigid; others count as full."""
+
+    def __init__(self, elastic: Sequence[bool], parameters: Mapping[str, Any]) -> None:
+        """Begin with the full vacuum; parameters: those of kinematics."""
+        self._elastic, self._parameters = elastic, parameters
+        self._parts = [1.0] * len(elastic)
+
+    def follow(self, segment: int, pressure: float, setpoints: Sequence[float]) -> None:
+        """
+        Take the pressure (absolute, Pa) of a segment (0-based).
+
+        setpoints: of regulators, Pa below ambient; of valves empty.  After arrival the set-point
+        counts, not the pressure: otherwise sensor noise would weaken and strengthen the jam, and
+        the arm would creep in the model.
+        """
+        vacuum = self._parameters['ambient_pressure'] - pressure
+        if not isfinite(vacuum):
+            return
+        wanted = setpoints[segment] if setpoints else nan
+        followed = abs(vacuum - wanted) <= self._parameters['vacuum_tolerance']
+        full = self._parameters['full_vacuum']
+        part = wanted / full if followed else round(vacuum / full, 2)
+        self._parts[segment] = min(1.0, max(MIN_PART, part))
+
+    @property
+    def parts(self) -> tuple[float, ...] | None:
+        """Parts of the full vacuum, per segment; None if every jam is rigid."""
+        return tuple(self._parts) if any(self._elastic) else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,8 @@ from std_srvs.srv import Trigger
 
 from soft_continuum.estimation.sensing.layout import layout_of
 from soft_continuum.estimation.sensing.lens import Lens, LensError
-from soft_continuum.estimation.sensing.pictures import is_black
-from soft_continuum.estimation.sensing.sources import is_device, pictures, SourceError
-from soft_continuum.estimation.sensing.tare import Window
-from soft_continuum.estimation.sensing.tilt import SensorError
+from soft_continuum.estimation.sensing.pictures import is_black, is_device, pictures, SourceError
+from soft_continuum.estimation.sensing.tare import SensorError, Window
 from soft_continuum.extras import require
 from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
 from soft_continuum.nodes.threads import Newest, on_ros_thread, Worker
@@ -70,9 +68,9 @@ class Camera(SuiteNode):
         """Declare parameters and topics; raises ParameterError, ImportError without OpenCV."""
         require('cv2')
         super().__init__(CAMERA, 'camera and printed tags', **options)
-        from soft_continuum.estimation.sensing.overlay import overlay
+        from soft_continuum.estimation.sensing.tag_camera import overlay, TagCamera
         self._layout = layout_of(self.parameters)
-        self._draw = overlay
+        self._draw, self._make_camera = overlay, TagCamera
         self._stuck = self._layout.stuck_as(self.parameters)
         self._camera: TagCamera | None = None
         if path := self.parameters['camera.calibration']:
@@ -156,7 +154,7 @@ class Camera(SuiteNode):
     def _camera_of(self, lens: Lens) -> 'TagCamera':
         """Return what measures; with what was seen of the straight arm, if that fits."""
         try:
-            return self._layout.camera(lens, self._stuck)
+            return self._make_camera(self._layout, lens, self._stuck)
         except SensorError as error:
             raise LensError(f'tags.reference_corners: {error}') from None
 
@@ -260,7 +258,8 @@ class Camera(SuiteNode):
             camera = self._camera
             if camera is None or not numbers:
                 raise SensorError(NOT_SEEN)
-            self._camera, self._stuck = self._layout.camera(camera.lens, stuck), stuck
+            self._camera, self._stuck = self._make_camera(
+                self._layout, camera.lens, stuck), stuck
         except SensorError as error:
             response.message = f'{error}; nothing was tared'
             return response

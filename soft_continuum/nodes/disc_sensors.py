@@ -14,9 +14,8 @@ import numpy as np
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from soft_continuum.estimation.sensing.mounted_imus import imu_rotations, MountedImus
-from soft_continuum.estimation.sensing.tare import offset_of, straight_heights, Window
-from soft_continuum.estimation.sensing.tilt import ImuSample, SensorError
+from soft_continuum.estimation.sensing.imus import imu_rotations, ImuSample, MountedImus
+from soft_continuum.estimation.sensing.tare import offset_of, SensorError, straight_heights, Window
 from soft_continuum.estimation.sensing.tracker import Tracker
 from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
 from soft_continuum.parameters.arm import arm_from_parameters

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from copy import copy
 from functools import partial
 from math import inf
+from time import monotonic
 from typing import Any
 
 from geometry_msgs.msg import PoseArray, PoseWithCovarianceStamped
@@ -15,7 +16,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.estimation.measuring import ActuatorState, Innovation, Measurement
+from soft_continuum.estimation.measuring import ActuatorState, Innovation, JamVacuum, Measurement
 from soft_continuum.estimation.sensing.rigid import UNKNOWN
 from soft_continuum.estimation.shape import (
     ArmShape,
@@ -24,14 +25,12 @@ from soft_continuum.estimation.shape import (
     UnknownShapeError,
 )
 from soft_continuum.estimation.unknowns import estimation_from_parameters
-from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measurements import (
-    JamVacuum,
     MeasuredPoses,
     MeasuredTensions,
     Refusals,
@@ -183,7 +182,7 @@ class Kinematics(SuiteNode):
         stiff = stiffness_from_ros(state, self._next_stiff)
         if stiff != self._next_stiff:
             self._next_stiff = stiff
-            self._stiff_changed = seconds(state.stamp), STEADY()
+            self._stiff_changed = seconds(state.stamp), monotonic()
         self._follow()
 
     @property
@@ -197,7 +196,7 @@ class Kinematics(SuiteNode):
         changed, heard = self._stiff_changed
         return self._next_stiff != self._stiff and (
             self._told >= changed or None in self._stiff.confirmed
-            or STEADY() - heard > ORDER_TIMEOUT)
+            or monotonic() - heard > ORDER_TIMEOUT)
 
     def _on_pressure(self, segment: int, message: FluidPressure) -> None:
         """Follow the vacuum of a jam that is not rigid; it counts with the next pulls."""
@@ -248,7 +247,7 @@ class Kinematics(SuiteNode):
             # The estimate follows what is measured: only the prediction can differ for long.
             model = self._shape.predicted or self._shape.state
             self.status.alarm('tensions', self._measured_tensions.problem(
-                STEADY(), measured, model.tensions.tolist()), TENSION_PERIOD)
+                monotonic(), measured, model.tensions.tolist()), TENSION_PERIOD)
 
     def _check(self) -> None:
         self._follow()
@@ -297,7 +296,7 @@ class Kinematics(SuiteNode):
 
     def _follow(self) -> None:
         """Follow the last reports, at most as often as the model can."""
-        if STEADY() - self._followed >= MIN_PERIOD:
+        if monotonic() - self._followed >= MIN_PERIOD:
             self._follow_now()
         else:
             self._wake()
@@ -313,7 +312,7 @@ class Kinematics(SuiteNode):
             self._publish()
         if self._next_stiff != self._stiff:
             self._wake()
-        self._followed = STEADY()
+        self._followed = monotonic()
 
     def _take_pulls(self, pulls: Array) -> None:
         if self._pulls is not None:  # the last direction of motion is that of the friction
@@ -355,7 +354,7 @@ class Kinematics(SuiteNode):
                 self._predicted_poses.publish(poses_to_ros(
                     self._shape.predicted.poses, self._predicted_message))
         self._states.publish(shape)
-        now = STEADY()
+        now = monotonic()
         if now - self._marked >= MARKER_PERIOD and self._markers.get_subscription_count():
             self._marked = now
             self._markers.publish(self._make_markers(state, stamp))
@@ -376,11 +375,11 @@ class Kinematics(SuiteNode):
         estimator = self._shape.estimate
         assert estimator is not None
         made, found, parameters = self._uncertainties
-        if STEADY() - made < COVARIANCE_PERIOD:
+        if monotonic() - made < COVARIANCE_PERIOD:
             return found, parameters
         found, parameters = estimator.pose_covariances(), parameters_to_ros(
             estimator, self.parameters['arm.jamming'])
-        self._uncertainties = STEADY(), found, parameters
+        self._uncertainties = monotonic(), found, parameters
         poses = estimator.state.poses[::2]
         for publisher, pose, covariance in zip(self._poses, poses[1:], found[1:], strict=True):
             message = tracked_pose_to_ros(pose, covariance + self._without)

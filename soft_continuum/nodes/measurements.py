@@ -1,17 +1,17 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What kinematics takes from sensors: poses of the discs, tensions, and pressures of the jams."""
+"""What kinematics takes from sensors: poses of the discs, and tensions."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import hypot, inf, isfinite, nan
 import re
+from time import monotonic
 from typing import Any
 
 from geometry_msgs.msg import PoseWithCovarianceStamped
 
 from soft_continuum.estimation.measuring import DiscMeasurement, TensionMeasurement
-from soft_continuum.hardware.clock import STEADY
 from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.ros.conversions import (
@@ -42,7 +42,6 @@ NUMBER = re.compile(r'[\d.]+')
 REFUSAL_WEIGHT = 0.1  # of the last measurement in the share that is refused
 MANY_REFUSED, FEW_REFUSED = 0.5, 0.2
 """Shares of refused measurements at which the report starts and ends."""
-MIN_PART = 0.01  # of a jam that the model has
 
 
 class MeasuredPoses:
@@ -78,7 +77,7 @@ class MeasuredPoses:
         stamp = seconds(message.header.stamp)
         while disc in self._waiting.get(stamp, (0.0, {}))[1]:
             stamp += ANOTHER
-        _, discs = self._waiting.setdefault(stamp, (STEADY(), {}))
+        _, discs = self._waiting.setdefault(stamp, (monotonic(), {}))
         discs[disc] = DiscMeasurement(disc, pose, covariance)
         while len(self._waiting) > MAX_WAITING:
             del self._waiting[next(iter(self._waiting))]
@@ -90,7 +89,7 @@ class MeasuredPoses:
 
     def take(self) -> list[tuple[float, list[DiscMeasurement]]]:
         """Return the measurements that are complete: times in s, and their poses."""
-        now = STEADY()
+        now = monotonic()
         ready = [stamp for stamp, (came, _) in self._waiting.items() if now - came >= SYNC_WINDOW]
         found = []
         for stamp in sorted(ready):
@@ -238,34 +237,3 @@ class Refusals:
             self._reason = reason
             self._text = f'most measured {self.what} are rejected, the last one because: {reason}'
         return self._text
-
-
-class JamVacuum:
-    """Follows the pressures of the segments whose jams are not rigid; others count as full."""
-
-    def __init__(self, elastic: Sequence[bool], parameters: Mapping[str, Any]) -> None:
-        """Begin with the full vacuum; parameters: those of kinematics."""
-        self._elastic, self._parameters = elastic, parameters
-        self._parts = [1.0] * len(elastic)
-
-    def follow(self, segment: int, pressure: float, setpoints: Sequence[float]) -> None:
-        """
-        Take the pressure (absolute, Pa) of a segment (0-based).
-
-        setpoints: of regulators, Pa below ambient; of valves empty.  After arrival the set-point
-        counts, not the pressure: otherwise sensor noise would weaken and strengthen the jam, and
-        the arm would creep in the model.
-        """
-        vacuum = self._parameters['ambient_pressure'] - pressure
-        if not isfinite(vacuum):
-            return
-        wanted = setpoints[segment] if setpoints else nan
-        followed = abs(vacuum - wanted) <= self._parameters['vacuum_tolerance']
-        full = self._parameters['full_vacuum']
-        part = wanted / full if followed else round(vacuum / full, 2)
-        self._parts[segment] = min(1.0, max(MIN_PART, part))
-
-    @property
-    def parts(self) -> tuple[float, ...] | None:
-        """Parts of the full vacuum, per segment; None if every jam is rigid."""
-        return tuple(self._parts) if any(self._elastic) else None

@@ -6,12 +6,11 @@ Plans from the present state of the arm, as reported by kinematics, on a separat
 Also the service that plans without motion, and the guard of the plan that runs.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from math import inf, isfinite
-from threading import Event
 from time import monotonic
 from typing import Any, TypeVar
 
@@ -22,11 +21,11 @@ from rclpy.node import Node
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.reported_arm import ArmObserver
 from soft_continuum.nodes.threads import on_ros_thread
 from soft_continuum.planning.aiming import Aim, AimStep, next_step, segments_worth_correcting
 from soft_continuum.planning.obstacles import CollisionScene
-from soft_continuum.planning.plan_watch import KeptPlans, PlanWatch
+from soft_continuum.planning.plan_watch import KeptPlan, KeptPlans, PlanWatch
 from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import (
     failure_text,
@@ -37,7 +36,6 @@ from soft_continuum.planning.plans import (
     Shape,
     ShapePlan,
 )
-from soft_continuum.planning.reach import ReachSettings
 from soft_continuum.planning.settings import reach_from_parameters
 from soft_continuum.planning.shape_plans import plan_shapes, plans_of, plans_to
 from soft_continuum.ros.conversions import poses_to_ros
@@ -67,11 +65,11 @@ class Planning:
         self._scene, self._warn = scene, warn
         self._explained, self._checked = KeptPlans(), KeptPlans()
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='planner')
-        self._abandoned = Event()
+        self._wanted: object = None  # the search that goes on
 
     def abandon(self) -> None:
         """End the present plan, if there is one, with a PlanError."""
-        self._abandoned.set()
+        self._wanted = None
 
     def close(self) -> None:
         """Abandon the present plan and end the thread."""
@@ -83,23 +81,36 @@ class Planning:
         Begin to plan shapes one after the other; the future raises PlanError if one has none.
 
         Plans of ``explain`` are reused while nothing has changed.  first: take the first plan
-        found, to check a goal; if the first shape is given by angles, its plan is the one to run.
+        found, to check a goal.  The plan to run is then that of its first shape by angles, or the
+        best that the search for its first tip goes on to find.
         """
         around, situation = self._scene(), self._situation
-        if kept := self._planned_before(situation, shapes, first):
+        kept = self._planned_before(situation, shapes, first)
+
+        def known() -> list[ShapePlan]:
+            found = self._warned(shapes, (one.found.best() for one in kept))
+            return [replace(plan, shape=replace(
+                plan.shape, name=shape.name, hold_time=shape.hold_time))
+                for plan, shape in zip(plans_of(shapes, found), shapes, strict=True)]
+
+        if any(one.found.better for one in kept):
+            self._wanted = kept[0].search
+            return self._thread.submit(known)
+        if kept:
             self.abandon()
             shown: Future[list[ShapePlan]] = Future()
-            shown.set_result(kept)
+            shown.set_result(known())
             return shown
-        settings = reach_from_parameters(self._parameters)
+        settings, search = reach_from_parameters(self._parameters), object()
 
         def planned(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[ShapePlan]:
-            found = list(self._searched(planner, state, pulls, shapes, around, settings, first))
-            if first and not shapes[0].tips:
-                self._checked.keep(situation, state, pulls, shapes[:1], found)
+            found = list(self._warned(shapes, plan_shapes(
+                planner, state, pulls, shapes, around, settings, first)))
+            if first and (not shapes[0].tips or found[0].better):
+                self._checked.keep(situation, state, pulls, shapes[:1], found, search)
             return plans_of(shapes, found)
 
-        return self._start(planned)
+        return self._start(planned, search)
 
     def explain(self, shapes: Sequence[Shape], time_limit: float, states: int
                 ) -> 'Future[list[PlanResult]]':
@@ -110,7 +121,8 @@ class Planning:
                            states=states or settings.states)
 
         def explained(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[PlanResult]:
-            found = list(self._searched(planner, state, pulls, shapes, around, settings))
+            found = list(self._warned(shapes, plan_shapes(
+                planner, state, pulls, shapes, around, settings)))
             self._explained.keep(situation, state, pulls, shapes, found)
             return found
 
@@ -123,7 +135,7 @@ class Planning:
                 PlanSettings.of(self._parameters), reach_from_parameters(self._parameters))
 
     def _planned_before(self, situation: object, shapes: Sequence[Shape], first: bool
-                        ) -> list[ShapePlan]:
+                        ) -> list[KeptPlan]:
         """Return what ``explain`` or a check found for shapes; none if anything has changed."""
         state, observed = self._observed.shape, self._observed.observation(None, '')
         if state is None:
@@ -136,12 +148,10 @@ class Planning:
                 return plans
         return []
 
-    def _searched(self, planner: Any, state: Any, pulls: Sequence[float], shapes: Sequence[Shape],
-                  around: CollisionScene, settings: ReachSettings, first: bool = False
-                  ) -> Iterator[PlanResult]:
-        """As plan_shapes; warns of searches that the time limit ended."""
-        for shape, found in zip(shapes, plan_shapes(
-                planner, state, pulls, shapes, around, settings, first), strict=False):
+    def _warned(self, shapes: Sequence[Shape], results: Iterable[PlanResult]
+                ) -> Iterator[PlanResult]:
+        """Yield results of shapes; warn of searches that the time limit ended."""
+        for shape, found in zip(shapes, results, strict=False):
             if found.cut_short:
                 self._warn(f'{shape.name}: reach.time_limit ended the search for a plan; more '
                            'time may give a better one')
@@ -170,7 +180,9 @@ class Planning:
         return self._start(lambda planner, state, pulls: segments_worth_correcting(
             planner, state, pulls, segments, aim, lock_in, min(release_limit, near)))
 
-    def _start(self, work: Callable[[Any, Any, tuple[float, ...]], Result]) -> 'Future[Result]':
+    def _start(self, work: Callable[[Any, Any, tuple[float, ...]], Result],
+               search: object = None) -> 'Future[Result]':
+        """Plan from the present state, in place of anything else; search: what is then wanted."""
         known, pulls = self._observed.shape_and_model, self._observed.pulls
         if known is None:
             failed: Future[Result] = Future()
@@ -178,11 +190,10 @@ class Planning:
             return failed
         state, model = known
         settings = PlanSettings.of(self._parameters).with_slack_for(model.offset_stddevs)
-        self.abandon()
-        abandoned = self._abandoned = Event()
+        search = self._wanted = search or object()
         return self._thread.submit(lambda: work(
-            Planner(model.chain.arm, settings, abandoned.is_set, model.offsets.tolist()), state,
-            pulls))
+            Planner(model.chain.arm, settings, lambda: self._wanted is not search,
+                    model.offsets.tolist()), state, pulls))
 
 
 class PlanService:

@@ -17,7 +17,7 @@ from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes.arm_commander import MotionCommander
-from soft_continuum.nodes.arm_observer import ArmObserver, TimedShape
+from soft_continuum.nodes.reported_arm import ArmObserver, TimedShape
 from soft_continuum.nodes.suite_node import OK, SuiteNode, WARN
 from soft_continuum.nodes.threads import load_model, loading, on_ros_thread, Worker
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation

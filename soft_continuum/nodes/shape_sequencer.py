@@ -21,7 +21,6 @@ from unique_identifier_msgs.msg import UUID
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.arm_commander import ArmCommander
-from soft_continuum.nodes.arm_observer import ArmObserver
 from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.obstacles import KnownObstacles
 from soft_continuum.nodes.planning import (
@@ -30,6 +29,7 @@ from soft_continuum.nodes.planning import (
     PlanService,
     tip_aim,
 )
+from soft_continuum.nodes.reported_arm import ArmObserver
 from soft_continuum.nodes.suite_node import OK, StatePublisher, SuiteNode, WARN
 from soft_continuum.nodes.threads import load_model
 from soft_continuum.parameters.arm import arm_from_parameters, check_actuation

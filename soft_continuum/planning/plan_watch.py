@@ -3,7 +3,7 @@
 """Whether a plan still holds: one that was shown, until it is run, and one that runs."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
 from typing import Any
@@ -19,13 +19,18 @@ ROUNDING = 1e-9  # m
 
 
 @dataclass(frozen=True, eq=False)
-class _Kept:
-    """A plan, the bending (rad) and the pulls (tendons,) m that it begins with, and its goal."""
+class KeptPlan:
+    """
+    A plan, the bending (rad) and the pulls (tendons,) m that it begins with, and its goal.
+
+    search: that of an interrupted one, as given to ``keep``.
+    """
 
     bending: Array
     pulls: Array
     wanted: object
-    plan: ShapePlan
+    found: PlanResult
+    search: object
 
 
 class KeptPlans:
@@ -37,22 +42,26 @@ class KeptPlans:
 
     def __init__(self) -> None:
         """Begin without any."""
-        self._kept: tuple[object, list[_Kept]] = None, []
+        self._kept: tuple[object, list[KeptPlan]] = None, []
 
     def keep(self, situation: object, state: Any, pulls: Sequence[float],
-             shapes: Sequence[Shape], found: Sequence[PlanResult]) -> None:
-        """Store the plans of shapes, in place of earlier ones; state, pulls: their start."""
-        kept, start = list[_Kept](), np.asarray(pulls)
+             shapes: Sequence[Shape], found: Sequence[PlanResult], search: object = None) -> None:
+        """
+        Store the plans of shapes, in place of earlier ones.
+
+        state, pulls: their start.  search: what the caller knows theirs by.
+        """
+        kept, start = list[KeptPlan](), np.asarray(pulls)
         for shape, one in zip(shapes, found, strict=False):
             if one.plan is None or one.why:
                 break
-            kept.append(_Kept(state.bending, start, _wanted(shape), one.plan))
+            kept.append(KeptPlan(state.bending, start, _wanted(shape), one, search))
             state = one.plan.state if one.plan.stiff is None else one.plan.stiff
             start = one.plan.pulls(start)
         self._kept = situation, kept
 
     def find(self, situation: object, bending: Array, rests_at: Callable[[Array], bool],
-             shapes: Sequence[Shape], tolerance: float, take: bool) -> list[ShapePlan]:
+             shapes: Sequence[Shape], tolerance: float, take: bool) -> list[KeptPlan]:
         """
         Return the plans of shapes from the present state; none unless all are stored.
 
@@ -68,9 +77,7 @@ class KeptPlans:
                     and rests_at(first.pulls)):
                 if take:
                     self._kept = then, kept[:i] + kept[i + len(shapes):]
-                return [replace(one.plan, shape=replace(
-                    one.plan.shape, name=shape.name, hold_time=shape.hold_time))
-                    for one, shape in zip(some, shapes, strict=True)]
+                return some
         return []
 
 

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes and tip goals, and the plans made for them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import degrees, inf, isfinite, pi, radians
 from typing import Any
@@ -229,7 +230,8 @@ class PlanResult:
     tip_error: m from the tip to the goal in the end, of a path the largest distance of the tip
     from it on the way.  turn_error: rad, likewise.  blocked_by: the names of obstacles
     that blocked candidates, the most frequent first, if there is no plan.  cut_short: whether
-    time_limit ended the search: with more time it may find another plan.
+    time_limit ended the search: with more time it may find another plan.  better: what the rest of
+    the search yields, if it was interrupted.
     """
 
     plan: ShapePlan | None
@@ -238,6 +240,14 @@ class PlanResult:
     turn_error: float = 0.0
     blocked_by: tuple[str, ...] = ()
     cut_short: bool = False
+    better: 'Iterator[PlanResult] | None' = None
+
+    def best(self) -> 'PlanResult':
+        """Return the best plan of an interrupted search, which goes on once; it may take long."""
+        found = self
+        for found in self.better or ():  # noqa: B007  (the last one is the best)
+            pass
+        return found
 
     @property
     def steps(self) -> tuple[PlannedStep, ...]:

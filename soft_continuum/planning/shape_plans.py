@@ -89,14 +89,15 @@ def plans_to(planner: Planner, shapes: Sequence[Shape], state: Any = None,
 
 
 def _by_tip(validator: MotionValidator, start: Node, shape: Shape, first: bool) -> PlanResult:
-    """Return the best plan to a goal of the tip, or along a path."""
-    for found in (reach(validator, start, shape.tips[0]) if len(shape.tips) == 1 else
-                  follow(validator, start, shape.tips)):
+    """Return the best plan to a goal of the tip, or along a path; the first can still go on."""
+    search = (found if found.plan is None else replace(
+        found, plan=replace(found.plan, shape=shape.at(found.plan.state)))
+        for found in (reach(validator, start, shape.tips[0]) if len(shape.tips) == 1 else
+                      follow(validator, start, shape.tips)))
+    for found in search:
         if first and not found.why:
-            break
-    plan = found.plan
-    return found if plan is None else replace(
-        found, plan=replace(plan, shape=shape.at(plan.state)))
+            return replace(found, better=search)
+    return found
 
 
 def _by_angles(validator: MotionValidator, start: Node, shape: Shape, _: bool) -> PlanResult:

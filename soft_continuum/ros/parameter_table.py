@@ -7,7 +7,7 @@ from dataclasses import fields
 from math import pi, radians
 from typing import Any
 
-from soft_continuum.estimation.sensing.tilt import ImuSettings
+from soft_continuum.estimation.sensing.imus import ImuSettings
 from soft_continuum.estimation.unknowns import ESTIMATION_PARAMETERS
 from soft_continuum.hardware.drivers import (
     driver_parameters,

@@ -11,8 +11,8 @@ import sys
 import pytest
 import serial
 
-from soft_continuum.commissioning import checks, doctor
-from soft_continuum.commissioning.checks import check_jamming, check_tendons
+from soft_continuum.commissioning import doctor
+from soft_continuum.commissioning.doctor import check_jamming, check_tendons
 from soft_continuum.ros.description import load_rig
 from support.descriptions import section
 from support.emulated_rig import emulated_rig, reference, TIMEOUT
@@ -23,7 +23,7 @@ WRITE_COIL = 5
 @pytest.fixture(autouse=True)
 def real_time(monkeypatch):
     """Let every system allow real-time priority."""
-    monkeypatch.setattr(checks, 'priority_allowed', lambda: (True, True))
+    monkeypatch.setattr(doctor, 'priority_allowed', lambda: (True, True))
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_a_sound_rig_passes_every_check_and_nothing_is_moved_or_switched(rig, as
 
 
 def test_threads_that_may_have_to_wait_are_named_on_a_rig_alone(rig, ask, monkeypatch):
-    monkeypatch.setattr(checks, 'priority_allowed', lambda: (False, False))
+    monkeypatch.setattr(doctor, 'priority_allowed', lambda: (False, False))
     status, message = ask(rig.file)[1]['control threads']
     assert status == 'WARN' and ' - rtprio 20"' in message
     assert ask()[1]['control threads'][0] == 'OK'

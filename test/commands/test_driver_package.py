@@ -15,7 +15,7 @@ TIMEOUT = 120  # s
 MOVE = """
 import sys, time
 from pathlib import Path
-from soft_continuum.commissioning.checks import check_tendons
+from soft_continuum.commissioning.doctor import check_tendons
 from soft_continuum.hardware.drivers import families, TENDON_DRIVERS
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.ros.description import load_rig

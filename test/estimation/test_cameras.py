@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
 from soft_continuum.estimation.sensing.lens import Lens
+from soft_continuum.estimation.sensing.tag_camera import TagCamera
 from support.views import covered, errors, space_views, views, without_pose
 
 
 def measuring(of_arm, lens, **changes):
     """Return what measures in pictures of an arm, with other parameters tags.*."""
     layout = of_arm.layout(**changes)
-    return layout.camera(lens, layout.stuck_as(of_arm.VALUES))
+    return TagCamera(layout, lens, layout.stuck_as(of_arm.VALUES))
 
 
 @pytest.fixture(scope='module', params=[
@@ -43,7 +44,7 @@ def test_the_covariance_is_as_large_as_the_errors_are(of_arm, rigs, least):
     random, squares, free = np.random.default_rng(2), [], of_arm.ARM.pose_axes.sum()
     for seed in range(rigs):  # each has other tags, another place and another calibration
         drawn = of_arm.camera('typical', seed=seed)
-        measuring = of_arm.layout().camera(drawn.lens)
+        measuring = TagCamera(of_arm.layout(), drawn.lens)
         for _ in range(2):
             truth = of_arm.random_poses(random)
             sight = measuring.measure(drawn.picture(truth))
@@ -98,7 +99,7 @@ def outside(bars, points):
 def test_what_is_hidden_is_not_measured_what_is_cut_right_or_not_at_all_the_rest_is():
     layout, truth = views.layout(), views.poses(0.3, -0.2, 0.4)
     drawn = views.camera(occluders=2)
-    measuring = layout.camera(drawn.lens)
+    measuring = TagCamera(layout, drawn.lens)
     places = [Rotation.from_quat(pose[3:]).apply(layout.ring(n)[n].corners) + pose[:3]
               for n, pose in enumerate(truth)]
     tags = [drawn.project(corners) for corners in places]

@@ -10,17 +10,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 import yaml
 
-from soft_continuum.estimation.sensing.mounted_imus import imu_rotations
+from soft_continuum.estimation.sensing.imus import imu_rotations
 from soft_continuum.estimation.sensing.rigid import compose, planar_pose
 from soft_continuum.estimation.sensing.tag_camera import DiscPose, TagDetections
 from soft_continuum.estimation.sensing.tare import (
     offset_of,
+    SensorError,
     straight_heights,
     tag_offset,
     turn_of,
     Window,
 )
-from soft_continuum.estimation.sensing.tilt import SensorError
 from soft_continuum.estimation.sensing.tracker import Tracker
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.parameter import ParameterError

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.estimation.sensing.overlay import overlay, SIZE
+from soft_continuum.estimation.sensing.tag_camera import overlay, OVERLAY_SIZE, TagCamera
 from support.views import EXACT, space_views, views
 
 ANGLES = (0.3, -0.2, 0.4)
@@ -22,7 +22,7 @@ def drawn(*arguments):
     """Return the overlay as colours, red first."""
     data = np.frombuffer(overlay(*arguments), dtype=np.uint8)
     picture = cv2.imdecode(data, cv2.IMREAD_COLOR)[..., ::-1].astype(int)
-    assert max(picture.shape) == SIZE
+    assert max(picture.shape) == OVERLAY_SIZE
     return picture
 
 
@@ -42,17 +42,17 @@ def teal(picture):
 def ideal():
     """Return a camera that is as it is said to be, its tags, and a picture of the bent arm."""
     camera = views.camera()
-    return camera, camera._layout.camera(camera.lens), camera.picture(views.poses(*ANGLES))
+    return camera, TagCamera(camera._layout, camera.lens), camera.picture(views.poses(*ANGLES))
 
 
 @pytest.mark.parametrize('preset', ['ideal', 'severe'])
 def test_the_model_is_where_the_camera_sees_it(preset):
     camera = views.camera(preset, **EXACT, calibration_error=0.0)
-    tags = camera._layout.camera(camera.lens)
+    tags = TagCamera(camera._layout, camera.lens)
     picture = camera.picture(views.poses(0.0, 0.0, 0.0))
     model = points(*ANGLES)
     pixels = magenta(drawn(picture, tags, tags.measure(picture), model))
-    scale = SIZE / picture.shape[1]
+    scale = OVERLAY_SIZE / picture.shape[1]
     # The twin's own projection, which shares nothing with the one that is drawn with.
     corners = camera.project(model[:, :3]) * scale
     for corner in corners:
@@ -64,7 +64,7 @@ def test_the_model_is_where_the_camera_sees_it(preset):
 
 def test_the_model_of_an_arm_in_space_is_where_the_camera_sees_it():
     camera = space_views.camera('typical', **EXACT, calibration_error=0.0)
-    tags = space_views.layout().camera(camera.lens)
+    tags = TagCamera(space_views.layout(), camera.lens)
     poses = space_views.CHAIN.uniform([(0.3, 0.2), (-0.2, 0.4), (0.1, -0.5)]).poses
     picture = camera.picture(space_views.poses(*np.zeros((3, 2))))
     pixels = magenta(drawn(picture, tags, tags.measure(picture), poses))
@@ -72,7 +72,7 @@ def test_the_model_of_an_arm_in_space_is_where_the_camera_sees_it():
     rim = outer * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(6)])
     for pose in poses:
         corners = camera.project(Rotation.from_quat(pose[3:]).apply(rim) + pose[:3])
-        for corner in corners * SIZE / picture.shape[1]:
+        for corner in corners * OVERLAY_SIZE / picture.shape[1]:
             assert np.linalg.norm(pixels - corner, axis=1).min() < 2.5
 
 

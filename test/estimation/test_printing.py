@@ -9,9 +9,8 @@ import pytest
 
 from soft_continuum.commissioning import calibrate
 from soft_continuum.estimation.sensing import printing
-from soft_continuum.estimation.sensing.lens import Lens
-from soft_continuum.estimation.sensing.lens_calibration import board
-from soft_continuum.estimation.sensing.lens_calibration import calibrate as calibrate_lens
+from soft_continuum.estimation.sensing.lens import board, Lens
+from soft_continuum.estimation.sensing.lens import calibrate as calibrate_lens
 from soft_continuum.ui.cli.measure import tags
 from support.views import space_views, views
 

@@ -14,8 +14,8 @@ from soft_continuum.estimation.sensing.layout import (
     FRONT,
 )
 from soft_continuum.estimation.sensing.lens import Lens
-from soft_continuum.estimation.sensing.pose_fit import CORNER_DEVIATION, TagGroup
-from soft_continuum.estimation.sensing.tilt import SensorError
+from soft_continuum.estimation.sensing.tag_camera import CORNER_DEVIATION, TagCamera, TagGroup
+from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.parameters.parameter import ParameterError
 from support.views import covered, errors, EXACT, without_pose
 from support.views import space_views as views
@@ -31,7 +31,7 @@ EDGE = np.pi / 6  # and one there two
 def ideal():
     """Return a drawn camera, what measures in its pictures, and one of the straight arm."""
     drawn = views.camera()
-    return drawn, views.layout().camera(drawn.lens), drawn.picture(STRAIGHT)
+    return drawn, TagCamera(views.layout(), drawn.lens), drawn.picture(STRAIGHT)
 
 
 # The fit.
@@ -114,7 +114,7 @@ def test_a_wrong_focal_length_is_corrected_by_fixed_tags_at_different_depths():
 def test_discs_are_measured_where_they_are(preset, across, along, turn):
     random, found = np.random.default_rng(1), []
     drawn = views.camera(preset, **EXACT, calibration_error=0.0)
-    measuring = views.layout().camera(drawn.lens)
+    measuring = TagCamera(views.layout(), drawn.lens)
     for _ in range(3):
         truth = views.random_poses(random)
         sight = measuring.measure(drawn.picture(truth))
@@ -130,7 +130,7 @@ def test_a_second_camera_sees_what_the_first_is_not_sure_of(ideal):
     aside = views.camera(direction=FRONT - np.pi / 3)
     along = []
     for drawn in (ideal[0], aside):
-        sight = views.layout().camera(drawn.lens).measure(drawn.picture(BENT))
+        sight = TagCamera(views.layout(), drawn.lens).measure(drawn.picture(BENT))
         along.append(sight.discs[2])
     x, y = np.sqrt(np.diag(along[0].covariance)[:2])
     assert y > 1.5 * x  # along its view
@@ -159,13 +159,13 @@ def test_fixed_tags_that_are_elsewhere(ideal):
     tags = views.layout()
     exchanged = tags.fixed.copy()
     exchanged[[0, 1]] = exchanged[[1, 0]]
-    wrong = views.layout(fixed_poses=tuple(exchanged.ravel())).camera(ideal[0].lens)
+    wrong = TagCamera(views.layout(fixed_poses=tuple(exchanged.ravel())), ideal[0].lens)
     sight = wrong.measure(ideal[2])
     without_pose(sight, 'do not fit', 'tags.fixed_poses')
 
 
 def test_rings_that_were_printed_at_another_scale(ideal):
-    wrong = views.layout(disc_size=0.025).camera(ideal[0].lens)
+    wrong = TagCamera(views.layout(disc_size=0.025), ideal[0].lens)
     without_pose(wrong.measure(ideal[2]), 'tags of disc 0 are 24.0 mm', 'print at 100 %')
 
 
@@ -194,7 +194,7 @@ def test_of_a_disc_of_which_one_tag_is_seen_from_its_front_nothing_is_measured()
     tags = views.layout(fixed_poses=tuple(v for y in (-0.2, 0.2) for z in (0.0, 0.3)
                                           for v in (-0.3, y, z, 0.0)))
     drawn = views.camera(tags=tags, direction=HEAD_ON)
-    measuring, picture = tags.camera(drawn.lens), drawn.picture(STRAIGHT)
+    measuring, picture = TagCamera(tags, drawn.lens), drawn.picture(STRAIGHT)
     assert 2 in measuring.measure(picture).discs
     ring = tags.ring(2)
     aside = np.array([STRAIGHT[2, :3] + ring[k].centre for k in (13, 17)])  # at its sides
@@ -217,10 +217,10 @@ def test_rings_that_cannot_be_are_refused(changes, named):
 
 def tared(drawn, pictures=2):
     """Return what measures, after it has seen the straight arm."""
-    before = views.layout().camera(drawn.lens)
+    before = TagCamera(views.layout(), drawn.lens)
     seen = [before.measure(drawn.picture(STRAIGHT)).corners for _ in range(pictures)]
-    return views.layout().camera(drawn.lens,
-                                 corners_from_numbers(corners_as_numbers(corners_at_rest(seen))))
+    return TagCamera(views.layout(), drawn.lens,
+                     corners_from_numbers(corners_as_numbers(corners_at_rest(seen))))
 
 
 def test_a_tare_corrects_the_camera_and_how_tags_are_stuck():
@@ -228,7 +228,7 @@ def test_a_tare_corrects_the_camera_and_how_tags_are_stuck():
     random, before, after = np.random.default_rng(3), [], []
     for seed in range(2):
         drawn = views.camera('severe', seed=seed)
-        cameras = views.layout().camera(drawn.lens), tared(drawn)
+        cameras = TagCamera(views.layout(), drawn.lens), tared(drawn)
         for _ in range(2):
             truth = views.random_poses(random)
             picture = drawn.picture(truth)
@@ -244,11 +244,11 @@ def test_an_arm_that_bends_or_moves_is_not_tared(ideal):
     bent = views.poses((0.1, 0.0), (0.0, 0.0), (0.0, 0.0))
     straight, leans = (camera.measure(drawn.picture(one)).corners for one in (STRAIGHT, bent))
     with pytest.raises(SensorError, match='is the arm straight, does tags.fixed_poses fit'):
-        views.layout().camera(drawn.lens, leans)
+        TagCamera(views.layout(), drawn.lens, leans)
     with pytest.raises(SensorError, match='wait until the arm rests'):
         corners_at_rest([straight] * 3 + [leans] * 3)
     with pytest.raises(SensorError, match='no tags are seen'):
-        views.layout().camera(drawn.lens, {3: straight[4]})
+        TagCamera(views.layout(), drawn.lens, {3: straight[4]})
     with pytest.raises(ParameterError, match='tags.reference_corners has 8 numbers'):
         corners_from_numbers((1.0,) * 8)
     assert corners_from_numbers((0.0,)) == {}

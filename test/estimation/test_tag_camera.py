@@ -11,6 +11,7 @@ import pytest
 from soft_continuum.estimation.sensing.corners import TagDetector
 from soft_continuum.estimation.sensing.lens import Lens, LensError
 from soft_continuum.estimation.sensing.rigid import rotate
+from soft_continuum.estimation.sensing.tag_camera import TagCamera
 from soft_continuum.mechanics.arm import PLANAR_AXES
 from soft_continuum.parameters.parameter import ParameterError
 from support.views import errors, EXACT, views, without_pose
@@ -22,7 +23,7 @@ STRAIGHT = views.poses(0.0, 0.0, 0.0)
 def ideal():
     """Return a drawn camera, what measures in its pictures, and one of them."""
     drawn = views.camera()
-    return drawn, views.layout().camera(drawn.lens), drawn.picture(STRAIGHT)
+    return drawn, TagCamera(views.layout(), drawn.lens), drawn.picture(STRAIGHT)
 
 
 def rms(values):
@@ -34,7 +35,7 @@ def rms(values):
 def test_discs_are_measured_to_a_tenth_of_a_millimetre(preset, position, angle):
     random, found = np.random.default_rng(1), []
     drawn = views.camera(preset, **EXACT)
-    measuring = views.layout().camera(drawn.lens)
+    measuring = TagCamera(views.layout(), drawn.lens)
     for _ in range(5):
         truth = views.random_poses(random)
         sight = measuring.measure(drawn.picture(truth))
@@ -69,7 +70,7 @@ def test_fixed_tags_of_which_those_in_a_line_are_seen():
     places = (-0.3, -0.02, 0.15, -0.02, 0.3, -0.02, 0.3, 0.4, 0.15, 0.4, -0.3, 0.4)
     tags = views.layout(fixed_positions=places)
     drawn = views.camera(tags=tags)
-    measuring, picture = tags.camera(drawn.lens), drawn.picture(STRAIGHT)
+    measuring, picture = TagCamera(tags, drawn.lens), drawn.picture(STRAIGHT)
     assert len(measuring.measure(picture).discs) == 4
     hidden = drawn.project(tags.fixed[3:, :3]).astype(int)  # the upper row
     for u, v in hidden:
@@ -78,7 +79,7 @@ def test_fixed_tags_of_which_those_in_a_line_are_seen():
 
 
 def test_disc_tags_that_were_printed_at_another_scale(ideal):
-    sight = views.layout(disc_size=0.0275).camera(ideal[0].lens).measure(ideal[2])
+    sight = TagCamera(views.layout(disc_size=0.0275), ideal[0].lens).measure(ideal[2])
     assert not sight.discs
     assert 'tags.disc_size' in sight.problems[0]
 
@@ -113,7 +114,7 @@ def corners_of(tags, truth, turn=0.0, distance=0.85, noise=0.0, seed=0):
 def measured(corners, monkeypatch, tags=None):
     """Return what a planar camera measures when it detects these corners."""
     lens = Lens.of((1280, 960), [900, 0, 640, 0, 900, 480, 0, 0, 1], [0.0] * 5)
-    camera = (tags or views.layout()).camera(lens)
+    camera = TagCamera(tags or views.layout(), lens)
     monkeypatch.setattr(TagDetector, 'detect', lambda *_: list(corners.items()))
     return camera.measure(np.full((960, 1280), 90, np.uint8))
 

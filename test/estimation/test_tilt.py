@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.estimation.sensing.mounted_imus import imu_rotations
-from soft_continuum.estimation.sensing.tilt import ImuSample, ImuSettings, SensorError, UpFilter
+from soft_continuum.estimation.sensing.imus import imu_rotations, ImuSample, ImuSettings, UpFilter
+from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
 from support import imus
 

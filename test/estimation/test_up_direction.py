@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.estimation.sensing.mounted_imus import MountedImus, pose_of_up
-from soft_continuum.estimation.sensing.tilt import (
+from soft_continuum.estimation.sensing.imus import (
     ImuSample,
     ImuSettings,
-    rotation,
-    SensorError,
-    turn_between,
+    MountedImus,
+    pose_of_up,
     UpFilter,
 )
+from soft_continuum.estimation.sensing.rigid import rotation, turn_between
+from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.mechanics.arm import SPATIAL_AXES
 from soft_continuum.parameters.parameter import ParameterError
 from support.imus import Errors, GRAVITY

@@ -10,7 +10,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.nodes.arm_observer import ArmObserver, REPORTED
+from soft_continuum.nodes.reported_arm import ArmObserver, REPORTED
 from soft_continuum.nodes.suite_node import NodeInfo
 from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file

@@ -48,7 +48,7 @@ def test_the_base_is_measured_with_the_other_discs_but_alone_it_is_no_measuremen
 def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(monkeypatch):
     """The second of two stamps within 1/60 s used to be left out."""
     now = [0.0]
-    monkeypatch.setattr('soft_continuum.nodes.measurements.STEADY', lambda: now[0])
+    monkeypatch.setattr('soft_continuum.nodes.measurements.monotonic', lambda: now[0])
     node = Mock()
     poses = MeasuredPoses(node, ARM, FRAME, lambda: None)
     calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}

@@ -16,7 +16,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from soft_continuum.mechanics import Statics
-from soft_continuum.nodes.arm_observer import ArmObserver
+from soft_continuum.nodes.reported_arm import ArmObserver
 from soft_continuum.ros.conversions import equilibrium_to_ros
 from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file

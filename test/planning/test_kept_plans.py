@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.chain import Chain
+from soft_continuum.nodes import planning as nodes_planning
 from soft_continuum.nodes.planning import Planning
-from soft_continuum.planning.obstacles import CollisionScene
+from soft_continuum.planning.obstacles import Box, CollisionScene, Obstacle
 from soft_continuum.planning.plan_watch import KeptPlans
 from soft_continuum.planning.planner import Planner
-from soft_continuum.planning.plans import Shape, TipGoal
+from soft_continuum.planning.plans import PlanError, Shape, TipGoal
 from soft_continuum.planning.reach import ReachSettings
 from soft_continuum.planning.shape_plans import plan_shapes
 from soft_continuum.ros.estimates import Model
@@ -51,20 +52,13 @@ def find(kept, shapes, situation=SITUATION, bending=((0.0, 0.0),) * 3, pulls=(0.
 
 
 def test_the_same_shapes_from_the_same_place_have_the_plans_that_were_kept(kept, found):
-    plans = find(kept, SHAPES)
-    assert [plan.moves for plan in plans] == [one.plan.moves for one in found]
-
-
-def test_names_and_hold_times_are_those_that_are_asked_for(kept):
-    asked = replace(BOW, name='other', hold_time=9.0), replace(TIP, name='there', hold_time=3.0)
-    plan, = find(kept, asked[1:])
-    assert (plan.shape.name, plan.shape.hold_time) == ('there', 3.0)
+    assert [one.found for one in find(kept, SHAPES)] == found
 
 
 def test_a_later_shape_has_its_plan_from_where_the_one_before_it_ends(kept, found):
     before = found[0].plan
     begin = {'bending': before.state.bending, 'pulls': before.moves[-1].pulls[-1]}
-    assert find(kept, [BOW], **begin)[0].moves is found[1].plan.moves
+    assert find(kept, [BOW], **begin)[0].found is found[1]
     assert not find(kept, [BOW])
     assert not find(kept, [TIP], **begin)
 
@@ -105,13 +99,22 @@ def planning():
         tendons=SimpleNamespace(stops=0), shape=straight, pulls=(0.0, 0.0),
         shape_and_model=(straight, model), observation=lambda *_: rests)
     parameters = {p.name: p.default for p in NODE_PARAMETERS[SHAPE_SEQUENCER]}
-    planning = Planning(ARM, parameters, observed, lambda: scene, print)
+    parameters['reach.states'] = 1500
+    planning = Planning(ARM, parameters, observed, lambda: planning.around, print)
+    planning.parameters, planning.observed, planning.around = parameters, observed, scene
     yield planning
     planning.close()
 
 
 def moves_of(plans):
     return plans.result()[0].moves
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_names_and_hold_times_are_those_that_are_asked_for(planning, shape):
+    planning.plan([shape], first=True).result()
+    plan, = planning.plan([replace(shape, name='other', hold_time=9.0)]).result()
+    assert (plan.shape.name, plan.shape.hold_time) == ('other', 9.0)
 
 
 def test_a_shape_by_angles_is_planned_once_to_be_accepted_and_run(planning):
@@ -123,3 +126,36 @@ def test_a_shape_by_angles_is_planned_once_to_be_accepted_and_run(planning):
 def test_each_goal_is_checked_by_a_plan_of_its_own(planning):
     accepted = moves_of(planning.plan([BOW], first=True))
     assert moves_of(planning.plan([BOW], first=True)) is not accepted
+
+
+def test_the_search_that_accepted_a_goal_of_the_tip_goes_on_to_the_plan_that_is_run(
+        planning, monkeypatch):
+    planning.around = CollisionScene(ARM, [
+        Obstacle('wall', Box((0.02, 0.2, 0.02)), (0.05, 0.0, 0.32))])
+    accepted = moves_of(planning.plan([TIP], first=True))
+    monkeypatch.setattr(nodes_planning, 'plan_shapes', None)  # it is not planned once more
+    run = moves_of(planning.plan([TIP]))
+    monkeypatch.undo()
+    best = moves_of(planning.plan([TIP]))  # on its way it is planned again, all of it
+    assert run is not best and pulls_of(run) == pulls_of(best) != pulls_of(accepted)
+
+
+def pulls_of(moves):
+    return [move.pulls.tolist() for move in moves]
+
+
+def test_a_search_that_goes_on_is_abandoned_like_any_other(planning):
+    planning.parameters['reach.states'] = 100_000_000
+    planning.plan([TIP], first=True).result()
+    plans = planning.plan([TIP])
+    planning.abandon()
+    with pytest.raises(PlanError, match='abandoned'):
+        plans.result()
+
+
+def test_a_search_is_given_up_when_something_has_changed_since_the_goal_was_accepted(planning):
+    planning.plan([TIP], first=True).result()
+    planning.observed.tendons.stops += 1
+    planning.parameters['reach.states'] = 10
+    with pytest.raises(PlanError, match='too small'):
+        planning.plan([TIP]).result()

@@ -311,6 +311,17 @@ def test_more_states_find_no_worse_a_plan_few_are_kept_to_and_the_machine_s_spee
     assert plans(states=1300, time_limit=60.0)[-1].cut_short
 
 
+def test_the_time_until_an_interrupted_search_goes_on_does_not_count(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(search, 'monotonic', lambda: now[0])
+    budget = search.Budget(10, 5.0)
+    with budget.paused():
+        now[0] += 100.0
+    assert not budget.over
+    now[0] += 6.0
+    assert budget.over and budget.late
+
+
 def test_no_point_of_the_body_moves_farther_than_the_bound(behind):
     states = behind[0].run(behind[1], 1)
     draw = np.random.default_rng(0)

@@ -14,8 +14,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from soft_continuum.estimation.sensing.layout import family, MODULES
 from soft_continuum.estimation.sensing.lens import Lens
-from soft_continuum.estimation.sensing.pictures import Array, family, MODULES, Picture
+from soft_continuum.estimation.sensing.pictures import Picture
+from soft_continuum.mechanics.arm import Array
 
 QUICK, THOROUGH = (13, 13, 10), (3, 23, 10)
 """Windows of the adaptive threshold, px: smallest, largest, step."""

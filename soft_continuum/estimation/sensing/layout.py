@@ -6,28 +6,26 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, pi, sin, tan
-from typing import Any, ClassVar, Self, TYPE_CHECKING
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 import scipy
 
-from soft_continuum.estimation.sensing.lens import Lens
-from soft_continuum.estimation.sensing.pictures import Array, FAMILY_SIZE, MODULES
-from soft_continuum.estimation.sensing.rigid import planar_pose
-from soft_continuum.estimation.sensing.tare import straight_heights, tag_offset
-from soft_continuum.estimation.sensing.tilt import SensorError
-from soft_continuum.mechanics.arm import Arm
+from soft_continuum.estimation.sensing.pictures import Picture
+from soft_continuum.estimation.sensing.rigid import IDENTITY, planar_pose
+from soft_continuum.estimation.sensing.tare import SensorError, straight_heights, tag_offset
+from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml
 
-if TYPE_CHECKING:  # OpenCV may not be there
-    from soft_continuum.estimation.sensing.placed_tags import PlacedTags
-    from soft_continuum.estimation.sensing.tag_camera import TagCamera, TagDetections
-
+MODULES = 8
+"""Modules (squares of one colour) along the edge of a tag's black square."""
+FAMILY_SIZE = 587
+"""Size of the family 36h11."""
 FIRST_FIXED = 100
 """Number of the first fixed tag; those of the discs are lower, and begin with 0 at the base."""
 MIN_FIXED = 3
@@ -40,6 +38,7 @@ CORNERS = np.array([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)]) / 2.0
 FRONT = -pi / 2
 """Direction, rad about z from x, from which a planar arm is seen."""
 MAX_MOTION = 1.0  # px by which tags at rest may move
+FOCAL_DEVIATION = 0.005  # relative, of a good calibration
 NUMBERS = 9  # of a tag that was seen: its own, and u and v of its corners
 
 Corners = Mapping[int, Array]
@@ -71,6 +70,41 @@ class Tag:
         """Return the tag shifted (m) and turned (rotation vector, rad) along its axes."""
         turned = scipy.spatial.transform.Rotation.from_rotvec(turn).as_matrix().T @ self.axes
         return Tag(self.centre + shift @ self.axes, turned, self.size, spread)
+
+
+@dataclass(frozen=True)
+class PlacedTags:
+    """
+    Tags with their offsets, by number, and the camera that sees them.
+
+    fixed: in base_link.  rings: of each disc, in its frame.  offsets: by disc, pose (7,) of the
+    disc in that frame.  ring_spread: standard deviations of rings beyond the offsets of their
+    tags, (6,), m and rad.  focal: focal length over the calibrated one, with the standard
+    deviation focal_stddev.
+    """
+
+    fixed: Mapping[int, Tag]
+    rings: tuple[Mapping[int, Tag], ...]
+    offsets: Sequence[Array]
+    ring_spread: Array
+    focal: float = 1.0
+    focal_stddev: float = FOCAL_DEVIATION
+
+
+class Sighting(Protocol):
+    """
+    What a tare uses of an image, such as TagDetections.
+
+    by_tags: by disc, pose (7,) in base_link of the nominal disc frame of its tag.
+    """
+
+    @property
+    def corners(self) -> Corners:
+        """Corners of the tags."""
+
+    @property
+    def by_tags(self) -> Mapping[int, Array]:
+        """Poses of the discs without offsets."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +168,7 @@ class Layout(ABC):
         """Return the tag offsets of parameters tags.*; raises ParameterError."""
 
     @abstractmethod
-    def tared(self, stuck: Any, seen: 'Sequence[TagDetections]') -> tuple[list[int], Any, str]:
+    def tared(self, stuck: Any, seen: Sequence[Sighting]) -> tuple[list[int], Any, str]:
         """
         Return the detected discs, the tag offsets, and these as a parameter.
 
@@ -143,18 +177,13 @@ class Layout(ABC):
         """
 
     @abstractmethod
-    def placed(self, lens: Lens, stuck: Any) -> 'PlacedTags':
-        """Return the tags with offsets; raises SensorError for impossible ones."""
+    def placed(self, stuck: Any) -> PlacedTags:
+        """Return the tags with those offsets that need no camera."""
 
-    def camera(self, lens: Lens, stuck: Any = ()) -> 'TagCamera':
-        """
-        Return the detector of discs for images of a camera; needs OpenCV.
-
-        stuck: tag offsets; none for tags at their nominal positions.  Raises SensorError for
-        impossible ones.
-        """
-        from soft_continuum.estimation.sensing.tag_camera import TagCamera
-        return TagCamera(self, lens, self.placed(lens, stuck))
+    def _placed(self, offsets: Sequence[Array], ring_spread: Array) -> PlacedTags:
+        rings = tuple(map(self.ring, range(len(self.heights))))
+        return PlacedTags(self.fixed_tags, rings, offsets or [np.array(IDENTITY)] * len(rings),
+                          ring_spread)
 
 
 def _of_arm(arm: Arm, values: Mapping[str, Any], name: str, each: Sequence[str]
@@ -226,13 +255,13 @@ class TagLayout(Layout):
                                  f'and angle for each of {discs} discs, or 0.0 for none')
         return tuple(full_poses(np.reshape(given, (discs, 3))))
 
-    def tared(self, stuck: tuple[Array, ...], seen: 'Sequence[TagDetections]'
+    def tared(self, stuck: tuple[Array, ...], seen: Sequence[Sighting]
               ) -> tuple[list[int], tuple[Array, ...], str]:
         """Return the offsets of the discs seen in more than half of the images."""
         offsets, discs = list(stuck), []
         for n, height in enumerate(self.straight_heights):
             try:
-                poses = [sight.discs[n].by_tags for sight in seen if n in sight.discs]
+                poses = [sight.by_tags[n] for sight in seen if n in sight.by_tags]
                 if 2 * len(poses) > len(seen):
                     offsets[n] = tag_offset(poses, height)
                     discs.append(n)
@@ -241,10 +270,9 @@ class TagLayout(Layout):
         numbers = tuple(float(v) for offset in offsets for v in planar_pose(offset))
         return discs, tuple(offsets), f'offsets: {as_yaml(numbers, 6)}'
 
-    def placed(self, lens: Lens, stuck: tuple[Array, ...]) -> 'PlacedTags':
+    def placed(self, stuck: tuple[Array, ...]) -> PlacedTags:
         """Return the tags at their nominal positions, and the offsets."""
-        from soft_continuum.estimation.sensing.placed_tags import PlacedTags
-        return PlacedTags.of(self, stuck)
+        return self._placed(stuck, np.zeros(6))
 
 
 @dataclass(frozen=True)
@@ -317,7 +345,7 @@ class RingLayout(Layout):
                                  'keep tags.reference_corners, which a tare returns: tare again')
         return corners_from_numbers(values['tags.reference_corners'])
 
-    def tared(self, stuck: Corners, seen: 'Sequence[TagDetections]'
+    def tared(self, stuck: Corners, seen: Sequence[Sighting]
               ) -> tuple[list[int], Corners, str]:
         """Return the corners of the tags seen in more than half of the images."""
         corners = corners_at_rest([sight.corners for sight in seen])
@@ -325,11 +353,9 @@ class RingLayout(Layout):
             self.ring(n))]
         return discs, corners, f'reference_corners: {as_yaml(corners_as_numbers(corners), 7)}'
 
-    def placed(self, lens: Lens, stuck: Corners) -> 'PlacedTags':
-        """Return the tags where they were seen on the straight arm, if they were."""
-        from soft_continuum.estimation.sensing.placed_tags import PlacedTags
-        return PlacedTags.seen_straight(self, lens, stuck) if stuck else PlacedTags.of(
-            self, ring_spread=self.ring_spread)
+    def placed(self, stuck: Corners) -> PlacedTags:
+        """Return the nominal tags; see straight_tags for those that were seen."""
+        return self._placed((), self.ring_spread)
 
 
 def layout_of(values: Mapping[str, Any]) -> Layout:
@@ -357,6 +383,19 @@ def _upright(direction: float) -> Array:
     """Return the axes of an upright tag that faces ``direction``, rad about z from x."""
     c, s = cos(direction), sin(direction)
     return np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]])
+
+
+def family() -> Any:
+    """Return the family as a dictionary of OpenCV."""
+    import cv2
+    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+
+
+def white_modules(number: int) -> NDArray[np.bool_]:
+    """Return which modules of a tag are white, (MODULES, MODULES), from its upper left."""
+    import cv2
+    drawn: Picture = cv2.aruco.generateImageMarker(family(), number, MODULES)
+    return drawn > 127
 
 
 # Corners of the tags around the straight arm, as stored in a parameter.

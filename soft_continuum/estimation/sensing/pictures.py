@@ -1,21 +1,26 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Types of images, and the appearance of tags in them."""
+"""Grey images, and their sources besides ROS: a video device, a video file, a folder."""
 
-from typing import Any
+from collections.abc import Iterator
+from pathlib import Path
+import re
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from soft_continuum.text import printable
+
 Picture = NDArray[np.uint8]
 """Grey, (height, width)."""
 
 BLACK = 8  # grey value that the brightest part of a picture exceeds
-MODULES = 8
-"""Modules (squares of one colour) along the edge of a tag's black square."""
-FAMILY_SIZE = 587
-"""Size of the family 36h11."""
+SUFFIXES = ('.png', '.jpg', '.jpeg', '.bmp', '.pgm', '.tif', '.tiff')
+DEVICE = re.compile(r'/dev/video\d+|/dev/v4l/.+')
+
+
+class SourceError(ValueError):
+    """The source has no images, or no more; the message says why."""
 
 
 def is_black(picture: Picture) -> bool:
@@ -23,14 +28,60 @@ def is_black(picture: Picture) -> bool:
     return bool(picture.max() <= BLACK)
 
 
-def family() -> Any:
-    """Return the family 36h11 as a dictionary of OpenCV."""
-    import cv2
-    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+def is_device(source: str) -> bool:
+    """Return whether a source is a device, which streams without end at its own rate."""
+    return DEVICE.fullmatch(source) is not None
 
 
-def white_modules(number: int) -> NDArray[np.bool_]:
-    """Return which modules of a tag are white, (MODULES, MODULES), from its upper left."""
+def pictures(source: str, size: tuple[int, int]) -> Iterator[Picture]:
+    """
+    Yield the grey images (height, width) of a device, a video file or a folder, in order.
+
+    size: (width, height) px requested from a device.  Raises SourceError.
+    """
     import cv2
-    drawn: Picture = cv2.aruco.generateImageMarker(family(), number, MODULES)
-    return drawn > 127
+    path = Path(source)
+    try:
+        if path.is_dir():
+            yield from _of_folder(path)
+        elif is_device(source) or path.is_file():
+            yield from _of_video(source, size)
+        else:
+            raise SourceError(f'camera.source {printable(source)!r} does not exist; give a video '
+                              'device such as /dev/video0, a video file or a folder of images')
+    except (OSError, cv2.error) as error:
+        raise SourceError(f'{source} cannot be read: {error}') from None
+
+
+def _of_folder(folder: Path) -> Iterator[Picture]:
+    import cv2
+    paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
+    if not paths:
+        raise SourceError(f'{folder} contains no images; supported: {", ".join(SUFFIXES)}')
+    for path in paths:
+        picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        if picture is None:
+            raise SourceError(f'{path} cannot be read as an image')
+        yield np.asarray(picture, dtype=np.uint8)
+
+
+def _of_video(source: str, size: tuple[int, int]) -> Iterator[Picture]:
+    import cv2
+    video = cv2.VideoCapture(source)
+    try:
+        if not video.isOpened():
+            raise SourceError(f'{source} cannot be opened; is it a video, is the camera plugged '
+                              'in, free, and may you use it (group video)?')
+        if is_device(source):
+            video.set(cv2.CAP_PROP_FRAME_WIDTH, size[0])
+            video.set(cv2.CAP_PROP_FRAME_HEIGHT, size[1])
+            video.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        while True:
+            read, picture = video.read()
+            if not read:
+                if is_device(source):
+                    raise SourceError(f'{source} delivers no more images; is it still plugged in?')
+                return
+            yield np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    finally:
+        video.release()

@@ -13,9 +13,14 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.estimation.sensing.layout import Layout, QUIET_ZONE, RingLayout
-from soft_continuum.estimation.sensing.lens_calibration import board, COLUMNS, ROWS, SQUARE
-from soft_continuum.estimation.sensing.pictures import MODULES, white_modules
+from soft_continuum.estimation.sensing.layout import (
+    Layout,
+    MODULES,
+    QUIET_ZONE,
+    RingLayout,
+    white_modules,
+)
+from soft_continuum.estimation.sensing.lens import board, COLUMNS, ROWS, SQUARE
 from soft_continuum.parameters.parameter import ParameterError
 
 A4 = 0.210, 0.297  # m

@@ -7,6 +7,7 @@ The pose of B in A maps coordinates in B to coordinates in A.
 """
 
 from collections.abc import Sequence
+from math import atan2, hypot, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from soft_continuum.mechanics.orientations import cross_matrices, full_poses
 
 IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 UP = np.array([0.0, 0.0, 1.0])
+TINY = 1e-12  # rad
 UNKNOWN = 1e6
 """Variance, m^2 or rad^2, of a coordinate that is not measured."""
 
@@ -108,6 +110,33 @@ def displaced(pose: Array, by: Array) -> Array:
     angle = np.linalg.norm(by[3:])
     turn = np.append(0.5 * np.sinc(angle / (2.0 * np.pi)) * by[3:], np.cos(0.5 * angle))
     return np.concatenate([pose[:3] + by[:3], _product(turn, pose[3:])])
+
+
+def turn_between(one: Array, other: Array) -> Array:
+    """Return the rotation vector (3,), rad, of the smallest turn from a direction to another."""
+    across, along = skew(one) @ other, one @ other
+    sine = hypot(*across.tolist())
+    if sine < TINY and along < 0.0:  # half a turn, about anything across it: y where that is
+        across = skew(one)[:, 2 if abs(one[2]) < abs(one[0]) else 0]
+        return np.asarray(np.pi / hypot(*across) * across)
+    return np.asarray(atan2(sine, along) / max(sine, TINY) * across)
+
+
+def rotation(vector: Array) -> Array:
+    """Return the matrix (3, 3) of a rotation vector (3,), rad."""
+    x, y, z = vector.tolist()
+    angle = max(hypot(x, y, z), TINY)
+    across, twice = sin(angle) / angle, 2.0 * (sin(angle / 2.0) / angle)**2
+    return np.array([
+        [1.0 - twice * (y*y + z*z), twice * x*y - across * z, twice * x*z + across * y],
+        [twice * x*y + across * z, 1.0 - twice * (x*x + z*z), twice * y*z - across * x],
+        [twice * x*z - across * y, twice * y*z + across * x, 1.0 - twice * (x*x + y*y)]])
+
+
+def skew(vector: Array) -> Array:
+    """Return the matrix (3, 3) of the cross product with a vector (3,)."""
+    x, y, z = vector.tolist()  # np.cross takes ten times as long
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _product(a: Array, b: Array) -> Array:

@@ -15,8 +15,8 @@ from soft_continuum.estimation.sensing.rigid import (
     IDENTITY,
     inverse,
     mean_pose,
+    turn_between,
 )
-from soft_continuum.estimation.sensing.tilt import SensorError, turn_between
 from soft_continuum.mechanics.arm import Arm, Array
 
 WINDOW = 1.0
@@ -39,6 +39,10 @@ MAX_TILT = 0.5
 """rad, permitted turn of an IMU on its disc."""
 
 T = TypeVar('T')
+
+
+class SensorError(ValueError):
+    """Data of a sensor cannot be used; the message says why, and what to do."""
 
 
 def straight_heights(arm: Arm) -> tuple[float, ...]:

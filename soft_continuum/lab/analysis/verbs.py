@@ -18,8 +18,9 @@ from tqdm import tqdm
 from soft_continuum import version
 from soft_continuum.client.errors import ClientError, NodesMissingError
 from soft_continuum.estimation.sensing.lens import LensError
-from soft_continuum.estimation.sensing.sources import SourceError
+from soft_continuum.estimation.sensing.pictures import SourceError
 from soft_continuum.extras import require
+from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.lab.analysis.delimited import MeasurementError
 from soft_continuum.mechanics import Arm, ArmError, LawError, StaticsError
 from soft_continuum.parameters.arguments import (
@@ -95,7 +96,7 @@ def run_verb(parser: Parser, run: Callable[[argparse.Namespace], int | None],
         return run(options) or DONE
     except BAD_INPUT as error:
         return parser.fail(error, WRONG_USAGE)
-    except (ClientError, DeclinedError) as error:
+    except (ClientError, DeclinedError, HardwareError) as error:
         return parser.fail(error, NO_NODES if isinstance(error, NodesMissingError) else FAILED)
     except BrokenPipeError:
         raise

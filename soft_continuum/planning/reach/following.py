@@ -101,7 +101,8 @@ class _Following:
             for track in self._tracks(nodes):
                 if best is None or track.cost < best.cost:
                     best = track
-                    yield self._result(track)
+                    with self.budget.paused():
+                        yield self._result(track)
         late = self.budget.late
         if best is None:
             why = ('the path is blocked or out of reach: found no path from its first goal to its '

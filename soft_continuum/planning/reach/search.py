@@ -10,6 +10,7 @@ once.
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from math import inf
 from time import monotonic
@@ -133,7 +134,8 @@ class Search:
                 found = self._result(node)
                 if self._cost(found) < self._best_cost():
                     self.best, self.best_candidate, self.last = found, candidate, node
-                    yield found
+                    with self.budget.paused():
+                        yield found
         except PlanError:
             self.planner.check_wanted()  # else the budget is spent
 
@@ -374,6 +376,13 @@ class Budget:
         """Allow so much more."""
         self.states += states
         self._end += seconds
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Take no account of the time until the search goes on."""
+        begin = monotonic()
+        yield
+        self._end += monotonic() - begin
 
     @property
     def over(self) -> bool:

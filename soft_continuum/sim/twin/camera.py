@@ -18,14 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from soft_continuum.estimation.sensing.layout import FRONT, Layout, QUIET_ZONE, RingLayout
-from soft_continuum.estimation.sensing.lens import Lens
-from soft_continuum.estimation.sensing.pictures import (
-    Array,
+from soft_continuum.estimation.sensing.layout import (
+    FRONT,
+    Layout,
     MODULES,
-    Picture,
+    QUIET_ZONE,
+    RingLayout,
     white_modules,
 )
+from soft_continuum.estimation.sensing.lens import Lens
+from soft_continuum.estimation.sensing.pictures import Picture
+from soft_continuum.mechanics.arm import Array
 from soft_continuum.sim.twin.model_errors import ModelErrors
 
 WIDTH, HEIGHT = 1280, 960  # px
