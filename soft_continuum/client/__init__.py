@@ -24,8 +24,7 @@ if TYPE_CHECKING:
         SequenceError,
     )
     from soft_continuum.client.estimate import Anomaly, Estimate, LearnedParameter
-    from soft_continuum.client.plan import Plan, PlanStep
-    from soft_continuum.client.sequence import Held, RunningSequence
+    from soft_continuum.client.sequence import Held, Plan, PlanStep, RunningSequence
     from soft_continuum.client.state import (
         ArmState,
         NodeReport,
@@ -62,7 +61,7 @@ __all__ = [
 
 # Errors first: a program that only stops the arm loads neither NumPy nor the state classes.
 __getattr__ = names_from(__name__, __all__, (
-    'errors', 'arm', 'state', 'estimate', 'plan', 'sequence'))
+    'errors', 'arm', 'state', 'estimate', 'sequence'))
 
 
 def __dir__() -> list[str]:

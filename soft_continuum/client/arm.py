@@ -28,8 +28,7 @@ if TYPE_CHECKING:  # stop must not wait for any of these
     from soft_continuum.client.measured import MeasuredArm, MeasuredDisc
     from soft_continuum.client.observed import ObservedArm
     from soft_continuum.client.obstacles import ArmObstacles
-    from soft_continuum.client.plan import Plan
-    from soft_continuum.client.sequence import RunningSequence, ShapeLike
+    from soft_continuum.client.sequence import Plan, RunningSequence, ShapeLike
     from soft_continuum.client.state import ArmState, Progress, SequenceResult
     from soft_continuum.client.tip import Tip
     from soft_continuum.mechanics import arm as mechanics
@@ -173,13 +172,34 @@ class Arm:
 
         Raises ClientError while the shape is unknown, and for axes of the wrong kind.
         """
-        from soft_continuum.client.plot import plot
+        from matplotlib import pyplot
+
+        from soft_continuum.client.observed import KINEMATICS_STATE
+        from soft_continuum.mechanics.chain import Chain
+        from soft_continuum.mechanics.drawing import draw_arm, projection_of
+        from soft_continuum.planning.obstacles.drawing import draw_obstacles
+        from soft_continuum.ros.conversions import equilibrium_from_ros
         description, observed = self.description, self._observe()
         if observed.snapshot().joint_angles is None:
             raise ClientError('kinematics publishes no shape; it reports: '
                               + (self.state.node('kinematics').message or 'nothing'))
-        return plot(observed, description, axes, self.obstacles.known if running_nodes(
-            self._connection.node, [SHAPE_SEQUENCER])[SHAPE_SEQUENCER] else ())
+        message = observed.message(KINEMATICS_STATE)
+        state = None if message is None else equilibrium_from_ros(message, Chain(description))
+        if state is None:
+            raise ClientError('kinematics publishes no shape of the arm that it describes; was it '
+                              'restarted?')
+        projection = projection_of(description)
+        if axes is None:
+            axes = pyplot.figure().add_subplot(projection=projection)
+        if projection and axes.name != projection:
+            raise ClientError(f'a spatial arm needs axes with projection={projection!r}, or leave '
+                              'them out')
+        draw_arm(axes, state)
+        if running_nodes(self._connection.node, [SHAPE_SEQUENCER])[SHAPE_SEQUENCER]:
+            draw_obstacles(axes, self.obstacles.known, description.length)
+        if not projection:
+            axes.set_ylabel('z in mm')
+        return axes
 
     def measure(self, duration: float = 1.0) -> 'dict[int, MeasuredDisc]':
         """
@@ -274,8 +294,7 @@ class Arm:
         time_limit: maximum duration of that search, s; 0: the parameter reach.time_limit.  The
         Plan says whether all shapes can be set, or why not.
         """
-        from soft_continuum.client.plan import plan_shapes
-        return self._do(plan_shapes(self._requests, shapes, time_limit, states))
+        return self._do(self._requests.plan(shapes, time_limit, states))
 
     def start(self, *shapes: 'ShapeLike', hold: float = 0.0, aim: str = AIMS[0]
               ) -> 'RunningSequence':

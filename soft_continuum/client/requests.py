@@ -38,7 +38,7 @@ from soft_continuum_interfaces.srv import SetVacuum
 
 if TYPE_CHECKING:  # imports that stop does not need are local
     from soft_continuum.client.observed import ObservedArm
-    from soft_continuum.client.sequence import RunningSequence, ShapeLike
+    from soft_continuum.client.sequence import Plan, RunningSequence, ShapeLike
     from soft_continuum.client.state import SequenceResult
     from soft_continuum.mechanics.arm import Arm
     from soft_continuum_interfaces.msg import TendonTrajectory
@@ -367,6 +367,28 @@ class Requests(Tasks):
             TendonTrajectory, f'{TENDON_ACTUATION}/tendon_trajectory', COMMAND)
 
     # Sequences of shapes.
+
+    async def plan(self, shapes: 'Sequence[ShapeLike]', time_limit: float = 0.0, states: int = 0
+                   ) -> 'Plan':
+        """
+        Return the plan to set shapes from the present state; nothing moves.
+
+        shapes: as for Arm.run.  time_limit: maximum duration of the search for each, s; 0: the
+        parameter reach.time_limit.  states: number of states to evaluate in the search for a
+        better plan for each; 0: as many as the action.  Raises ValueError for invalid arguments,
+        NodesMissingError or NoAnswerError.
+        """
+        from soft_continuum.client.sequence import goal, plan_from_ros
+        from soft_continuum_interfaces.srv import PlanShapes
+        if not 0.0 <= time_limit < inf:
+            raise ValueError(f'time_limit is {time_limit} s; allowed: 0 and more')
+        if not 0 <= states < 2**32:
+            raise ValueError(f'states is {states}; allowed: 0 to {2**32 - 1}')
+        messages = goal(shapes, 0.0).shapes
+        return plan_from_ros(await self.call(
+            PlanShapes, f'{SHAPE_SEQUENCER}/plan_shapes', shapes=messages, time_limit=time_limit,
+            states=states, within=PLANNING_TIMEOUT + TIP_TIMEOUT * len(messages)
+            + 2.0 * time_limit * len(messages)))
 
     async def send(self, shapes: 'Sequence[ShapeLike]', hold: 'float | Sequence[float]',
                    aim: str = AIMS[0]) -> 'RunningSequence':

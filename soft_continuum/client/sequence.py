@@ -1,26 +1,38 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""A sequence of shapes: its goal, while it runs, and its result."""
+"""A sequence of shapes: its goal, its plan, while it runs, and its result."""
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
+from math import inf
 import threading
 from typing import Any
 
-from geometry_msgs.msg import Point, Pose, Quaternion
+from geometry_msgs.msg import Point, Quaternion
+from geometry_msgs.msg import Pose as PoseMessage
 
 from soft_continuum.client.errors import NoAnswerError
-from soft_continuum.client.state import pose_of, Progress, progress_of, Reached, SequenceResult
+from soft_continuum.client.state import (
+    Pose,
+    pose_of,
+    Progress,
+    progress_of,
+    Reached,
+    SequenceResult,
+)
 from soft_continuum.client.tip import Tip
 from soft_continuum.planning import TIP_KINDS
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.sequencing import AIMS, Code
-from soft_continuum.text import MAX_ITEMS, printable
+from soft_continuum.text import MAX_ITEMS, MAX_NAME, printable
+from soft_continuum_interfaces import msg
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Shape, ShapeSequencerState, TipGoal
+from soft_continuum_interfaces.srv import PlanShapes
 
 MAX_HOLD = 86400.0  # s
+MAX_STEPS, MAX_POSES = 1000, 10_000  # of a plan
 OUTCOMES = {getattr(RunShapeSequence.Result, code.name): code.name for code in Code}
 
 Bending = float | tuple[float, float]
@@ -83,7 +95,7 @@ def tip_goal(tip: Tip) -> TipGoal:
     return TipGoal(
         kind=TIP_KINDS.index(tip.kind), position_tolerance=float(tip.tolerance),
         angle_tolerance=float(tip.angle_tolerance),
-        pose=Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(**turn)))
+        pose=PoseMessage(position=Point(x=x, y=y, z=z), orientation=Quaternion(**turn)))
 
 
 def angles_and_directions(shape: Sequence[Bending]) -> dict[str, list[float]]:
@@ -206,3 +218,80 @@ class RunningSequence:
         Returns at once; ``result()`` then raises SequenceError with outcome CANCELED.
         """
         self._cancel()
+
+
+# Plans.
+
+
+@dataclass(frozen=True)
+class PlanStep:
+    """
+    A step: one segment softened, bent and stiffened, or the whole arm bent without jamming.
+
+    shape: its index, from 0.  segment: from 1 at the base; 0: the whole arm.  bending_angles: rad,
+    of every segment at the end; bending_directions: rad, empty for planar arms.  duration: s of
+    tendon motion.  tension: N, the maximum during the step.  clearance: m, the minimum distance to
+    an obstacle, inf without any; obstacle: its name.  tip: path of the tip.
+    """
+
+    shape: int
+    segment: int
+    bending_angles: tuple[float, ...]
+    bending_directions: tuple[float, ...]
+    duration: float
+    tension: float
+    clearance: float
+    obstacle: str
+    tip: tuple[Pose, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """
+    A plan to set shapes.
+
+    found: whether all can be set.  message: why not, else empty; steps then lead to the nearest
+    reachable shape, if any.  tip_errors: m from the tip to each goal at the end, or the maximum on
+    a path; 0 for shapes by angles.  planning_time: s.
+    """
+
+    found: bool
+    message: str
+    steps: tuple[PlanStep, ...]
+    tip_errors: tuple[float, ...]
+    planning_time: float
+
+    @property
+    def softenings(self) -> int:
+        """Number of softenings; without jamming, number of motions."""
+        return len(self.steps)
+
+    @property
+    def duration(self) -> float:
+        """Duration of tendon motion, s."""
+        return sum(step.duration for step in self.steps)
+
+    @property
+    def tension(self) -> float:
+        """Maximum tension, N."""
+        return max((step.tension for step in self.steps), default=0.0)
+
+    @property
+    def clearance(self) -> float:
+        """Minimum clearance, m; inf without obstacles."""
+        return min((step.clearance for step in self.steps), default=inf)
+
+
+def plan_from_ros(response: PlanShapes.Response) -> Plan:
+    """Return the response of plan_shapes, clipped."""
+    return Plan(response.success, printable(response.message),
+                tuple(map(_step, response.steps[:MAX_STEPS])),
+                tuple(response.tip_errors[:MAX_ITEMS]), response.planning_time)
+
+
+def _step(step: msg.PlanStep) -> PlanStep:
+    return PlanStep(
+        step.shape_index, step.segment, tuple(step.bending_angles[:MAX_ITEMS]),
+        tuple(step.bending_directions[:MAX_ITEMS]), step.duration, step.largest_tension,
+        step.smallest_clearance, printable(step.nearest_obstacle, MAX_NAME),
+        tuple(map(pose_of, step.tip_path[:MAX_POSES])))

@@ -6,6 +6,7 @@ from contextlib import closing
 from functools import partial
 from math import radians
 from threading import Event
+from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Vector3
@@ -15,9 +16,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from std_srvs.srv import SetBool
 
+from soft_continuum.client.arm import Arm
 from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
-from soft_continuum.client.plot import plot
 from soft_continuum.nodes import servo
 from soft_continuum.ros.conversions import pose_from_ros, poses_from_ros
 from soft_continuum.ros.description import load_arm, load_description
@@ -103,13 +104,15 @@ def test_a_client_has_all_of_an_arm_without_jamming_though_no_valves_report(tend
         'segment 1', 'segment 2', 'segment 3']
     assert observed.snapshot().stiff == ()
     assert 'jamming_valves' not in str(observed.snapshot())
-    arm = load_arm(TENDON_ARM)
-    drawn = plot(observed, arm, None)
+    client = SimpleNamespace(
+        description=load_arm(TENDON_ARM), obstacles=SimpleNamespace(known=()),
+        _observe=lambda: observed, _connection=SimpleNamespace(node=tendon_arm.observer))
+    drawn = Arm.plot(client)
     tip = observed.snapshot().tip.position
     ends = [[part[-1] for part in line.get_data_3d()] for line in drawn.get_lines()]
     assert pytest.approx([1e3 * part for part in tip], abs=0.05) in ends
     with pytest.raises(ClientError, match="projection='3d'"):
-        plot(observed, arm, Figure().subplots())
+        Arm.plot(client, Figure().subplots())
 
 
 def test_a_goal_that_the_arm_cannot_do_is_rejected_with_the_reason(tendon_arm):

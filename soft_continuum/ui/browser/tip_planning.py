@@ -7,8 +7,8 @@ from math import isfinite, pi
 from time import monotonic
 
 from soft_continuum.client import ClientError, Tip
-from soft_continuum.client.plan import Plan, plan_shapes, PlanStep
 from soft_continuum.client.requests import Requests
+from soft_continuum.client.sequence import Plan, PlanStep
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain
@@ -100,9 +100,8 @@ class TipPlanning:
             if states == WHILE_DRAGGED:
                 self._awaited = now
             try:
-                planned = _planned(goal, await plan_shapes(
-                    self._requests, [goal], states=states), arm,
-                                   states == WHILE_DRAGGED)
+                plan = await self._requests.plan([goal], states=states)
+                planned = _planned(goal, plan, arm, states == WHILE_DRAGGED)
             except ClientError as error:
                 planned = Planned(goal, None, str(error))
             finally:
