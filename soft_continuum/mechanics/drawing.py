@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.mechanics.orientations import matrices
+from soft_continuum.mechanics.rotations import matrices
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics.chain import Equilibrium
@@ -74,7 +74,7 @@ def draw_arm(axes: Any, state: 'Equilibrium', soft: Collection[int] | None = Non
 
 def rim(pose: Array, radius: float) -> Array:
     """Return the edge of a disc, (RING, 3), m; pose (7,), radius in m."""
-    edge: Array = pose[:3] + radius * circle(RING) @ matrices(pose[None, 3:])[0].T
+    edge: Array = pose[:3] + radius * circle(RING) @ matrices(pose[3:]).T
     return edge
 
 
