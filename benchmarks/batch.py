@@ -13,7 +13,8 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics import SLACK, Statics
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.batch import Batch, solve_batch
+from soft_continuum.mechanics.batch import solve_batch
+from soft_continuum.mechanics.chain import Batch
 
 COUNT = 10_000
 CHECKED = 50  # problems that are compared with Statics.solve

@@ -17,7 +17,7 @@ import sys, time
 if 'without' in sys.argv:
     sys.modules['numba'] = None
 begin = time.perf_counter()
-from soft_continuum.mechanics.statics import warm_up
+from soft_continuum.mechanics._kernel import warm_up
 warm_up()
 print(time.perf_counter() - begin)
 """

@@ -84,6 +84,6 @@ def measured(study: Study, directory: Path, processes: int, killed: bool
 def loaded() -> Any:
     """Load in a worker what units need."""
     from soft_continuum.lab.study import running
-    from soft_continuum.mechanics.statics import warm_up
+    from soft_continuum.mechanics._kernel import warm_up
     warm_up()
     return running.__name__

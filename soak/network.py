@@ -14,7 +14,7 @@ import time
 from benchmarks.tables import table
 from soak.report import progress, Report, spread
 from soak.workbench import domain, FAILED
-from soft_continuum.mechanics.statics import warm_up
+from soft_continuum.mechanics._kernel import warm_up
 from support.split_arm import SplitArm
 from support.two_computers import PERFECT, Quality, why_not, WORKSTATION
 

@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory
 import yaml
 
 from soak.boards import Board, BOARDS, Pulls
-from soft_continuum.mechanics.statics import warm_up
+from soft_continuum.mechanics._kernel import warm_up
 from soft_continuum.sim.emulators.modbus import ModbusEmulator
 from soft_continuum.user_files import description_file
 from support.processes import NodeProcess, Processes

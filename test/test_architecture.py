@@ -7,6 +7,11 @@ import re
 import subprocess
 import sys
 
+import grimp
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -14,6 +19,21 @@ def test_rooms_import_only_what_is_below_them():
     linter = Path(sys.executable).with_name('lint-imports')
     done = subprocess.run([linter, '--no-cache'], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_no_module_imports_itself_through_others():
+    graph = grimp.build_graph('soft_continuum', cache_dir=None)  # with imports inside functions
+    names = sorted(graph.modules)
+    row, column = np.array([
+        (names.index(name), names.index(other)) for name in names
+        for other in graph.find_modules_directly_imported_by(name)]).T
+    count, circle_of = connected_components(
+        coo_array((np.ones(len(row)), (row, column)), (len(names), len(names))),
+        connection='strong')
+    together: list[set[str]] = [set() for _ in range(count)]
+    for name, circle in zip(names, circle_of, strict=True):
+        together[circle].add(name.removeprefix('soft_continuum.'))
+    assert not [each for each in together if len(each) > 1]
 
 
 KIND = re.compile(r'isinstance\([^)]*\b(Plane|Space)?(Arm|Chain|Statics|Equilibrium)\b'

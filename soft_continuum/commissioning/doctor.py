@@ -143,11 +143,9 @@ def _check_model() -> Check:
     step, begin = 'model', monotonic()
     try:
         # Imported here so that an installation that cannot compile can be diagnosed too.
-        statics = import_module('soft_continuum.mechanics.statics')
         kernel = import_module('soft_continuum.mechanics._kernel')
         if kernel.must_build():
             print('compiling the model, which takes up to a minute once ...', file=sys.stderr)
-        statics.warm_up()
         runs_in = kernel.functions().runs_in
     except Exception as error:  # numba and its compiler fail in many ways
         return Check(step, FAIL, f'does not compile: {type(error).__name__}: {_first(error)}; '

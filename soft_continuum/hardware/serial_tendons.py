@@ -22,6 +22,7 @@ from soft_continuum.hardware.protocols import (
     TendonReading,
 )
 from soft_continuum.hardware.real_time import ask_for_real_time
+from soft_continuum.hardware.serial_ports import close_serial, open_serial
 from soft_continuum.parameters.parameter import ParameterError, spread
 
 CLOSE_TIMEOUT = 1.0  # s that close() gives the tendons to stop
@@ -39,20 +40,27 @@ def check_per_tendon(family: str, tendons: Sequence[str], *, signs: Sequence[flo
         raise ParameterError(f'parameter {family}.signs is {list(signs)}; allowed: 1 or -1')
 
 
-class Wakeable:
-    """An open line, used by one thread, that others may wake or abort."""
+class SerialLink:
+    """An open port with a device behind it, used by one thread, that others may wake or abort."""
 
-    def __init__(self, name: str, clock: Clock) -> None:
-        """Begin to wait for a line with the name of a port."""
-        self.name, self.clock = name, clock
+    DEVICE: ClassVar[str]
+    """What is behind it, for messages."""
+
+    def __init__(self, port: str, baud_rate: int, clock: Clock) -> None:
+        """Open a port that no other program may open until it is closed."""
+        self.name, self.clock = port, clock
+        self.line = open_serial(port, baud_rate)
         self._woken, self._waker = socketpair()
         self._waker.setblocking(False)
         self._aborted = False
 
     def close(self) -> None:
-        """Release the resources of waiting; a second call does nothing."""
-        self._waker.close()
-        self._woken.close()
+        """Close the port; a second call does nothing."""
+        try:
+            close_serial(self.line)
+        finally:
+            self._waker.close()
+            self._woken.close()
 
     def wait(self, timeout: float) -> object:
         """Wait ``timeout`` (s), or until there is something to do."""
@@ -87,8 +95,13 @@ class Wakeable:
         if self._aborted:
             raise HardwareError(f'{self.name} was closed while it was being opened')
 
+    def lost(self, reason: object) -> HardwareError:
+        """Return the error of a lost connection."""
+        return HardwareError(f'the connection to {self.DEVICE} on {self.name} is lost ({reason}); '
+                             'check the cable and the power')
 
-LinkT = TypeVar('LinkT', bound=Wakeable)
+
+LinkT = TypeVar('LinkT', bound=SerialLink)
 
 
 class Session(ABC, Generic[LinkT]):

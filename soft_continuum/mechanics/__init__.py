@@ -7,9 +7,10 @@ Mechanics of a tendon-driven continuum arm with segments that are locked by jamm
 inverse problem: pulls for a shape or a tip.  docs/explanation/mechanics.md derives the method.
 """
 
-from typing import TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from soft_continuum.extras import names_from
+from soft_continuum.mechanics import kinds
 
 if TYPE_CHECKING:
     from soft_continuum.mechanics import constant_curvature, stiffness
@@ -25,8 +26,9 @@ if TYPE_CHECKING:
         tendon_pair,
         Wrench,
     )
-    from soft_continuum.mechanics.batch import Batch, solve_batch, solve_path
-    from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, SLACK
+    from soft_continuum.mechanics.batch import solve_batch, solve_path
+    from soft_continuum.mechanics.chain import Batch, Chain, Equilibrium, LEFT, RIGHT, SLACK
+    from soft_continuum.mechanics.directions import bending_directions, bending_vectors
     from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
     from soft_continuum.mechanics.grid import set_on_grid, workspace
     from soft_continuum.mechanics.inverse import BendingFit, pulls_for_bending, set_shape
@@ -54,3 +56,25 @@ __getattr__ = names_from(__name__, __all__, (
 
 def __dir__() -> list[str]:
     return [*globals(), *__all__]
+
+
+def _subclass(base: str, planar: bool) -> type[Any]:
+    """Return the subclass of Chain, Statics or Linearisation, and load no other one."""
+    found: type[Any]
+    match base, planar:
+        case 'Chain', True:
+            from soft_continuum.mechanics.plane.chain import PlaneChain as found
+        case 'Chain', False:
+            from soft_continuum.mechanics.space.chain import SpaceChain as found
+        case 'Statics', True:
+            from soft_continuum.mechanics.plane.statics import PlaneStatics as found
+        case 'Statics', False:
+            from soft_continuum.mechanics.space.statics import SpaceStatics as found
+        case 'Linearisation', True:
+            from soft_continuum.mechanics.plane.sensitivity import PlaneLinearisation as found
+        case 'Linearisation', False:
+            from soft_continuum.mechanics.space.sensitivity import SpaceLinearisation as found
+    return found
+
+
+kinds.subclass = _subclass

@@ -9,6 +9,7 @@ C++ compiler) numba compiles in the process and keeps that on disk; without numb
 as it is, slower, with the same result.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 import hashlib
@@ -93,6 +94,7 @@ except (ImportError, OSError) as error:
     print(f'{{type(error).__name__}}: {{error}}', file=sys.stderr)
     sys.exit({PASSING})"""
 HERE = Path(__file__).parent
+SMALLEST_PART = 50  # problems of a batch that a thread takes at a time
 FAILURE = 'failure'  # where it is noted why the extension could not be built
 
 
@@ -135,6 +137,15 @@ def functions() -> Functions:
         return SOURCE
     return SOURCE._replace(
         runs_in='numba', **{name: made[getattr(SOURCE, name)] for name in SIGNATURES})
+
+
+def warm_up() -> None:
+    """
+    Build or load the compiled solver now rather than in the first solve.
+
+    The first build takes up to a minute, loading some milliseconds.
+    """
+    functions()
 
 
 def must_build() -> bool:
@@ -318,3 +329,13 @@ def _writable(directory: Path | None) -> Path | None:
     except OSError:
         return None
     return directory if os.access(directory, os.W_OK) else None
+
+
+def in_parts(solve_part: Callable[[int, int], object], count: int) -> None:
+    """Call a compiled function for parts of ``count`` problems (first, last), on all cores."""
+    from concurrent.futures import ThreadPoolExecutor  # many processes solve one by one only
+    workers = len(os.sched_getaffinity(0))
+    parts = min(4 * workers, 1 + count // SMALLEST_PART)
+    bounds = np.linspace(0, count, parts + 1).astype(int).tolist()
+    with ThreadPoolExecutor(workers) as pool:
+        list(pool.map(solve_part, bounds[:-1], bounds[1:]))

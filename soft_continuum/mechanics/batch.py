@@ -2,10 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many equilibria in one call: independent ones on all cores, or successive ones on a path."""
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
-import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,100 +16,13 @@ from soft_continuum.mechanics._checks import (
     tensions_of,
 )
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.chain import check_start, Equilibrium
+from soft_continuum.mechanics.chain import Batch, check_start, Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import Statics
-
-SMALLEST_PART = 50  # problems that a thread takes at a time
+from soft_continuum.mechanics.statics import Problems, Statics
 
 Masks = Sequence[bool] | Sequence[Sequence[bool]] | NDArray[np.bool_]
 Parts = Sequence[float] | Sequence[Sequence[float]] | Array
 Slides = Sequence[int] | Sequence[Sequence[int]]
-
-
-@dataclass(frozen=True, eq=False)
-class Batch(Sequence[Any]):
-    """
-    Equilibria of m problems, as arrays; an index gives one Equilibrium.
-
-    configurations: (m, ...), tensions, pulls, slack: (m, tendons) N and m, as in Equilibrium.
-    found: (m,), whether one was found; other rows are nan, and their index raises LookupError.
-    jumped: (m,).  residual: (m,) N m.
-    """
-
-    configurations: Array
-    tensions: Array
-    pulls: Array
-    slack: Array
-    found: NDArray[np.bool_]
-    jumped: NDArray[np.bool_]
-    residual: Array
-    _models: Sequence[Statics] = field(repr=False)
-    _state: Callable[[int], Equilibrium] = field(repr=False)
-
-    def __len__(self) -> int:
-        """Return the number of problems."""
-        return len(self.found)
-
-    def __getitem__(self, index: Any) -> Any:
-        """Return one state, or a list for a slice; raises LookupError where none was found."""
-        rows = range(len(self))[index]
-        if isinstance(rows, range):
-            return [self[i] for i in rows]
-        if not self.found[rows]:
-            raise LookupError(f'no equilibrium was found for problem {rows}')
-        return self._state(rows)
-
-    @property
-    def bending(self) -> Array:
-        """Bending of each segment about x and y of the disc below it, (m, segments, 2), rad."""
-        return self._models[0].chain.bending(self.configurations)
-
-    @property
-    def tips(self) -> Array:
-        """The centre of the top of the last disc, (m, 3), m."""
-        chains = [model.chain for model in self._models]
-        axes = chains[0].axes(self.configurations)
-        lengths = np.broadcast_to(
-            np.array([chain.body_lengths for chain in chains]), axes.shape[:2])
-        tips: Array = np.einsum('mb,mbi->mi', lengths, axes)
-        tips[:, 2] += [chain.arm.discs[0].height for chain in chains]
-        return tips
-
-
-@dataclass(frozen=True)
-class Problems:
-    """
-    The problems to solve; each field is shared by all or has ``count`` rows.
-
-    pulls, tensions: m and N, as in Statics.solve, the latter with nan.  ways: sliding.  friction:
-    the largest coefficient of the tendons.
-    """
-
-    models: Sequence[Any]
-    starts: Sequence[Equilibrium]
-    masks: Sequence[Sequence[bool]]
-    pulls: Array
-    tensions: Array
-    vacuum: Sequence[Sequence[float] | None]
-    ways: Sequence[tuple[int, ...]]
-    friction: float
-    count: int
-
-    @property
-    def rub(self) -> NDArray[np.bool_]:
-        """Whether tendons slide with friction, (count,)."""
-        return np.broadcast_to(np.any(self.ways, axis=1) & (self.friction > 0.0), self.count)
-
-    def solve(self, i: int) -> Equilibrium:
-        """Return the equilibrium of one of them; raises what Statics.solve raises."""
-        tensions = self.tensions[i % len(self.tensions)]
-        found: Equilibrium = self.models[i % len(self.models)].solve(
-            self.starts[i % len(self.starts)], self.pulls[i % len(self.pulls)],
-            self.masks[i % len(self.masks)],
-            tensions=None if np.isnan(tensions).all() else tensions,
-            vacuum=self.vacuum[i % len(self.vacuum)], sliding=self.ways[i % len(self.ways)])
-        return found
 
 
 def solve_batch(arms: Statics | Sequence[Statics], start: Equilibrium | Sequence[Equilibrium],
@@ -202,7 +113,7 @@ def solve_path(statics: Statics, start: Equilibrium, pulls: ArrayLike, soft: Mas
         np.array([getattr(state, name) for state in states]) for name in (
             'configuration', 'tensions', 'pulls', 'slack', 'jumped', 'residual'))
     return Batch(shapes, tensions, pulls, slack, np.ones(len(states), dtype=bool), jumped,
-                 residual, [statics], states.__getitem__)
+                 residual, [statics.chain], states.__getitem__)
 
 
 def _write(batch: Batch, i: int, state: Equilibrium) -> None:
@@ -225,12 +136,3 @@ def common_count(sizes: Mapping[str, int]) -> int:
         raise ValueError(' and '.join(f'{n} {name}' for name, n in sizes.items() if n != 1)
                          + ' do not go together')
     return count
-
-
-def in_parts(solve_part: Callable[[int, int], object], count: int) -> None:
-    """Call a compiled function for parts of ``count`` problems (first, last), on all cores."""
-    workers = len(os.sched_getaffinity(0))
-    parts = min(4 * workers, 1 + count // SMALLEST_PART)
-    bounds = np.linspace(0, count, parts + 1).astype(int).tolist()
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(solve_part, bounds[:-1], bounds[1:]))

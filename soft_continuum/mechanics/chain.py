@@ -8,7 +8,7 @@ rigid.  The joints of a planar arm are hinges: its chain and solver use angles i
 rotations.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self, TYPE_CHECKING
@@ -16,6 +16,7 @@ from typing import Any, Self, TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from soft_continuum.mechanics import kinds
 from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.arm import Arm, Array, check_arm, PAPER
 from soft_continuum.mechanics.directions import bending_directions
@@ -174,6 +175,55 @@ class Equilibrium:
         return axes
 
 
+@dataclass(frozen=True, eq=False)
+class Batch(Sequence[Any]):
+    """
+    Equilibria of m problems, as arrays; an index gives one Equilibrium.
+
+    configurations: (m, ...), tensions, pulls, slack: (m, tendons) N and m, as in Equilibrium.
+    found: (m,), whether one was found; other rows are nan, and their index raises LookupError.
+    jumped: (m,).  residual: (m,) N m.
+    """
+
+    configurations: Array
+    tensions: Array
+    pulls: Array
+    slack: Array
+    found: NDArray[np.bool_]
+    jumped: NDArray[np.bool_]
+    residual: Array
+    _chains: Sequence['Chain'] = field(repr=False)
+    _state: Callable[[int], Equilibrium] = field(repr=False)
+
+    def __len__(self) -> int:
+        """Return the number of problems."""
+        return len(self.found)
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return one state, or a list for a slice; raises LookupError where none was found."""
+        rows = range(len(self))[index]
+        if isinstance(rows, range):
+            return [self[i] for i in rows]
+        if not self.found[rows]:
+            raise LookupError(f'no equilibrium was found for problem {rows}')
+        return self._state(rows)
+
+    @property
+    def bending(self) -> Array:
+        """Bending of each segment about x and y of the disc below it, (m, segments, 2), rad."""
+        return self._chains[0].bending(self.configurations)
+
+    @property
+    def tips(self) -> Array:
+        """The centre of the top of the last disc, (m, 3), m."""
+        axes = self._chains[0].axes(self.configurations)
+        lengths = np.broadcast_to(
+            np.array([chain.body_lengths for chain in self._chains]), axes.shape[:2])
+        tips: Array = np.einsum('mb,mbi->mi', lengths, axes)
+        tips[:, 2] += [chain.arm.discs[0].height for chain in self._chains]
+        return tips
+
+
 class Chain:
     """
     The rigid multibody model of an arm; for a planar arm ``Chain(arm)`` returns a PlaneChain.
@@ -191,10 +241,7 @@ class Chain:
         kind: type[Any] = cls
         if cls is Chain and arm is not None:
             check_arm(arm)
-            if arm.planar:
-                from soft_continuum.mechanics.plane.chain import PlaneChain as kind
-            else:
-                from soft_continuum.mechanics.space.chain import SpaceChain as kind
+            kind = kinds.subclass('Chain', arm.planar)
         made: Self = super().__new__(kind)
         return made
 

@@ -3,16 +3,13 @@
 """Drawing of an arm with Matplotlib."""
 
 from collections.abc import Collection
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import scipy
 
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.rotations import matrices
-
-if TYPE_CHECKING:
-    from soft_continuum.mechanics.chain import Equilibrium
 
 RING = 41  # points of the rim of a disc
 SOFT = 'tab:orange'
@@ -25,9 +22,9 @@ def projection_of(arm: Arm) -> str | None:
     return IN_SPACE if 'y' in arm.axes else None
 
 
-def draw_arm(axes: Any, state: 'Equilibrium', soft: Collection[int] | None = None) -> None:
+def draw_arm(axes: Any, state: Any, soft: Collection[int] | None = None) -> None:
     """
-    Draw discs, segments, tendons and calculation points of a state in mm.
+    Draw discs, segments, tendons and calculation points of a state, an Equilibrium, in mm.
 
     axes: of projection IN_SPACE; others show the view along y.  soft: segments (0-based) in
     colour; by default the soft ones if others are stiff.

@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from soft_continuum.mechanics import kinds
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import check_start, Equilibrium
 from soft_continuum.mechanics.rotations import cross_matrices
@@ -81,9 +82,7 @@ class Linearisation:
         check_start(state, 'state')
         kind: type[Any] = cls
         if cls is Linearisation:
-            from soft_continuum.mechanics.plane.sensitivity import PlaneLinearisation
-            from soft_continuum.mechanics.space.sensitivity import SpaceLinearisation
-            kind = SpaceLinearisation if len(statics.chain.joint_axes) > 1 else PlaneLinearisation
+            kind = kinds.subclass('Linearisation', len(statics.chain.joint_axes) == 1)
         made: Self = super().__new__(kind)
         return made
 

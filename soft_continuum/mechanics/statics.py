@@ -12,12 +12,12 @@ Equilibria depend on the path, so every solve starts from the previous state.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Self, TYPE_CHECKING
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from soft_continuum.mechanics import _kernel
+from soft_continuum.mechanics import kinds
 from soft_continuum.mechanics._checks import (
     bending_of,
     check_pretension,
@@ -29,11 +29,8 @@ from soft_continuum.mechanics._checks import (
     whole,
 )
 from soft_continuum.mechanics.arm import Arm, Array, check_arm
-from soft_continuum.mechanics.chain import Chain, check_start, Equilibrium, SLACK
+from soft_continuum.mechanics.chain import Batch, Chain, check_start, Equilibrium, SLACK
 from soft_continuum.mechanics.errors import OverconstrainedError
-
-if TYPE_CHECKING:
-    from soft_continuum.mechanics.batch import Batch, Problems
 
 Booleans = NDArray[np.bool_]
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
@@ -66,6 +63,41 @@ class HeldBending:
         return np.where(carries, self.pulls, eased)
 
 
+@dataclass(frozen=True)
+class Problems:
+    """
+    The problems to solve; each field is shared by all or has ``count`` rows.
+
+    pulls, tensions: m and N, as in Statics.solve, the latter with nan.  ways: sliding.  friction:
+    the largest coefficient of the tendons.
+    """
+
+    models: Sequence[Any]
+    starts: Sequence[Equilibrium]
+    masks: Sequence[Sequence[bool]]
+    pulls: Array
+    tensions: Array
+    vacuum: Sequence[Sequence[float] | None]
+    ways: Sequence[tuple[int, ...]]
+    friction: float
+    count: int
+
+    @property
+    def rub(self) -> NDArray[np.bool_]:
+        """Whether tendons slide with friction, (count,)."""
+        return np.broadcast_to(np.any(self.ways, axis=1) & (self.friction > 0.0), self.count)
+
+    def solve(self, i: int) -> Equilibrium:
+        """Return the equilibrium of one of them; raises what Statics.solve raises."""
+        tensions = self.tensions[i % len(self.tensions)]
+        found: Equilibrium = self.models[i % len(self.models)].solve(
+            self.starts[i % len(self.starts)], self.pulls[i % len(self.pulls)],
+            self.masks[i % len(self.masks)],
+            tensions=None if np.isnan(tensions).all() else tensions,
+            vacuum=self.vacuum[i % len(self.vacuum)], sliding=self.ways[i % len(self.ways)])
+        return found
+
+
 class Statics:
     """
     Equilibria of one arm; planar arms are solved in their plane.
@@ -89,10 +121,7 @@ class Statics:
         kind: type[Any] = cls
         check_arm(arm)
         if cls is Statics:
-            if arm.planar:
-                from soft_continuum.mechanics.plane.statics import PlaneStatics as kind
-            else:
-                from soft_continuum.mechanics.space.statics import SpaceStatics as kind
+            kind = kinds.subclass('Statics', arm.planar)
         made: Self = super().__new__(kind)
         return made
 
@@ -225,7 +254,7 @@ class Statics:
         """Return the compliance of each tendon for the tension at the base, (tendons,), m/N."""
         raise NotImplementedError
 
-    def solve_together(self, problems: 'Problems') -> 'Batch':
+    def solve_together(self, given: Problems, /) -> Batch:
         """Return a batch with the equilibria that compiled code finds, on all cores."""
         raise NotImplementedError
 
@@ -274,12 +303,3 @@ def driven(pulls: Array, tensions: Array | None) -> tuple[Booleans, Array, Boole
         return never, target, never
     given = ~np.isnan(tensions)
     return given | never, np.where(given, tensions, target), never & ~given
-
-
-def warm_up() -> None:
-    """
-    Build or load the compiled solver now rather than in the first solve.
-
-    The first build takes up to a minute, loading some milliseconds.
-    """
-    _kernel.functions()

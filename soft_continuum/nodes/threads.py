@@ -250,7 +250,8 @@ def load_model(node: Any, arm: 'Arm', loaded: Callable[[], None] | None = None,
     """
     def load() -> None:
         try:
-            from soft_continuum.mechanics.statics import Statics, warm_up
+            from soft_continuum.mechanics._kernel import warm_up
+            from soft_continuum.mechanics.statics import Statics
             warm_up()
             for module in Statics(arm).late_imports:  # else the first motion waits for them
                 import_module(module)

@@ -24,7 +24,7 @@ from soft_continuum.hardware import tendon_controller  # noqa: E402
 from soft_continuum.hardware.dynamixel import bus, packets  # noqa: E402
 from soft_continuum.hardware.dynamixel import tendons as servo_tendons  # noqa: E402
 from soft_continuum.hardware.grbl import tendons as grbl_tendons  # noqa: E402
-from soft_continuum.mechanics.statics import warm_up  # noqa: E402
+from soft_continuum.mechanics._kernel import warm_up  # noqa: E402
 from soft_continuum.nodes import managed_node, tendon_control  # noqa: E402
 from support.processes import Processes  # noqa: E402
 from support.ros_rig import Rig  # noqa: E402

@@ -58,7 +58,6 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
     TendonReading,
 )
-from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.hardware.serial_tendons import (
     POLL_INTERVAL,
     SerialTendons,
@@ -526,7 +525,7 @@ class GrblTendons(SerialTendons[GrblLink, GrblSession]):
 
     def connect(self) -> GrblLink:
         """Open the port."""
-        return GrblLink(open_serial(self._port, self._baud_rate), self.clock)
+        return GrblLink(self._port, self._baud_rate, self.clock)
 
     def start(self, link: GrblLink) -> GrblSession:
         """Take the controller over; raises HardwareError when its settings are not as needed."""

@@ -29,10 +29,11 @@ from soft_continuum.lab.analysis.verbs import (
     run_verb,
     text_table,
 )
+from soft_continuum.mechanics._kernel import warm_up
 from soft_continuum.mechanics.arm import Arm, ArmError, Array, BEND_TIME
 from soft_continuum.mechanics.directions import hinged
 from soft_continuum.mechanics.grid import bends, set_each
-from soft_continuum.mechanics.statics import Statics, warm_up
+from soft_continuum.mechanics.statics import Statics
 from soft_continuum.parameters.arguments import FOR_ANALYSIS, Parser, whole_number_in
 from soft_continuum.parameters.arm import check_actuation
 

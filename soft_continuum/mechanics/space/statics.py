@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Statics of a spatial arm: links and any tendons."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
-from typing import NamedTuple, TYPE_CHECKING
+from functools import cached_property, lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,7 +20,7 @@ from soft_continuum.mechanics._checks import (
     vacuum_parts,
 )
 from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.mechanics.chain import check_start, Equilibrium
+from soft_continuum.mechanics.chain import Batch, check_start, Equilibrium
 from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.laws import outweigh, refuse_parts
 from soft_continuum.mechanics.space._laws import HELD, LAW, YIELD
@@ -32,11 +32,9 @@ from soft_continuum.mechanics.statics import (
     HeldBending,
     LOCKED_TOLERANCE,
     PRETENSIONS,
+    Problems,
     Statics,
 )
-
-if TYPE_CHECKING:
-    from soft_continuum.mechanics.batch import Batch, Problems
 
 MAX_FRICTION_ITERATIONS = 100
 DEGENERATE = 0.05  # of the slopes of the tendons' lengths, relative: taken as zero
@@ -199,10 +197,40 @@ class SpaceStatics(Statics):
         bending_of(change, self.chain.segments)
         return ()
 
-    def solve_together(self, problems: 'Problems') -> 'Batch':
-        """Return a batch with the equilibria that compiled calls find, on all cores."""
-        from soft_continuum.mechanics.space.batch import together  # needs this
-        return together(problems)
+    def solve_together(self, given: Problems) -> Batch:
+        """
+        Return the equilibria found by one compiled call for each kind of problem, on all cores.
+
+        Not found: problems with yielding joints, with friction of tendons, or without a soft
+        segment.
+        """
+        models: Sequence[SpaceStatics] = given.models
+        starts, masks, parts, count = given.starts, given.masks, given.vacuum, given.count
+        tendons, rub = len(models[0].compliance), given.rub
+        pulls, tensions = (
+            np.broadcast_to(rows, (count, tendons)) for rows in (given.pulls, given.tensions))
+        problems: dict[tuple[int, ...], _Problem] = {}
+        alike: dict[Hashable, tuple[list[int], list[_Problem]]] = {}
+        for i in range(count):
+            which = i % len(models), i % len(starts), i % len(masks), i % len(parts)
+            if which not in problems:
+                model, start, soft, part = which
+                problems[which] = _problem(
+                    models[model], *models[model].begin(starts[start], masks[soft], parts[part]))
+            rows, each = alike.setdefault(None if rub[i] else problems[which].kind, ([], []))
+            rows.append(i)
+            each.append(problems[which])
+        states: dict[int, Equilibrium] = {}
+        tension, ends, slack = np.full((3, count, tendons), np.nan)
+        batch = Batch(
+            np.full((count, models[0].chain.bodies, 3, 3), np.nan), tension, ends, slack,
+            np.zeros(count, dtype=bool), np.zeros(count, dtype=bool), np.full(count, np.nan),
+            [model.chain for model in models], states.__getitem__)
+        for kind, (rows, each) in alike.items():
+            if kind is not None:
+                _follow_together(each[:1] if len(problems) == 1 else each, pulls[rows],
+                                 tensions[rows], np.array(rows), batch, states)
+        return batch
 
     def begin(self, start: Equilibrium, soft: Sequence[bool],
               vacuum: Sequence[float] | None = None) -> tuple[Equilibrium, ConstraintState]:
@@ -363,3 +391,81 @@ class SpaceStatics(Statics):
         # The weights add up to one, as nearly as it can be had.
         rows = np.vstack([slopes / sizes, np.full(len(long), 1e3)])
         return bool(nnls(rows, np.append(np.zeros(len(slopes)), 1e3))[1] < DEGENERATE)
+
+
+class _Problem(NamedTuple):
+    """
+    An arm, its start with the new stiff segments, and what those lock.
+
+    kind: equal for problems that one compiled call solves; None for those solved one by one.
+    """
+
+    model: SpaceStatics
+    start: Equilibrium
+    locks: ConstraintState
+    kind: Hashable
+
+
+def _problem(model: SpaceStatics, start: Equilibrium, locks: ConstraintState) -> _Problem:
+    _, tendons, begins, bodies, _ = model.chain.layout[3]
+    kind = None if locks.yields or not locks.free.any() else tuple(
+        each.tobytes() for each in (locks.link, tendons, begins, bodies, model.chain.laws.tables))
+    return _Problem(model, start, locks, kind)
+
+
+def _follow_together(problems: Sequence[_Problem], pulls: Array, tensions: Array, rows: Integers,
+                     batch: Batch, states: dict[int, Equilibrium]) -> None:
+    """
+    Solve problems of one kind; write those found into their rows of the batch, and the states.
+
+    problems: one for all, or one for each.  pulls, tensions: (m, tendons) m and N, as of a solve.
+    """
+    count, tendons = pulls.shape
+    models = [problem.model for problem in problems]
+    starts = [problem.start for problem in problems]
+    locks = [problem.locks for problem in problems]
+    layouts = [model.chain.layout for model in models]
+    lengths, forces, torques, straight, nudge = (
+        np.array([layout[i] for layout in layouts]) for i in (0, 1, 2, 4, 5))
+    routing = [layout[3] for layout in layouts]
+    rotations, before, slack, carried = (
+        np.array([getattr(start, name) for start in starts])
+        for name in ('configuration', 'pulls', 'slack', 'tensions'))
+    joints = np.array([each.joints for each in locks])
+    for each, start, one in zip(joints, starts, locks, strict=False):
+        each[:, HELD] = start.held[one.free]
+    compliance = np.array([model.compliance for model in models])
+    by_force, goal, never = driven(pulls, tensions)
+
+    tension = np.empty((count, 2, tendons))
+    tension[:] = np.nan_to_num(carried)[:, None]
+    targets = np.empty((count, 4, tendons))
+    targets[:, 1] = goal
+    bodies = np.empty((count, *rotations.shape[1:]))
+    done, residual = np.empty(count), np.empty(count)
+    total, rests = np.empty(count, np.int64), np.empty(count, bool)
+    _kernel.in_parts(partial(
+        _kernel.functions().spatial_follow_batch, (rotations, before, slack),
+        (lengths, forces, torques,
+         (np.array([r[0] for r in routing]), *routing[0][1:4], np.array([r[4] for r in routing])),
+         straight, nudge),
+        (locks[0].link, joints, models[0].chain.laws.tables,
+         np.ones(len(models[0].chain.span_tendons))),
+        (tension, tension > 0.0, bodies), (by_force.astype(np.int64), compliance, targets),
+        np.array([one.direct for one in locks]), (done, total, residual, rests)), count)
+
+    short = np.where(by_force | (compliance > 0.0) | ~np.array([one.still for one in locks]), 0.0,
+                     goal - before)
+    rests &= (done >= 0.0) & (short.max(axis=1, initial=0.0) <= LOCKED_TOLERANCE)
+    ends = straight - targets[:, 3]
+    loose = slack_of(ends, goal, compliance, tension[:, 0], by_force)
+    loose[never] = np.inf
+    for name, array in (('configurations', bodies), ('tensions', tension[:, 0]), ('pulls', ends),
+                        ('slack', loose), ('residual', residual), ('jumped', done < 1.0)):
+        getattr(batch, name)[rows[rests]] = array[rests]
+    batch.found[rows] = rests
+    for i in np.flatnonzero(rests).tolist():
+        start = starts[i % len(starts)]
+        states[int(rows[i])] = Equilibrium(
+            bodies[i], tension[i, 0], ends[i], loose[i], float(residual[i]), int(total[i]),
+            start.stiff, start.held, bool(done[i] < 1.0), start.vacuum, chain=start.chain)
