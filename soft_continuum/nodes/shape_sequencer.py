@@ -23,12 +23,7 @@ from soft_continuum.mechanics.arm import Arm
 from soft_continuum.nodes.arm_commander import ArmCommander
 from soft_continuum.nodes.markers import Ghost
 from soft_continuum.nodes.obstacles import KnownObstacles
-from soft_continuum.nodes.planning import (
-    PlanGuard,
-    Planning,
-    PlanService,
-    tip_aim,
-)
+from soft_continuum.nodes.planning import Planning, PlanService
 from soft_continuum.nodes.reported_arm import ArmObserver
 from soft_continuum.nodes.suite_node import OK, StatePublisher, SuiteNode, WARN
 from soft_continuum.nodes.threads import load_model
@@ -44,6 +39,8 @@ from soft_continuum.parameters.shapes import (
     vacuums_problem,
 )
 from soft_continuum.planning import TIP_KINDS
+from soft_continuum.planning.aiming import tip_aim
+from soft_continuum.planning.plan_watch import PlanGuard
 from soft_continuum.planning.plans import failure_text, PlanError, Shape, ShapePlan, TipGoal
 from soft_continuum.planning.settings import (
     loop_from_parameters,

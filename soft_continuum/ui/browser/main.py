@@ -163,8 +163,8 @@ def replay(argv: Sequence[str] | None = None) -> int:
     add_view_options(parser)
     options = parser.parse_args(argv)
     from soft_continuum.lab.analysis.delimited import MeasurementError
-    from soft_continuum.lab.analysis.recording import bag_in
     from soft_continuum.lab.recordings.playback import Playback
+    from soft_continuum.lab.recordings.tables import bag_in
     signal.signal(signal.SIGTERM, interrupt)
     try:
         path = bag_in(options.recording)
