@@ -17,7 +17,6 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from soft_continuum.estimation.measuring import ActuatorState, Innovation, JamVacuum, Measurement
-from soft_continuum.estimation.sensing.rigid import UNKNOWN
 from soft_continuum.estimation.shape import (
     ArmShape,
     PULL_RESOLUTION,
@@ -28,6 +27,7 @@ from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.rotations import UNKNOWN
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measurements import (

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soft_continuum.estimation.measuring import angle_stddevs
-from soft_continuum.estimation.sensing.rigid import levers
 from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of, limited, Prior
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import LawError
+from soft_continuum.mechanics.rotations import levers
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState

@@ -14,9 +14,11 @@ from mcap_ros2.writer import Writer as OtherWriter
 import numpy as np
 import pytest
 
-from soft_continuum.lab.analysis import report
 from soft_continuum.lab.analysis.delimited import MeasurementError
-from soft_continuum.lab.analysis.recording import (
+from soft_continuum.lab.recordings import report
+from soft_continuum.lab.recordings.bag import BagError, BagReader, BagWriter, Topic
+from soft_continuum.lab.recordings.report import report_html
+from soft_continuum.lab.recordings.tables import (
     _fields,
     export,
     read_recording,
@@ -24,8 +26,6 @@ from soft_continuum.lab.analysis.recording import (
     TABLES,
     write_tables,
 )
-from soft_continuum.lab.analysis.report import report_html
-from soft_continuum.lab.recordings.bag import BagError, BagReader, BagWriter, Topic
 from soft_continuum.ros.description import load_description
 from support.bags import JOINTS, other_run
 

@@ -39,10 +39,18 @@ from soft_continuum.estimation.sensing.layout import (
 )
 from soft_continuum.estimation.sensing.lens import Lens
 from soft_continuum.estimation.sensing.pictures import is_black, Picture
-from soft_continuum.estimation.sensing.rigid import compose, levers, rotate, UNKNOWN, UP
 from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.mechanics.arm import Array, SPATIAL_AXES
-from soft_continuum.mechanics.orientations import cross_matrices, matrices, quaternions
+from soft_continuum.mechanics.rotations import (
+    compose,
+    cross_matrices,
+    levers,
+    matrices,
+    quaternions,
+    rotate,
+    UNKNOWN,
+    UP,
+)
 
 CORNER_DEVIATION = 0.1  # px, of each corner of a tag
 FULL_WIDTH = 32.0  # px of such a tag
@@ -183,8 +191,8 @@ class TagGroup:
         """Return a pose that the body can have, near another one."""
         if (base := self._base) is not None and not self._moves.all():
             place = self._moves[:3] * (base.turn.T @ (shift - base.shift))
-            turned = quaternions((base.turn.T @ turn)[None]) * [*self._moves[3:], True]
-            turn = base.turn @ matrices(turned / np.linalg.norm(turned))[0]
+            turned = quaternions(base.turn.T @ turn) * [*self._moves[3:], True]
+            turn = base.turn @ matrices(turned / np.linalg.norm(turned))
             shift = base.turn @ place + base.shift
         return _Guess(turn, shift, self._given)
 
@@ -364,7 +372,7 @@ class CameraView:
         """Return the pose (7,) in base_link of a body seen by the camera."""
         back = self.base.turn.T
         return np.concatenate([back @ (fit.shift - self.base.shift),
-                               quaternions((back @ fit.turn)[None])[0]])
+                               quaternions(back @ fit.turn)])
 
     def covariance(self, fit: PoseFit, factor: float) -> Array:
         """
