@@ -62,7 +62,7 @@ class Reply:
 class DynamixelBus(SerialLink):
     """An open port with servos behind it; for one thread, but ``wake`` and ``abort``."""
 
-    DEVICE = 'the Dynamixel servos'
+    DEVICE, IS, HAS = 'the Dynamixel servos', 'are', 'have'
 
     def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY) -> None:
         """Open a port that no other program may open until it is closed."""
