@@ -85,8 +85,9 @@ class Planning:
         Begin to plan shapes one after the other; the future raises PlanError if one has none.
 
         Plans of ``explain`` are reused while nothing has changed.  first: take the first plan
-        found, to check a goal.  The plan to run is then that of its first shape by angles, or the
-        best that the search for its first tip goes on to find.
+        found, to check a goal.  For its first shape, what is run is then the plan by angles, or
+        the best that the search for the tip goes on to find; later ones are planned again, from
+        where the arm has come to.
         """
         around, situation = self._scene(), self._situation
         kept = self._planned_before(situation, shapes, first)
@@ -108,8 +109,11 @@ class Planning:
         settings, search = reach_from_parameters(self._parameters), object()
 
         def planned(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[ShapePlan]:
-            found = list(self._warned(shapes, plan_shapes(
-                planner, state, pulls, shapes, around, settings, first)))
+            results = self._warned(shapes, plan_shapes(
+                planner, state, pulls, shapes, around, settings, first))
+            # A search that is interrupted takes memory: only the first one goes on later.
+            found = [one if number == 0 else replace(one, better=None)
+                     for number, one in enumerate(results)]
             if first and (not shapes[0].tips or found[0].better):
                 self._checked.keep(situation, state, pulls, shapes[:1], found, search)
             return plans_of(shapes, found)
