@@ -5,14 +5,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from soft_continuum.hardware.commissioning import (
-    Check,
-    check_reference,
-    Drive,
-    FAIL,
-    OK,
-    WARN,
-)
+from soft_continuum.hardware.commissioning import Check, check_reference, Drive, FAIL, OK, WARN
 from soft_continuum.hardware.grbl.link import GrblLink, SOFT_RESET
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.setup import find_controller, invalid_settings, UNLOCK
