@@ -24,7 +24,7 @@ from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.rotations import displacement, IDENTITY
-from soft_continuum.nodes.measurements import MeasuredTensions
+from soft_continuum.nodes.kinematics import MeasuredTensions
 from soft_continuum.planning.planner import Planner
 from soft_continuum.planning.plans import PlanError, Shape, ShapePlan
 from soft_continuum.planning.shape_plans import plans_to
