@@ -17,7 +17,7 @@ from soft_continuum.hardware.drivers import (
 )
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.parameters.arm import ARM_PARAMETERS
-from soft_continuum.parameters.parameter import FRAME_NAME, Parameter
+from soft_continuum.parameters.parameter import FRAME_NAME, Parameter, setting_parameters
 from soft_continuum.parameters.shapes import SHAPE_NAMES
 from soft_continuum.planning.settings import (
     LOOP_PARAMETERS,
@@ -206,17 +206,7 @@ NODE_PARAMETERS: dict[str, tuple[Parameter, ...]] = {
         Parameter('imu.mounting_turns', (0.0,), 'spatial arm: rotation of each IMU relative to '
                   'its disc, base first: rotation vectors x, y, z, as ~/tare prints them; 0.0 '
                   'alone: none', -pi, pi, unit='rad'),
-        Parameter('imu.stddev', ImuSettings.stddev, 'standard deviation of the constant error of '
-                  'an IMU: its mounting and the bias of its accelerometer', 1e-6, 0.5, unit='rad'),
-        Parameter('imu.acceleration_stddev', ImuSettings.acceleration_stddev, 'standard '
-                  'deviation of one acceleration sample, if the IMU does not report it', 1e-6,
-                  10.0, unit='m/s^2'),
-        Parameter('imu.rate_stddev', ImuSettings.rate_stddev, 'standard deviation of one angular '
-                  'rate sample, if the IMU does not report it', 1e-7, 1.0, unit='rad/s'),
-        Parameter('imu.bias_stddev', ImuSettings.bias_stddev, 'standard deviation of the '
-                  'gyroscope bias at power-on', 1e-7, 10.0, unit='rad/s'),
-        Parameter('imu.motion_acceleration', ImuSettings.motion_acceleration, 'standard '
-                  'deviation of the acceleration of a moving disc', 1e-3, 100.0, unit='m/s^2'),
+        *setting_parameters(ImuSettings, 'imu'),
     ),
     RECORDER: (
         Parameter('recorder.directory', 'recordings', 'directory of the recordings; created if '

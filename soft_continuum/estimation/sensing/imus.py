@@ -9,7 +9,7 @@ of the disc about the vertical is not observable.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import cos, exp, hypot, isnan, nan, sin, sqrt
 from typing import Any, Self
 
@@ -25,7 +25,7 @@ from soft_continuum.mechanics.rotations import (
     turn_between,
     UNKNOWN,
 )
-from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.parameters.parameter import ParameterError, setting, settings_from
 
 MIN_STEP = 0.0009
 """Least s between two samples that are used: faster ones are dropped."""
@@ -70,21 +70,22 @@ AXES = {sign + name: float(f'{sign}1') * np.eye(3)[i]
 
 @dataclass(frozen=True)
 class ImuSettings:
-    """
-    Settings of IMUs; standard deviations unless noted.
-
-    gravity: m/s^2, its value.  acceleration_stddev (m/s^2) and rate_stddev (rad/s): of one sample
-    if the IMU reports none.  bias_stddev: rad/s, of the gyroscope when switched on.
-    motion_acceleration: m/s^2, of a moving disc.  stddev: rad, of errors common to all samples at
-    an angle: mounting, and offset of the accelerometer.
-    """
+    """What is assumed of the IMUs, by parameters ``imu.*``; gravity: m/s^2."""
 
     gravity: float
-    acceleration_stddev: float = 0.05
-    rate_stddev: float = 0.003
-    bias_stddev: float = 0.05
-    motion_acceleration: float = 1.0
-    stddev: float = 0.01
+    stddev: float = setting(
+        0.01, 'standard deviation of the constant error of an IMU: its mounting and the bias of '
+        'its accelerometer', 1e-6, 0.5, unit='rad')
+    acceleration_stddev: float = setting(
+        0.05, 'standard deviation of one acceleration sample, if the IMU does not report it', 1e-6,
+        10.0, unit='m/s^2')
+    rate_stddev: float = setting(
+        0.003, 'standard deviation of one angular rate sample, if the IMU does not report it',
+        1e-7, 1.0, unit='rad/s')
+    bias_stddev: float = setting(
+        0.05, 'standard deviation of the gyroscope bias at power-on', 1e-7, 10.0, unit='rad/s')
+    motion_acceleration: float = setting(
+        1.0, 'standard deviation of the acceleration of a moving disc', 1e-3, 100.0, unit='m/s^2')
 
 
 @dataclass(frozen=True)
@@ -278,8 +279,7 @@ class MountedImus:
                                  f'{needed.format(discs)}')
         mounts[:, axes] = np.reshape(given, (discs, -1)) if len(given) > 1 else given[0]
         gravity = float(np.linalg.norm(arm.gravity))
-        return cls(ImuSettings(gravity, *(
-            values[f'imu.{one.name}'] for one in fields(ImuSettings)[1:])),
+        return cls(settings_from(ImuSettings, 'imu', values, gravity=gravity),
                    arm.pose_axes, mounts,
                    -np.array(arm.gravity) / gravity if gravity else np.array([0.0, 0.0, 1.0]))
 
