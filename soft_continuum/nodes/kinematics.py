@@ -27,7 +27,7 @@ from soft_continuum.estimation.shape import (
 from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
 from soft_continuum.nodes.measurements import (

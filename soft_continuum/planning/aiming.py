@@ -19,8 +19,7 @@ import numpy as np
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
 from soft_continuum.mechanics.directions import within_limits
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import PRETENSIONS
+from soft_continuum.mechanics.statics import PRETENSIONS, StaticsError
 from soft_continuum.planning.planner import Planner, soft_segments
 from soft_continuum.planning.plans import Move, PlanError, WHOLE_ARM
 
