@@ -13,11 +13,10 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.sensing.corners import TagDetector
 from soft_continuum.estimation.sensing.layout import TagLayout
-from soft_continuum.estimation.sensing.rigid import planar_pose
 from soft_continuum.estimation.sensing.tag_camera import TagCamera
 from soft_continuum.mechanics.arm import PLANAR_AXES
-from soft_continuum.mechanics.orientations import full_poses
 from soft_continuum.mechanics.plane.chain import PlaneChain
+from soft_continuum.mechanics.rotations import full_poses, planar_pose
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.description import load_description
 from soft_continuum.sim.twin.camera import TwinCamera

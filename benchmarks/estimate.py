@@ -18,13 +18,13 @@ from benchmarks.tables import machine, number, Section, table
 from benchmarks.timing import progress
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, Measurement
 from soft_continuum.estimation.sensing.imus import ImuSample, MountedImus
-from soft_continuum.estimation.sensing.rigid import displacement, IDENTITY
 from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.mechanics import StaticsError
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.measurements import MeasuredTensions
+from soft_continuum.mechanics.rotations import displacement, IDENTITY
+from soft_continuum.nodes.kinematics import MeasuredTensions
 from soft_continuum.planning.planner import Planner
 from soft_continuum.planning.plans import PlanError, Shape, ShapePlan
 from soft_continuum.planning.shape_plans import plans_to

@@ -18,7 +18,7 @@ from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.mechanics import Arm, Statics
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.mechanics.orientations import bending_between, matrices
+from soft_continuum.mechanics.rotations import bending_between, matrices
 from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import Move, PlanError, Shape
 from soft_continuum.planning.shape_plans import plans_to

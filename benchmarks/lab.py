@@ -17,12 +17,17 @@ import numpy as np
 from benchmarks.sight import Sight
 from soft_continuum.estimation.measuring import DiscMeasurement
 from soft_continuum.estimation.sensing.layout import layout_of
-from soft_continuum.estimation.sensing.rigid import mean_pose, planar_pose, UNKNOWN
 from soft_continuum.hardware.jamming_controller import JammingController, JammingSettings
 from soft_continuum.hardware.simulated_jamming import JammingPlant, SimulatedJamming
 from soft_continuum.mechanics import Arm
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.orientations import bending_between, matrices
+from soft_continuum.mechanics.rotations import (
+    bending_between,
+    matrices,
+    mean_pose,
+    planar_pose,
+    UNKNOWN,
+)
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.planning.planner import PlanSettings
 from soft_continuum.ros.description import load_description

@@ -14,8 +14,8 @@ from benchmarks.plan_contenders import base_to_tip, NoPlanError, ours, rrt_conne
 from benchmarks.queries import AROUND, check, MARGIN, nearest, Query, random_query, Verdict
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
-from soft_continuum.estimation.sensing.rigid import planar_pose
 from soft_continuum.mechanics.arm import Arm, Array, mounted
+from soft_continuum.mechanics.rotations import planar_pose
 from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.planning.plans import Move, PlanError
 from soft_continuum.sim.twin.model_errors import read_model_errors

@@ -8,9 +8,9 @@ from math import pi
 import numpy as np
 
 from soft_continuum.estimation.sensing.layout import FRONT, Layout
-from soft_continuum.estimation.sensing.rigid import displaced, displacement
 from soft_continuum.estimation.sensing.tag_camera import TagCamera
 from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.rotations import displaced, displacement
 from soft_continuum.sim.twin.camera import TwinCamera
 from soft_continuum.sim.twin.model_errors import ModelErrors
 

@@ -37,7 +37,7 @@ with suppress(ImportError, AttributeError):  # an older hypothesis knows no such
     providers._get_local_constants = providers.Constants
 
 SLOW = ('browser', 'client', 'commands', 'hardware', 'nodes', 'sim', 'test_installation.py',
-        'test_examples.py', 'estimation/test_anomaly_causes.py', 'estimation/test_cameras.py',
+        'estimation/test_anomaly_causes.py', 'estimation/test_cameras.py',
         'estimation/test_printing.py', 'estimation/test_ring_camera.py',
         'estimation/test_space.py', 'estimation/test_tag_camera.py', 'lab/test_commands.py',
         'lab/test_identification.py', 'lab/test_identification_in_space.py', 'lab/test_study.py',

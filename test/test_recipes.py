@@ -167,7 +167,7 @@ from math import cos, sin
 
 import numpy as np
 
-from soft_continuum.estimation.sensing.rigid import UNKNOWN
+from soft_continuum.mechanics.rotations import UNKNOWN
 
 
 def pose_of(angle, stddev):

@@ -17,8 +17,8 @@ from soft_continuum.lab.analysis.identification import spread_out
 from soft_continuum.mechanics import Chain
 from soft_continuum.mechanics.arm import ArmError, Tendon
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.mechanics.orientations import quaternions
 from soft_continuum.mechanics.plane.statics import PlaneStatics
+from soft_continuum.mechanics.rotations import quaternions
 from soft_continuum.mechanics.space.chain import SpaceChain
 from soft_continuum.nodes.tendon_actuation import TensionPrediction
 from soft_continuum.parameters.arm import arm_from_parameters

@@ -10,7 +10,7 @@ import pytest
 
 from soft_continuum.mechanics import Chain, Disc, Segment
 from soft_continuum.mechanics.arm import mounted, STANDARD_GRAVITY
-from soft_continuum.mechanics.orientations import full_poses
+from soft_continuum.mechanics.rotations import full_poses
 from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.urdf import arm_urdf, joint_names
 from soft_continuum.user_files import description_file

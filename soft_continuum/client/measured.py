@@ -13,9 +13,8 @@ from soft_continuum.client.errors import ClientError
 from soft_continuum.client.observed import ObservedArm
 from soft_continuum.client.tasks import until
 from soft_continuum.estimation.measuring import DiscMeasurement
-from soft_continuum.estimation.sensing.rigid import displaced, displacement
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.orientations import matrices
+from soft_continuum.mechanics.rotations import displaced, displacement, matrices
 from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
 
 FIRST_TIMEOUT = 2.0  # s for the first measured pose
@@ -52,7 +51,7 @@ class MeasuredDisc:
 
         nan where not measured: without the orientation only the bottom is known.
         """
-        place, along = self.pose[:3], matrices(self.pose[None, 3:])[0, :, 2]
+        place, along = self.pose[:3], matrices(self.pose[3:])[:, 2]
         return np.stack([place, place + height * along])
 
 

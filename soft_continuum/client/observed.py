@@ -30,7 +30,7 @@ from soft_continuum.client.state import (
 )
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_directions
-from soft_continuum.mechanics.orientations import bending_between, matrices
+from soft_continuum.mechanics.rotations import bending_between, matrices
 from soft_continuum.ros import urdf
 from soft_continuum.ros.conversions import (
     MAX_VARIANCE,

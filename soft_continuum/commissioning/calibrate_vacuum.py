@@ -7,21 +7,25 @@ Everything goes through the driver protocols.  If it ends early, also by Ctrl-C,
 all segments are vented.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite, log, nan
 from statistics import fmean
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from soft_continuum.commissioning.calibration import POLL_INTERVAL, retry, TIMEOUT
 from soft_continuum.hardware.clock import Clock, STEADY
+from soft_continuum.hardware.drivers import chosen_families
 from soft_continuum.hardware.jamming_controller import JammingSettings, RESPONSE_TIME
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
 from soft_continuum.lab.analysis.verbs import cell, text_table
 
+TIMEOUT = 10.0  # s that anything may take longer than it should
+POLL_INTERVAL = 0.01  # s
+RETRY_TIME = 3.0  # s for which a reading or a switch is tried again when a reply was missed
 PLATEAU_TIME, PLATEAU_RISE, MIN_EVACUATION_TIME = 1.0, 0.01, 3.0
 """A vacuum that rises by less than this share in so many s has settled; first checked after s."""
 MAX_EVACUATION_TIME = 30.0  # s
@@ -35,7 +39,40 @@ SETTLING_TIME = 1.0  # s at a level before its readings count
 READINGS = 10
 USUAL_RISE = 5.0  # s
 
+T = TypeVar('T')
 Samples = list[tuple[float, float]]
+
+
+@contextmanager
+def opened_jamming(values: Mapping[str, Any]) -> Iterator[JammingDriver | RegulatorDriver]:
+    """Yield the driver of pump and valves, or of regulators, while it is open."""
+    driver: JammingDriver | RegulatorDriver = chosen_families(values)['jamming_driver'].make(
+        values, STEADY)
+    driver.open()
+    try:
+        yield driver
+    finally:
+        driver.close()
+
+
+def vent(jamming: JammingDriver | RegulatorDriver, segment: int) -> None:
+    """Vent a segment (0-based) by its valve or by its regulator."""
+    if isinstance(jamming, RegulatorDriver):
+        jamming.set_vacuum(segment, 0.0)
+    else:
+        jamming.set_evacuated(segment, False)
+
+
+def retry(action: Callable[[], T], clock: Clock = STEADY) -> T:
+    """Return the result of an action, repeated after a missed reply."""
+    deadline = clock() + RETRY_TIME
+    while True:
+        try:
+            return action()
+        except HardwareError:
+            if clock() > deadline:
+                raise
+            clock.sleep(POLL_INTERVAL)
 
 
 @dataclass(frozen=True)

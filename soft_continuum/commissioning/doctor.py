@@ -3,7 +3,7 @@
 """
 ``doctor``: checks a rig, or the sensors or the network of a running arm; moves nothing.
 
-Of a rig: ports, firmware, settings, boards, valves and sensors.  Nothing is switched.  Steps that
+A rig: its ports, firmware, settings, boards, valves and sensors.  Nothing is switched.  Steps that
 depend on one that failed are left out.
 """
 

@@ -21,11 +21,7 @@ from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN
 from soft_continuum.mechanics.arm import STANDARD_GRAVITY
 from soft_continuum.ros import urdf
-from soft_continuum.ros.conversions import (
-    MAX_VARIANCE,
-    measured_pose_from_ros,
-    seconds,
-)
+from soft_continuum.ros.conversions import MAX_VARIANCE, measured_pose_from_ros, seconds
 from soft_continuum.ros.entries import EVERY_STATE, LATCHED, MAX_BYTES, SENSOR, subscribe_unguarded
 from soft_continuum.ros.names import CAMERA, DISC_SENSORS, LOAD_CELLS, SENSORS
 from soft_continuum.text import MAX_NAME, printable

@@ -32,9 +32,9 @@ from soft_continuum.estimation.measuring import (
     predicted,
     relative_distance,
 )
-from soft_continuum.estimation.sensing.rigid import mean_pose
 from soft_continuum.estimation.unknowns import UnknownIndices
 from soft_continuum.mechanics.arm import Array
+from soft_continuum.mechanics.rotations import mean_pose
 from soft_continuum.mechanics.sensitivity import Linearisation
 from soft_continuum.mechanics.statics import Statics, StaticsError
 

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.estimation.sensing.rigid import displacement, levers
 from soft_continuum.estimation.unknowns import UnknownIndices
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.orientations import matrices
+from soft_continuum.mechanics.rotations import displacement, levers, matrices
 from soft_continuum.mechanics.sensitivity import Linearisation
 
 MAX_VARIANCE = 1.0  # m^2 or rad^2, from which a coordinate counts as not measured

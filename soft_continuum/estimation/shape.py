@@ -21,7 +21,6 @@ from soft_continuum.estimation.measuring import (
     Innovation,
     Measurement,
 )
-from soft_continuum.estimation.sensing.rigid import IDENTITY
 from soft_continuum.estimation.unknowns import (
     DEFAULT_ESTIMATION,
     EstimationSettings,
@@ -30,7 +29,7 @@ from soft_continuum.estimation.unknowns import (
     Prior,
 )
 from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.mechanics.orientations import bending_between, matrices
+from soft_continuum.mechanics.rotations import bending_between, IDENTITY, matrices
 from soft_continuum.mechanics.statics import Statics, StaticsError
 
 STRAIGHT_PULLS = 1e-5

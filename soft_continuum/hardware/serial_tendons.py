@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import contextlib
 from socket import socketpair
 import threading
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, cast, ClassVar, Generic, TypeVar
 
 from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.protocols import (
@@ -22,6 +22,7 @@ from soft_continuum.hardware.protocols import (
     TendonReading,
 )
 from soft_continuum.hardware.real_time import ask_for_real_time
+from soft_continuum.hardware.serial_ports import close_serial, open_serial
 from soft_continuum.parameters.parameter import ParameterError, spread
 
 CLOSE_TIMEOUT = 1.0  # s that close() gives the tendons to stop
@@ -39,20 +40,29 @@ def check_per_tendon(family: str, tendons: Sequence[str], *, signs: Sequence[flo
         raise ParameterError(f'parameter {family}.signs is {list(signs)}; allowed: 1 or -1')
 
 
-class Wakeable:
-    """An open line, used by one thread, that others may wake or abort."""
+class SerialLink:
+    """An open port with a device behind it, used by one thread, that others may wake or abort."""
 
-    def __init__(self, name: str, clock: Clock) -> None:
-        """Begin to wait for a line with the name of a port."""
-        self.name, self.clock = name, clock
+    DEVICE: ClassVar[str]
+    IS: ClassVar[str] = 'is'
+    HAS: ClassVar[str] = 'has'
+    """What is behind it, for messages, and its verbs."""
+
+    def __init__(self, port: str, baud_rate: int, clock: Clock) -> None:
+        """Open a port that no other program may open until it is closed."""
+        self.name, self.clock = port, clock
+        self.line = open_serial(port, baud_rate)
         self._woken, self._waker = socketpair()
         self._waker.setblocking(False)
         self._aborted = False
 
     def close(self) -> None:
-        """Release the resources of waiting; a second call does nothing."""
-        self._waker.close()
-        self._woken.close()
+        """Close the port; a second call does nothing."""
+        try:
+            close_serial(self.line)
+        finally:
+            self._waker.close()
+            self._woken.close()
 
     def wait(self, timeout: float) -> object:
         """Wait ``timeout`` (s), or until there is something to do."""
@@ -87,8 +97,13 @@ class Wakeable:
         if self._aborted:
             raise HardwareError(f'{self.name} was closed while it was being opened')
 
+    def lost(self, reason: object) -> HardwareError:
+        """Return the error of a lost connection."""
+        return HardwareError(f'the connection to {self.DEVICE} on {self.name} is lost ({reason}); '
+                             'check the cable and the power')
 
-LinkT = TypeVar('LinkT', bound=Wakeable)
+
+LinkT = TypeVar('LinkT', bound=SerialLink)
 
 
 class Session(ABC, Generic[LinkT]):
@@ -102,8 +117,6 @@ class Session(ABC, Generic[LinkT]):
     failure: why the session is over; empty while it is not.
     """
 
-    DEVICE: ClassVar[str]
-    """Name and verb, such as ``the servos have``."""
     CYCLE: ClassVar[float]
     RESTING_CYCLE: ClassVar[float]
     """From the begin of one cycle to that of the next, s, and while nothing is to be done."""
@@ -203,8 +216,8 @@ class Session(ABC, Generic[LinkT]):
 
     def _unconfirmed(self) -> HardwareError:
         return HardwareError(
-            f'{self.DEVICE} not confirmed a stop within {STOP_TIMEOUT:g} s: the tendons may still '
-            'move; cut the power of the motors if they do')
+            f'{self.link.DEVICE} {self.link.HAS} not confirmed a stop within {STOP_TIMEOUT:g} s: '
+            'the tendons may still move; cut the power of the motors if they do')
 
 
 SessionT = TypeVar('SessionT', bound=Session[Any])
@@ -213,12 +226,12 @@ SessionT = TypeVar('SessionT', bound=Session[Any])
 class SerialTendons(ABC, Generic[LinkT, SessionT]):
     """Tendons behind a serial line; see TendonDriver for what the methods promise."""
 
-    DEVICE: ClassVar[str]
-    """Name and verb at the start of messages, such as ``the servos are``."""
+    LINK: ClassVar[type[SerialLink]]
 
-    def __init__(self, tendons: tuple[str, ...], pull_limits: tuple[float, float],
-                 reference_moves: bool, clock: Clock) -> None:
+    def __init__(self, port: str, baud_rate: int, tendons: tuple[str, ...],
+                 pull_limits: tuple[float, float], reference_moves: bool, clock: Clock) -> None:
         """Describe the device, with limits in m; nothing is opened yet."""
+        self._port, self._baud_rate = port, baud_rate
         self.tendons, self.reference_moves, self.clock = tendons, reference_moves, clock
         self._pull_limits = pull_limits
         self._lock = threading.Lock()  # of all that follows, and of requests
@@ -226,11 +239,8 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
         self._session: SessionT | None = None  # None while it is being opened, too
         self._thread: threading.Thread | None = None
         self._closing = False
-        self._closed_reason = f'{self.DEVICE} not connected; configure the node'
-
-    @abstractmethod
-    def connect(self) -> LinkT:
-        """Open the line; raises HardwareError."""
+        self._device_is = f'{self.LINK.DEVICE} {self.LINK.IS}'
+        self._closed_reason = f'{self._device_is} not connected; configure the node'
 
     @abstractmethod
     def start(self, link: LinkT) -> SessionT:
@@ -239,7 +249,7 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
     def open(self) -> None:
         """Connect and hold; raise HardwareError when device or settings are not as needed."""
         self.close()  # what a failure left
-        link = self.connect()
+        link = cast('LinkT', self.LINK(self._port, self._baud_rate, self.clock))
         with self._lock:
             self._link = link
         try:
@@ -277,7 +287,7 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
                 return
             self._link = self._session = self._thread = None
             self._closed_reason = (
-                session.failure or f'{self.DEVICE} disconnected; configure the node')
+                session.failure or f'{self._device_is} disconnected; configure the node')
         link.close()
 
     def read(self) -> TendonReading:
@@ -317,13 +327,13 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
         if self._link is None:
             raise HardwareError(self._closed_reason)
         if self._session is None:
-            raise HardwareError(f'{self.DEVICE} being connected')
+            raise HardwareError(f'{self._device_is} being connected')
         return self._session
 
     def _movable(self) -> SessionT:
         session = self._connected()
         if self._closing:
-            raise HardwareError(f'{self.DEVICE} being disconnected')
+            raise HardwareError(f'{self._device_is} being disconnected')
         return session
 
     def _serve(self, session: SessionT) -> None:
@@ -341,8 +351,8 @@ class SerialTendons(ABC, Generic[LinkT, SessionT]):
                         return
                     if begin > close_by:
                         raise HardwareError(
-                            f'{self.DEVICE} disconnected without a confirmed stop: tendons may '
-                            'still move; cut the power of the motors if they do')
+                            f'{self._device_is} disconnected without a confirmed stop: tendons '
+                            'may still move; cut the power of the motors if they do')
                 session.link.wait(begin + session.interval - self.clock())
         except Exception as error:  # nothing else would notice that the thread ended
             session.fail(str(error) if isinstance(error, HardwareError) and str(error) else

@@ -13,12 +13,7 @@ from math import isfinite
 
 import numpy as np
 
-from soft_continuum.hardware.protocols import (
-    Accuracy,
-    HardwareError,
-    TendonDriver,
-    TendonReading,
-)
+from soft_continuum.hardware.protocols import Accuracy, HardwareError, TendonDriver, TendonReading
 from soft_continuum.mechanics.arm import Array
 
 JOIN_TOLERANCE = 2e-4

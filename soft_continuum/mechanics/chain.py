@@ -20,7 +20,7 @@ from soft_continuum.mechanics import kinds
 from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.arm import Arm, Array, check_arm, PAPER
 from soft_continuum.mechanics.directions import bending_directions
-from soft_continuum.mechanics.orientations import bending_between, bending_rates, quaternions
+from soft_continuum.mechanics.rotations import bending_between, bending_rates, quaternions
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,6 +21,11 @@ ALONG = 1e-3  # rad: a direction this close to a plane is in it
 ONE_LINE = 1e-6  # rad: directions this close are parallel
 
 
+def bending_towards(directions: Array) -> Array:
+    """Return the bendings of 1 rad in directions (...), rad: (..., 2), rad."""
+    return np.stack([-np.sin(directions), np.cos(directions)], axis=-1)
+
+
 def bending_vectors(arm: Arm, angles: Sequence[float], directions: Sequence[float]
                     ) -> Array:
     """
@@ -36,7 +41,7 @@ def bending_vectors(arm: Arm, angles: Sequence[float], directions: Sequence[floa
         raise ValueError(f'angles and directions must be one number (rad) for each of the {count} '
                          f'segments; given: {angles!r}, {directions!r}')
     towards = towards if towards.size else np.zeros(count)
-    vectors = sizes[:, None] * np.column_stack([-np.sin(towards), np.cos(towards)])
+    vectors = sizes[:, None] * bending_towards(towards)
     return np.where(arm.bending_axes, vectors, 0.0)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.mechanics.orientations import matrices
+from soft_continuum.mechanics.rotations import matrices
 
 RING = 41  # points of the rim of a disc
 SOFT = 'tab:orange'
@@ -71,7 +71,7 @@ def draw_arm(axes: Any, state: Any, soft: Collection[int] | None = None) -> None
 
 def rim(pose: Array, radius: float) -> Array:
     """Return the edge of a disc, (RING, 3), m; pose (7,), radius in m."""
-    edge: Array = pose[:3] + radius * circle(RING) @ matrices(pose[None, 3:])[0].T
+    edge: Array = pose[:3] + radius * circle(RING) @ matrices(pose[3:]).T
     return edge
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from soft_continuum.mechanics._checks import segment_order, whole
 from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.directions import bending_towards
 from soft_continuum.mechanics.inverse import set_shape
 from soft_continuum.mechanics.statics import Statics, StaticsError
 
@@ -28,7 +29,7 @@ def bends(arm: Arm, segment: int, count: int, directions: int) -> Array:
         return np.asarray(np.linspace(-limit, limit, count)[:, None] * axes)
     sizes = limit * np.linspace(0.0, 1.0, count // 2 + 1)[1:]
     ways = 2.0 * np.pi * np.arange(directions) / directions
-    return np.array([np.zeros(2), *(size * np.array([-np.sin(way), np.cos(way)])
+    return np.array([np.zeros(2), *(size * bending_towards(way)
                                     for size in sizes for way in ways)])
 
 

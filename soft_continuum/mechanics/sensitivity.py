@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from soft_continuum.mechanics import kinds
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import check_start, Equilibrium
-from soft_continuum.mechanics.orientations import cross_matrices
+from soft_continuum.mechanics.rotations import cross_matrices
 from soft_continuum.mechanics.statics import Statics
 
 

@@ -7,12 +7,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf
+from struct import unpack_from
 from typing import Any
 
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD, HeartbeatReader, NodeInfo
+from soft_continuum.nodes.suite_node import HEARTBEAT_PERIOD, NodeInfo
 from soft_continuum.ros.entries import guarded, MAX_BYTES, repeat, SENSOR, subscribe
 from soft_continuum.ros.names import HEARTBEAT, NODES, TELEOP, UNKNOWN_NODE
 from soft_continuum.ros.parameter_table import DESCRIBED
@@ -38,6 +39,28 @@ DIFFERENCES = (
      'description; `soft_continuum doctor --network` names the parameters that differ'),
 )
 """Attributes of NodeInfo that must be equal: attribute, its name in messages, remedy."""
+
+
+class HeartbeatReader:
+    """
+    Reads serialized heartbeats of one topic.
+
+    Most equal the last one but for their stamp; of those only the stamp, which comes first, is
+    converted: a heartbeat is received some 80 times a second by the nodes of an arm at rest.
+    """
+
+    def __init__(self) -> None:
+        """Start without a heartbeat."""
+        self._content, self._info = (b'', b''), NodeInfo('')
+
+    def __call__(self, data: bytes, _: Any = None) -> tuple[NodeInfo, float]:
+        """Return the last information, and the time of this message, s."""
+        encoding, content = data[:4], (data[:4], data[12:])
+        if content != self._content:
+            self._info = NodeInfo.from_ros(deserialize_message(data, Heartbeat))
+            self._content = content
+        sec, nanosec = unpack_from('<iI' if encoding[1] & 1 else '>iI', data, 4)
+        return self._info, sec + nanosec * 1e-9
 
 
 @dataclass

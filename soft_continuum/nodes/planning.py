@@ -3,7 +3,7 @@
 """
 Plans from the present state of the arm, as reported by kinematics, on a separate thread.
 
-Also the service that plans without motion, and the guard of the plan that runs.
+Also the service that plans without motion.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -19,13 +19,17 @@ import numpy as np
 from rclpy.node import Node
 
 from soft_continuum.mechanics.arm import Arm
-from soft_continuum.mechanics.chain import Chain, Equilibrium
-from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.nodes.reported_arm import ArmObserver
 from soft_continuum.nodes.threads import on_ros_thread
-from soft_continuum.planning.aiming import Aim, AimStep, next_step, segments_worth_correcting
+from soft_continuum.planning.aiming import (
+    Aim,
+    aim_of,
+    AimStep,
+    next_step,
+    segments_worth_correcting,
+)
 from soft_continuum.planning.obstacles import CollisionScene
-from soft_continuum.planning.plan_watch import KeptPlan, KeptPlans, PlanWatch
+from soft_continuum.planning.plan_watch import KeptPlan, KeptPlans
 from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import (
     failure_text,
@@ -37,7 +41,7 @@ from soft_continuum.planning.plans import (
     ShapePlan,
 )
 from soft_continuum.planning.settings import reach_from_parameters
-from soft_continuum.planning.shape_plans import plan_shapes, plans_of, plans_to
+from soft_continuum.planning.shape_plans import plan_shapes, plans_of
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.entries import serve_later
 from soft_continuum.sequencing.closed_loop import Loop
@@ -81,8 +85,9 @@ class Planning:
         Begin to plan shapes one after the other; the future raises PlanError if one has none.
 
         Plans of ``explain`` are reused while nothing has changed.  first: take the first plan
-        found, to check a goal.  The plan to run is then that of its first shape by angles, or the
-        best that the search for its first tip goes on to find.
+        found, to check a goal.  For its first shape, what is run is then the plan by angles, or
+        the best that the search for the tip goes on to find; later ones are planned again, from
+        where the arm has come to.
         """
         around, situation = self._scene(), self._situation
         kept = self._planned_before(situation, shapes, first)
@@ -104,8 +109,11 @@ class Planning:
         settings, search = reach_from_parameters(self._parameters), object()
 
         def planned(planner: Any, state: Any, pulls: tuple[float, ...]) -> list[ShapePlan]:
-            found = list(self._warned(shapes, plan_shapes(
-                planner, state, pulls, shapes, around, settings, first)))
+            results = self._warned(shapes, plan_shapes(
+                planner, state, pulls, shapes, around, settings, first))
+            # A search that is interrupted takes memory: only the first one goes on later.
+            found = [one if number == 0 else replace(one, better=None)
+                     for number, one in enumerate(results)]
             if first and (not shapes[0].tips or found[0].better):
                 self._checked.keep(situation, state, pulls, shapes[:1], found, search)
             return plans_of(shapes, found)
@@ -159,12 +167,12 @@ class Planning:
 
     def loop(self, aim: int) -> Loop:
         """Return the planning functions of a run by measurements; aim: of RunShapeSequence."""
-        return Loop(partial(self._aim, aim), self._step, self._again,
+        return Loop(partial(self._aim, aim == RunShapeSequence.Goal.TIP), self._step, self._again,
                     lambda: self._observed.shape)
 
-    def _aim(self, kind: int, shape: Shape) -> 'Future[Aim]':
+    def _aim(self, on_tip: bool, shape: Shape) -> 'Future[Aim]':
         settings, arm = PlanSettings.of(self._parameters), self._arm
-        return self._start(lambda *_: aim_of(shape, kind, arm, settings))
+        return self._start(lambda *_: aim_of(shape, on_tip, arm, settings))
 
     def _step(self, segments: Sequence[int], aim: Aim) -> 'Future[AimStep]':
         dead_band = self._parameters['loop.dead_band']
@@ -261,67 +269,3 @@ def _step(index: int, move: Move, step: PlannedStep) -> PlanStep:
         largest_tension=step.tension, smallest_clearance=step.clearance,
         nearest_obstacle=step.obstacle, tip_path=poses_to_ros(
             np.array([state.poses[-1] for state in step.states]), PoseArray()).poses)
-
-
-class PlanGuard:
-    """Watches one plan at a time; distances are computed on a separate thread."""
-
-    def __init__(self, parameters: Mapping[str, Any], scene: Callable[[], CollisionScene]
-                 ) -> None:
-        """Start the thread; scene: as they are known now."""
-        self._parameters, self._scene = parameters, scene
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='plan_guard')
-        self._plan: ShapePlan | None = None
-        self._watch: PlanWatch | None = None
-        self._seen: CollisionScene | None = None
-        self._look: Future[None] | None = None
-        self.close = self._thread.shutdown
-
-    def problems(self, plan: ShapePlan | None, move: int, state: Any) -> tuple[str, str, bool]:
-        """
-        Return the fields obstructed, departed and unseen of an Observation.
-
-        move: the present or next path (0-based).  state: of the arm, None if unknown.  Without
-        obstacles, plans by angles do not limit the deviation of the arm.
-        """
-        if plan is not self._plan:
-            self._plan, self._watch, self._seen, self._look = plan, None, None, None
-            if plan is not None and plan.paths:
-                self._watch = PlanWatch(plan, self._parameters['obstacles.margin'],
-                                        self._parameters['reach.max_deviation'])
-        watch, around = self._watch, self._scene()
-        if watch is None:
-            return '', '', False
-        if self._look is not None and self._look.done():
-            look, self._look = self._look, None
-            look.result()  # its exception ends the run, and is not raised again meanwhile
-        if around is not self._seen and self._look is None:
-            self._seen, self._look = around, self._thread.submit(watch.look, around)
-        planned = bool(plan and plan.shape.tips) or bool(around.obstacles)
-        return (watch.obstructed(move, state), watch.departed(move, state) if planned else '',
-                not watch.looked)
-
-
-def aim_of(shape: Shape, kind: int, arm: Arm, settings: PlanSettings) -> Aim:
-    """
-    Return the aim of a planned shape; kind: of RunShapeSequence.
-
-    The tip is that of its last tip goal; for angles, that of the described ``arm``, set from
-    straight.
-    """
-    if shape.tips:
-        return tip_aim(shape, arm)
-    bending = bending_vectors(arm, shape.bending_angles, shape.bending_directions)
-    chain = Chain(arm)
-    state: Equilibrium
-    try:
-        state = plans_to(Planner(arm, settings), [shape])[0].state
-    except PlanError:  # it can be reached from the present shape only
-        state = chain.uniform(bending)
-    return Aim(bending, state.backbone[-1], kind == RunShapeSequence.Goal.TIP)
-
-
-def tip_aim(shape: Shape, arm: Arm) -> Aim:
-    """Return the aim of a shape planned to tip goals: the last of them."""
-    return Aim(bending_vectors(arm, shape.bending_angles, shape.bending_directions),
-               shape.tips[-1].position, on_tip=True)

@@ -26,10 +26,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.nodes.managed_node import ManagedNode
-from soft_continuum.parameters.overrides import full_name_of, Overrides
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.parameters.shapes import DIRECTION_PREFIX, SHAPE_PREFIX, VACUUM_PREFIX
-from soft_continuum.ros.description import described
+from soft_continuum.ros.description import check_parameter_files
 from soft_continuum.ros.entries import make_executor
 from soft_continuum.ros.environment import (
     discard_old_logs,
@@ -43,13 +41,10 @@ from soft_continuum.ros.environment import (
     with_enclave,
 )
 from soft_continuum.ros.names import RECORDER, TELEOP
-from soft_continuum.ros.parameter_table import ALL_PARAMETERS
 
 SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 MEMORY = 2**30  # bytes that a node may use beyond those of its start; it needs a third of them
 
-DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
-SHAPES = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)
 ELSEWHERE = {RECORDER: 'lab.recordings.recorder', TELEOP: 'ui.teleop.node'}
 """Modules of nodes that use the arm as clients do."""
 ROS_ARGUMENT_ERRORS = (RCLError, UnknownROSArgsError, NameValidationException)
@@ -191,31 +186,3 @@ def shut_down(executor: Executor | None, nodes: Sequence[Any]) -> None:
         with suppress(Exception):  # the process ends anyway
             node.destroy_node()
     rclpy.try_shutdown()
-
-
-def check_parameter_files(arguments: Sequence[str], nodes: Sequence[str]) -> Overrides:
-    """
-    Read the parameters in ROS arguments as rcl does; return their values.
-
-    Raises ParameterError with the file and the key of an invalid value; rclpy would only abort.
-    """
-    overrides = Overrides.of_arguments(arguments)
-    for name in nodes:
-        full_name = full_name_of(arguments, name)
-        described(overrides, full_name, alone=True)
-        for key, (value, where) in overrides.of(full_name).items():
-            _refuse_whole_numbers(where, key, value)
-    return overrides
-
-
-def _refuse_whole_numbers(where: str, key: str, value: Any) -> None:
-    """Refuse integers where ROS, other than the library, insists on a decimal point."""
-    default = DEFAULTS.get(key, (0.0,) if key.startswith(SHAPES) else 0)
-    items = value if isinstance(value, list) else [value]
-    measure = isinstance(default, float) or (
-        isinstance(default, tuple) and not (default and isinstance(default[0], int)))
-    whole = [item for item in items if isinstance(item, int) and not isinstance(item, bool)]
-    if measure and whole:
-        raise ParameterError(
-            f'{where}: parameter {key} is {value}; ROS needs a decimal point: write '
-            f'{float(whole[0])} rather than {whole[0]}')

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from math import inf
 import re
 import socket
-from struct import unpack_from
 import time
 from typing import Any, Self
 from uuid import uuid4
@@ -29,7 +28,6 @@ from rcl_interfaces.msg import (
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.serialization import deserialize_message
 
 from soft_continuum import version
 from soft_continuum.nodes.threads import on_ros_thread
@@ -325,28 +323,6 @@ class NodeInfo:
         return cls(plain(message.process), plain(message.version), plain(message.description),
                    plain(message.host), seconds(message.stamp),
                    printable(message.conflict, MAX_CONFLICT))
-
-
-class HeartbeatReader:
-    """
-    Reads serialized heartbeats of one topic.
-
-    Most equal the last one but for their stamp; of those only the stamp, which comes first, is
-    converted: a heartbeat is received some 80 times a second by the nodes of an arm at rest.
-    """
-
-    def __init__(self) -> None:
-        """Start without a heartbeat."""
-        self._content, self._info = (b'', b''), NodeInfo('')
-
-    def __call__(self, data: bytes, _: Any = None) -> tuple[NodeInfo, float]:
-        """Return the last information, and the time of this message, s."""
-        encoding, content = data[:4], (data[:4], data[12:])
-        if content != self._content:
-            self._info = NodeInfo.from_ros(deserialize_message(data, Heartbeat))
-            self._content = content
-        sec, nanosec = unpack_from('<iI' if encoding[1] & 1 else '>iI', data, 4)
-        return self._info, sec + nanosec * 1e-9
 
 
 class NodeInfoPublisher:

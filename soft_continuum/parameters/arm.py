@@ -24,6 +24,7 @@ from soft_continuum.mechanics.arm import (
 )
 from soft_continuum.mechanics.constant_curvature import fully_actuated
 from soft_continuum.mechanics.laws import Jam, LawError, linear, MomentCurvature
+from soft_continuum.mechanics.rotations import wrapped
 from soft_continuum.mechanics.stiffness import second_moment_of_area
 from soft_continuum.parameters.parameter import Parameter, ParameterError, spread
 
@@ -264,7 +265,7 @@ def _refuse_same_place(names: Sequence[str], angles: Sequence[float], ends: Sequ
     """Refuse two tendons that coincide: at the same angle along the arm, to the same disc."""
     for second in range(len(names)):
         for first in range(second):
-            apart = (angles[second] - angles[first] + pi) % (2.0 * pi) - pi
+            apart = wrapped(angles[second] - angles[first])
             if (abs(apart) < SAME_ANGLE and twists[first] == twists[second]
                     and (ends[first] or count) == (ends[second] or count)):
                 raise ParameterError(

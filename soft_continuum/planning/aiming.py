@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.directions import within_limits
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.mechanics.directions import bending_vectors, within_limits
 from soft_continuum.mechanics.statics import PRETENSIONS, StaticsError
-from soft_continuum.planning.planner import Planner, soft_segments
-from soft_continuum.planning.plans import Move, PlanError, WHOLE_ARM
+from soft_continuum.planning.planner import Planner, PlanSettings, soft_segments
+from soft_continuum.planning.plans import Move, PlanError, Shape, WHOLE_ARM
+from soft_continuum.planning.shape_plans import plans_to
 
 ANGLE_SCALE = 0.05  # rad away from the wanted angle costs as much as
 TIP_SCALE = 1e-4  # m away from the wanted tip
@@ -72,6 +73,30 @@ class Aim:
         if not self.on_tip:
             return away
         return np.concatenate([(state.backbone[-1] - self.tip) / TIP_SCALE, away / ANGLE_SCALE])
+
+
+def aim_of(shape: Shape, on_tip: bool, arm: Arm, settings: PlanSettings) -> Aim:
+    """
+    Return the aim of a planned shape; on_tip: as of Aim.
+
+    The tip is that of its last tip goal; for angles, that of the described ``arm``, set from
+    straight.
+    """
+    if shape.tips:
+        return tip_aim(shape, arm)
+    bending = bending_vectors(arm, shape.bending_angles, shape.bending_directions)
+    state: Equilibrium
+    try:
+        state = plans_to(Planner(arm, settings), [shape])[0].state
+    except PlanError:  # it can be reached from the present shape only
+        state = Chain(arm).uniform(bending)
+    return Aim(bending, state.backbone[-1], on_tip)
+
+
+def tip_aim(shape: Shape, arm: Arm) -> Aim:
+    """Return the aim of a shape planned to tip goals: the last of them."""
+    return Aim(bending_vectors(arm, shape.bending_angles, shape.bending_directions),
+               shape.tips[-1].position, on_tip=True)
 
 
 def predicted_state(statics: Any, state: Any, segments: Sequence[int], bending: Array,

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a plan still holds: one that was shown, until it is run, and one that runs."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
@@ -182,6 +183,45 @@ class PlanWatch:
         """Return the deviation of the arm from each state of a move, m."""
         away: Array = np.linalg.norm(self._points[move] - state.backbone, axis=2).max(axis=1)
         return away
+
+
+class PlanGuard:
+    """Watches one plan at a time; distances are computed on a separate thread."""
+
+    def __init__(self, parameters: Mapping[str, Any], scene: Callable[[], CollisionScene]
+                 ) -> None:
+        """Start the thread; scene: as they are known now."""
+        self._parameters, self._scene = parameters, scene
+        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix='plan_guard')
+        self._plan: ShapePlan | None = None
+        self._watch: PlanWatch | None = None
+        self._seen: CollisionScene | None = None
+        self._look: Future[None] | None = None
+        self.close = self._thread.shutdown
+
+    def problems(self, plan: ShapePlan | None, move: int, state: Any) -> tuple[str, str, bool]:
+        """
+        Return the fields obstructed, departed and unseen of an Observation.
+
+        move: the present or next path (0-based).  state: of the arm, None if unknown.  Without
+        obstacles, plans by angles do not limit the deviation of the arm.
+        """
+        if plan is not self._plan:
+            self._plan, self._watch, self._seen, self._look = plan, None, None, None
+            if plan is not None and plan.paths:
+                self._watch = PlanWatch(plan, self._parameters['obstacles.margin'],
+                                        self._parameters['reach.max_deviation'])
+        watch, around = self._watch, self._scene()
+        if watch is None:
+            return '', '', False
+        if self._look is not None and self._look.done():
+            look, self._look = self._look, None
+            look.result()  # its exception ends the run, and is not raised again meanwhile
+        if around is not self._seen and self._look is None:
+            self._seen, self._look = around, self._thread.submit(watch.look, around)
+        planned = bool(plan and plan.shape.tips) or bool(around.obstacles)
+        return (watch.obstructed(move, state), watch.departed(move, state) if planned else '',
+                not watch.looked)
 
 
 def _millimetres(length: float) -> str:

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Image, JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from soft_continuum.estimation.sensing.rigid import in_plane, planar_pose
 from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
+from soft_continuum.mechanics.rotations import in_plane, planar_pose
 from soft_continuum.ros.ros_time import duration_to_ros
 from soft_continuum.text import plain, printable
 from soft_continuum_interfaces.msg import (

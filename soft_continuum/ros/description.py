@@ -4,11 +4,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.parameters.arm import arm_from_parameters, ARM_PARAMETERS
 from soft_continuum.parameters.files import given_parameters
-from soft_continuum.parameters.overrides import applies, full_name, Overrides
+from soft_continuum.parameters.overrides import applies, full_name, full_name_of, Overrides
 from soft_continuum.parameters.parameter import Parameter, ParameterError, Value
 from soft_continuum.parameters.shapes import (
     DIRECTION_PREFIX,
@@ -25,7 +26,8 @@ from soft_continuum.ros.parameter_table import (
     NODE_PARAMETERS,
 )
 
-UNCHECKED = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX, 'qos_overrides.')
+SHAPES = (SHAPE_PREFIX, DIRECTION_PREFIX, VACUUM_PREFIX)
+UNCHECKED = (*SHAPES, 'qos_overrides.')
 """Prefixes of names that are allowed without being in a table."""
 OF_ROS = (
     Parameter('use_sim_time', False, 'whether to use the time of the topic /clock'),
@@ -33,6 +35,7 @@ OF_ROS = (
               '~/get_type_description'),
 )
 """Parameters that ROS adds to every node."""
+DEFAULTS = {p.name: p.default for p in ALL_PARAMETERS}
 
 
 def load_description(*paths: str | Path, node: str = '', namespace: str = ''
@@ -64,8 +67,7 @@ def described(overrides: Overrides, node: str, alone: bool = False) -> dict[str,
     and ros2 param dump write such sections.
     """
     namespace = node.rpartition('/')[0]
-    values: dict[str, Value] = {p.name: p.default for p in ALL_PARAMETERS}
-    values[FRAME.name] = default_frame(namespace)
+    values: dict[str, Value] = DEFAULTS | {FRAME.name: default_frame(namespace)}
     values |= given_parameters(overrides, (*ALL_PARAMETERS, *OF_ROS), node, UNCHECKED)
     try:
         arm = arm_from_parameters(values)
@@ -112,3 +114,31 @@ def load_rig(paths: Sequence[str | Path], namespace: str = '') -> dict[str, Valu
                     f'parameter {name} is {values[name]} for {owner} and {seen[name]} for {node}; '
                     'write it once, below /**')
     return values
+
+
+def check_parameter_files(arguments: Sequence[str], nodes: Sequence[str]) -> Overrides:
+    """
+    Read the parameters in ROS arguments as rcl does; return their values.
+
+    Raises ParameterError with the file and the key of an invalid value; rclpy would only abort.
+    """
+    overrides = Overrides.of_arguments(arguments)
+    for name in nodes:
+        full_name = full_name_of(arguments, name)
+        described(overrides, full_name, alone=True)
+        for key, (value, where) in overrides.of(full_name).items():
+            _refuse_whole_numbers(where, key, value)
+    return overrides
+
+
+def _refuse_whole_numbers(where: str, key: str, value: Any) -> None:
+    """Refuse integers where ROS, other than the library, insists on a decimal point."""
+    default = DEFAULTS.get(key, (0.0,) if key.startswith(SHAPES) else 0)
+    items = value if isinstance(value, list) else [value]
+    measure = isinstance(default, float) or (
+        isinstance(default, tuple) and not (default and isinstance(default[0], int)))
+    whole = [item for item in items if isinstance(item, int) and not isinstance(item, bool)]
+    if measure and whole:
+        raise ParameterError(
+            f'{where}: parameter {key} is {value}; ROS needs a decimal point: write '
+            f'{float(whole[0])} rather than {whole[0]}')

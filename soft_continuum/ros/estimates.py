@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.estimation.measuring import angle_stddevs
-from soft_continuum.estimation.sensing.rigid import levers
 from soft_continuum.estimation.unknowns import arm_with, first_values, indices_of, limited, Prior
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import LawError
+from soft_continuum.mechanics.rotations import levers
 from soft_continuum.ros.ros_time import stamp_of
 from soft_continuum_interfaces.msg import Anomaly as AnomalyMessage
 from soft_continuum_interfaces.msg import EstimatedParameter, KinematicsState
@@ -61,6 +60,7 @@ def estimate_to_ros(estimator: 'Estimator', covariances: Array,
     covariances: (discs, 6, 6) of the discs' poses, base first.  parameters: of
     parameters_to_ros.
     """
+    from soft_continuum.estimation.measuring import angle_stddevs
     state = estimator.state
     message.source = KinematicsState.ESTIMATED
     if estimator.measured is not None:

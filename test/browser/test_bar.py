@@ -21,7 +21,7 @@ from soft_continuum.sequencing import Phase
 from soft_continuum.ui.browser import html
 from soft_continuum.ui.browser.access import open_server
 from soft_continuum.ui.browser.bar import Bar, bar_state, LOST, PAGE, PATH
-from soft_continuum.ui.browser.charts import chart, History, LENGTH
+from soft_continuum.ui.browser.html import chart, History, LENGTH
 from soft_continuum.ui.browser.session import Description, notice_text, PageSession
 from soft_continuum.ui.browser.session import MAX_TEXT as TEXT_LENGTH
 from soft_continuum.user_files import description_file

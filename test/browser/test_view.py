@@ -22,7 +22,7 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Bool
 from visualization_msgs.msg import Marker, MarkerArray
 
-from soft_continuum.lab.analysis.recording import read_recording
+from soft_continuum.lab.recordings.tables import read_recording
 from soft_continuum.planning.obstacles import Box, Capsule, Obstacle, Sphere
 from soft_continuum.ros.entries import LATCHED, OBSTACLES, STREAM
 from soft_continuum.ros.obstacles import obstacle_to_ros

@@ -3,13 +3,14 @@
 """A script in Python sees and moves the arm as the public interfaces let it."""
 
 import asyncio
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from io import StringIO
 from itertools import pairwise
-from math import inf, nan
+from math import cos, hypot, inf, nan, radians, sin
 import sys
 from time import monotonic
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import matplotlib
@@ -32,9 +33,11 @@ from soft_continuum.client import (
     RefusedError,
     requests,
     SequenceError,
+    Tip,
 )
 from soft_continuum.client.connection import Connection
 from soft_continuum.client.observed import ObservedArm
+from soft_continuum.client.tasks import Tasks
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.ros.description import load_arm, load_description
 from soft_continuum.user_files import description_file
@@ -444,3 +447,194 @@ def test_a_stop_that_gets_no_answer_is_asked_for_again(arm, monkeypatch):
     finally:
         connection.close()
     wait_until(lambda: len(asked) >= 2)
+
+
+TOLERANCE = 1e-3  # m
+
+
+def test_reach_brings_the_tip_to_a_place_and_a_plan_tells_before(arm, client):
+    plan = client.plan(Tip((0.12, 0.26)))
+    assert plan.found and plan.message == ''
+    assert plan.softenings == len(plan.steps) >= 1
+    end = plan.steps[-1].tip[-1]
+    assert hypot(end.x - 0.12, end.z - 0.26) <= TOLERANCE and end.is_planar
+    assert 0.0 < plan.tension < 60.0 and plan.duration > 0.0
+    seen = []
+    result = client.reach(0.12, 0.26, progress=seen.append)
+    assert result.reached.tip_error <= TOLERANCE and result.reached.replans == 0
+    assert result.reached.bending_angles == pytest.approx(plan.steps[-1].bending_angles, abs=0.01)
+    assert {progress.shape for progress in seen} == {'tip at (120, 260) mm'}
+    assert {progress.aim for progress in seen} == {'tip'}
+
+
+def test_what_the_tip_cannot_do_is_refused(client):
+    with pytest.raises(RefusedError, match='y = 0.01 m; a planar arm'):
+        client.reach(0.12, 0.01, 0.26)
+    with pytest.raises(RefusedError, match='out of reach'):
+        client.run(Tip((0.5, 0.5)), 'c_form')
+    with pytest.raises(ValueError, match='path'):
+        client.follow([])
+    plan = client.plan(Tip((0.5, 0.5)))
+    assert not plan.found and 'out of reach' in plan.message
+    for wrong in ({'position': (0.1,)}, {'position': (0.1, float('nan'))},
+                  {'position': (0.1, 0.2), 'direction': (0.0, 0.0, 0.0)},
+                  {'position': (0.1, 0.2), 'angle': 0.1, 'direction': (0.0, 0.0, 1.0)}):
+        with pytest.raises(ValueError, match='position|direction'):
+            Tip(**wrong)
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.7, -1.2, radians(180.0)])
+def test_a_direction_turns_z_by_its_angle(angle):
+    x, y, z, w = Tip((0.1, 0.2), angle=angle).quaternion
+    # Where a rotation by the quaternion brings the z axis.
+    assert (2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y)) == pytest.approx(
+        (sin(angle), cos(angle)), abs=1e-12)
+
+
+def test_the_command_line_reaches_and_follows(arm, call, tmp_path):
+    status, output, errors = call('reach', '-100', '280', '--unit', 'mm')
+    assert (status, errors) == (0, '')
+    assert 'tip at (-100, 280) mm, segment' in output and output.splitlines()[-2] == 'done'
+    path = tmp_path / 'path.csv'
+    path.write_text('x [mm],z [mm]\n-100,280\n-90,288\n')
+    status, output, errors = call('follow', str(path), '--unit', 'mm', '--tolerance', '4')
+    assert (status, errors) == (0, '')
+    assert 'path through 2 points' in output
+    status, _, errors = call('reach', '500', '500', '--unit', 'mm')
+    assert (status, errors.count('\n')) == (1, 1) and 'out of reach' in errors
+
+
+class Fake:
+    """An arm whose sequencer refuses to straighten it; does: what was asked of it by hand."""
+
+    def __init__(self, obstacles=(), error=None, stopped=''):
+        self.obstacles = SimpleNamespace(known=[SimpleNamespace(name=name) for name in obstacles])
+        self.description = SimpleNamespace(segments=(1, 2, 3))
+        self.error, self.stopped, self.does = error, stopped, []
+        self.state = SimpleNamespace(
+            stopped='', progress=None, stiff=(True, True, True), bending_angles=(0.5, 0.0, 0.0),
+            tendons=('right', 'left'), pulls=(0.01, 0.0), node=lambda name: SimpleNamespace(
+                level='ok'), nodes=[SimpleNamespace(name='shape_sequencer', running=True)])
+
+    def run(self, *shapes):
+        raise RefusedError('shape_sequencer: no plan')
+
+    def wait_for(self, condition, timeout):
+        return condition(self.state)
+
+    def soften(self, segment):
+        self.does.append(f'soften {segment}')
+
+    def stiffen(self):
+        self.does.append('stiffen')
+
+    def jog(self, **moves):
+        self.does.append('jog')
+        self.state.stopped = self.stopped
+        if self.error is not None:
+            raise self.error
+        self.state.pulls = tuple(pull + moves[name] for name, pull in zip(
+            self.state.tendons, self.state.pulls, strict=True))
+
+
+def test_without_a_plan_it_goes_home_and_ends_stiff():
+    arm = Fake()
+    assert 'straightened without a plan, because shape_sequencer: no plan' in Arm.home(arm)
+    assert arm.does == ['soften 3', 'jog', 'soften 2', 'soften 1', 'stiffen']
+
+
+def test_it_moves_nothing_without_a_plan_where_there_are_obstacles():
+    arm = Fake(obstacles=['lamp', 'post'])
+    with pytest.raises(RefusedError, match=r'no plan; without a plan .* \(lamp, post\)'):
+        Arm.home(arm)
+    assert arm.does == []
+
+
+@pytest.mark.parametrize(('error', 'stopped', 'end'), [
+    (KeyboardInterrupt(), '', 'stiffen'), (RefusedError('too much tension'), '', 'stiffen'),
+    (RefusedError('stopped'), 'by hand', 'jog')])
+def test_what_interrupts_it_leaves_no_segment_soft_but_a_stop_does(error, stopped, end):
+    arm = Fake(error=error, stopped=stopped)
+    with pytest.raises(type(error)):
+        Arm.home(arm)
+    assert arm.does[-1] == end
+
+
+STOP = 'tendon_actuation/stop'
+
+
+def step(call):
+    """Let a call see whether its answer has come; return that."""
+    try:
+        return call.send(None)
+    except StopIteration as end:
+        return end.value
+
+
+def test_a_call_that_fails_withdraws_no_request_of_another_one():
+    node, futures = Mock(), []
+    node.get_node_names_and_namespaces.return_value = []
+
+    def call_async(_):
+        futures.append(Mock())
+        futures[-1].done.return_value = False
+        return futures[-1]
+    node.create_client.return_value.call_async = call_async
+    tasks = Tasks(node, 0.0, 1.0)
+    first, second = tasks.call(Trigger, STOP), tasks.call(Trigger, STOP, within=100.0)
+    step(second)
+    with pytest.raises(ClientError):
+        step(first)
+    node.destroy_client.assert_not_called()
+    futures[0].done.return_value = True
+    assert step(second) is futures[0].result()
+    with pytest.raises(ClientError):
+        step(tasks.call(Trigger, STOP))
+    node.destroy_client.assert_called_once()
+
+
+class Interrupted(Future):
+    """The answer to a goal; Ctrl-C comes when it is first waited for."""
+
+    came = False
+
+    def result(self, timeout=None):
+        if not self.came:
+            self.came = True
+            raise KeyboardInterrupt
+        return super().result(timeout)
+
+
+class Sequence:
+    """One that was accepted; calls: what was asked of it."""
+
+    def __init__(self):
+        self.calls, self.done = [], False
+
+    def cancel(self):
+        self.calls.append('cancel')
+
+    def result(self, timeout):
+        self.calls.append('result')
+
+
+def arm_of(answer):
+    arm = Arm.__new__(Arm)
+    arm._sequences = []
+    arm._requests = SimpleNamespace(start=lambda work: answer, send=lambda *goal: None)
+    return arm
+
+
+def test_a_goal_that_is_accepted_after_ctrl_c_is_canceled():
+    answer, sequence = Interrupted(), Sequence()
+    answer.set_result(sequence)
+    with pytest.raises(KeyboardInterrupt):
+        arm_of(answer).start('c_form')
+    assert sequence.calls == ['cancel', 'result']
+
+
+def test_a_goal_that_is_refused_after_ctrl_c_leaves_nothing_to_do():
+    answer = Interrupted()
+    answer.set_exception(RefusedError('out of reach'))
+    with pytest.raises(KeyboardInterrupt):
+        arm_of(answer).start('c_form')

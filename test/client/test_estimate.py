@@ -12,8 +12,7 @@ import pytest
 
 from soft_continuum.client.estimate import Estimate
 from soft_continuum.client.state import source_text, state_line
-from soft_continuum.ui.browser.charts import History
-from soft_continuum.ui.browser.html import source_html
+from soft_continuum.ui.browser.html import History, source_html
 from soft_continuum_interfaces.action import RunShapeSequence
 from soft_continuum_interfaces.msg import Anomaly, KinematicsState
 from support.estimated_arm import CHAIN, joint_angles, learned, tip, tip_covariance

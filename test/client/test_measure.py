@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from soft_continuum.client import ClientError
 from soft_continuum.client.measured import mean_of
-from soft_continuum.estimation.sensing.rigid import in_plane, planar_pose
 from soft_continuum.lab.analysis.measured_shapes import read_shapes
 from soft_continuum.mechanics.arm import PLANAR_AXES, SPATIAL_AXES
+from soft_continuum.mechanics.rotations import in_plane, planar_pose
 from soft_continuum.ros.conversions import poses_from_ros, tracked_pose_to_ros
 from soft_continuum.ros.description import load_arm
 from soft_continuum.sequencing import Phase, Progress

@@ -19,11 +19,16 @@ from std_srvs.srv import SetBool
 import yaml
 
 from soft_continuum.client import Arm
-from soft_continuum.lab.analysis.recording import export, read_recording
-from soft_continuum.lab.analysis.report import main as report
-from soft_continuum.lab.recordings.bag import BAG, BagReader, DESCRIPTION
+from soft_continuum.lab.recordings.bag import (
+    BAG,
+    BagReader,
+    DefinitionError,
+    DESCRIPTION,
+    message_class,
+)
 from soft_continuum.lab.recordings.playback import Playback
-from soft_continuum.ros.definitions import DefinitionError, message_class
+from soft_continuum.lab.recordings.report import main as report
+from soft_continuum.lab.recordings.tables import export, read_recording
 from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.entries import EVERY_STATE, LATCHED
 from soft_continuum.user_files import description_file

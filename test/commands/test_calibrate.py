@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from soft_continuum.commissioning import calibrate
+from soft_continuum.commissioning import calibrate, calibrate_tendons
 from soft_continuum.hardware.clock import STEADY
 from soft_continuum.ros.description import load_rig
 from soft_continuum.sim.emulators.grbl import GrblEmulator
@@ -183,7 +183,7 @@ def test_slack_known_before_is_taken_up_without_asking_also_of_a_board_that_keep
 
     def reset(seconds):
         sleep(seconds)
-        if seconds == calibrate.MARK_TIME:
+        if seconds == calibrate_tendons.MARK_TIME:
             rig.grbl.reset()
     monkeypatch.setattr(STEADY, 'sleep', reset)
     status, output, _ = run('zero', '--yes', '--take-up', 0, 0)

@@ -10,14 +10,14 @@ import pytest
 
 from soft_continuum.lab.analysis import characterisation as characterize
 from soft_continuum.lab.analysis import identification as identify
-from soft_continuum.lab.analysis import report, workspace
 from soft_continuum.lab.analysis import validation as validate
-from soft_continuum.lab.analysis.recording import export, TABLES
-from soft_continuum.lab.recordings import record
+from soft_continuum.lab.analysis import workspace
+from soft_continuum.lab.recordings import record, report
 from soft_continuum.lab.recordings.bag import BAG
+from soft_continuum.lab.recordings.tables import export, TABLES
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import load_description
-from test.support.bags import other_run
+from support.bags import other_run
 
 DATA = Path(__file__).resolve().parents[2] / 'data' / 'simulated_specimen'
 POINTS, PULLS = (DATA / f'SIMULATED_paper_{kind}.csv' for kind in ('points', 'pulls'))

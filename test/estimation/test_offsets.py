@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 import yaml
 
 from soft_continuum.estimation.sensing.imus import imu_rotations
-from soft_continuum.estimation.sensing.rigid import compose, planar_pose
 from soft_continuum.estimation.sensing.tag_camera import DiscPose, TagDetections
 from soft_continuum.estimation.sensing.tare import (
     offset_of,
@@ -22,7 +21,7 @@ from soft_continuum.estimation.sensing.tare import (
     Window,
 )
 from soft_continuum.estimation.sensing.tracker import Tracker
-from soft_continuum.mechanics.orientations import full_poses
+from soft_continuum.mechanics.rotations import compose, full_poses, planar_pose
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file

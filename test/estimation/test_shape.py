@@ -9,7 +9,6 @@ import pytest
 
 from soft_continuum.estimation.estimator import PERSISTENT
 from soft_continuum.estimation.measuring import DiscMeasurement
-from soft_continuum.estimation.sensing.rigid import in_plane
 from soft_continuum.estimation.shape import (
     ActuatorState,
     ArmShape,
@@ -20,6 +19,7 @@ from soft_continuum.estimation.shape import (
 )
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.rotations import in_plane
 from soft_continuum.mechanics.statics import StaticsError
 from support.flat_arm import made_of
 from support.paper_arm import plane_points

@@ -13,9 +13,9 @@ from scipy.special import chdtri
 from soft_continuum.estimation import anomalies
 from soft_continuum.estimation.estimator import Estimator, OWN_SHARE
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, predicted
-from soft_continuum.estimation.sensing.rigid import displacement
 from soft_continuum.estimation.shape import ArmShape, UnknownShapeError
 from soft_continuum.estimation.unknowns import arm_with, Drift, first_values, indices_of, Prior
+from soft_continuum.mechanics.rotations import displacement
 from soft_continuum.mechanics.space.statics import SpaceStatics
 from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file

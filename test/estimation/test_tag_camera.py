@@ -10,9 +10,9 @@ import pytest
 
 from soft_continuum.estimation.sensing.corners import TagDetector
 from soft_continuum.estimation.sensing.lens import Lens, LensError
-from soft_continuum.estimation.sensing.rigid import rotate
 from soft_continuum.estimation.sensing.tag_camera import TagCamera
 from soft_continuum.mechanics.arm import PLANAR_AXES
+from soft_continuum.mechanics.rotations import rotate
 from soft_continuum.parameters.parameter import ParameterError
 from support.views import errors, EXACT, views, without_pose
 

@@ -13,7 +13,7 @@ from soft_continuum.estimation.shape import ArmShape, ShapeError
 from soft_continuum.estimation.unknowns import arm_with, Drift, first_values, indices_of, Prior
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.nodes.measurements import MeasuredTensions, TENSION_INTERVAL, UNCHECKED_TIME
+from soft_continuum.nodes.kinematics import MeasuredTensions, TENSION_INTERVAL, UNCHECKED_TIME
 from soft_continuum_interfaces.msg import TendonActuationState
 from support.true_arm import ARM, commands, only, Session, STIFF, TrueArm
 
@@ -228,9 +228,8 @@ def test_a_tension_is_trusted_as_far_as_its_device_knows_it():
 
 
 def test_tensions_wait_for_how_well_they_are_known_but_not_for_long():
-    told_at, never = (MeasuredTensions(NAMES, PARAMETERS) for _ in range(2))
+    told_at, never = (MeasuredTensions(NAMES, PARAMETERS, UNCHECKED_TIME) for _ in range(2))
     for each in (told_at, never):
-        each.expect_accuracy()
         each.put(100.0, {NAMES[0]: 20.0})
         assert each.take() == []
     told_at.receive(told(tension_stddevs=[8.2, 8.2]))

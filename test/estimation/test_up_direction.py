@@ -13,9 +13,9 @@ from soft_continuum.estimation.sensing.imus import (
     pose_of_up,
     UpFilter,
 )
-from soft_continuum.estimation.sensing.rigid import rotation, turn_between
 from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.mechanics.arm import SPATIAL_AXES
+from soft_continuum.mechanics.rotations import rotation, turn_between
 from soft_continuum.parameters.parameter import ParameterError
 from support.imus import Errors, GRAVITY
 from support.views import space_views, views

@@ -12,20 +12,20 @@ import threading
 
 import pytest
 
+from soft_continuum.commissioning.calibrate_tendons import (
+    CalibrationError,
+    corrected_steps,
+    MAX_MOVE,
+    SPEED,
+    TendonBench,
+)
 from soft_continuum.commissioning.calibrate_vacuum import (
     assess_regulator,
     assess_vacuum,
     measure_regulator,
     measure_segment,
-    SegmentVacuum,
-)
-from soft_continuum.commissioning.calibration import (
-    CalibrationError,
-    corrected_steps,
-    MAX_MOVE,
     POLL_INTERVAL,
-    SPEED,
-    TendonBench,
+    SegmentVacuum,
 )
 from soft_continuum.hardware.jamming_controller import JammingSettings
 from soft_continuum.hardware.protocols import HardwareError

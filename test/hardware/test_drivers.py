@@ -79,3 +79,30 @@ def test_a_package_that_cannot_be_loaded_fails_only_when_it_is_chosen(tmp_path):
     """)
     assert 'servo (my_rig.servo:ServoTendons) cannot be loaded' in said
     assert 'no_such_module' in said
+
+
+def test_an_entry_point_registers_parameters_checks_calibration_and_emulator(tmp_path):
+    other_package(tmp_path, textwrap.dedent("""
+        from soft_continuum.hardware.commissioning import Check, Drive, OK
+        from soft_continuum.parameters.parameter import Parameter
+
+        PORT, DRIVE = 'servo.port', Drive('servo.signs', 'servo.radii', inverse=True)
+        main = str
+
+        def checks(values):
+            yield Check('servo', OK, values['servo.port'])
+
+        class ServoTendons:
+            PARAMETERS = (Parameter('servo.port', '', 'its port'),)
+            COMMISSIONING = EMULATOR = 'my_rig.servo'
+    """))
+    said = run_with(tmp_path, """
+        from soft_continuum.hardware.drivers import (
+            driver_parameters, emulated_devices, families, TENDON_DRIVERS)
+        family = families(TENDON_DRIVERS)['servo']
+        print(family.parameters[0] in driver_parameters(TENDON_DRIVERS), family.port,
+              family.drive.scale, [check.message for check in family.checks({'servo.port': 'a'})],
+              [*family.checks_opened(None)], family.clear_zero({}),
+              emulated_devices()['servo'].emulator.main(1), family.topics({}))
+    """)
+    assert said == "True servo.port servo.radii ['a'] [] None 1 ({}, {})\n"

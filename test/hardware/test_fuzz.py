@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
+from soft_continuum.hardware import serial_tendons
 from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.dynamixel import bus as dynamixel_bus
 from soft_continuum.hardware.dynamixel.registers import TORQUE_ENABLE
@@ -194,7 +195,7 @@ def well_formed(data, device, size):
 
 
 def dynamixel_on(line, monkeypatch):
-    monkeypatch.setattr(dynamixel_bus, 'open_serial', lambda *_: line)
+    monkeypatch.setattr(serial_tendons, 'open_serial', lambda *_: line)
     return dynamixel_bus.DynamixelBus('line', 1000000, line)
 
 

@@ -10,12 +10,12 @@ import pytest
 
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
-from soft_continuum.estimation.sensing.rigid import in_plane
 from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.lab.analysis.identification import find_unknowns, identify, spread_out
 from soft_continuum.lab.analysis.measured_shapes import MeasuredShape, Step
 from soft_continuum.mechanics import Statics
 from soft_continuum.mechanics.arm import SECOND_ORDER
+from soft_continuum.mechanics.rotations import in_plane
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.description import load_description
 from soft_continuum.sim.twin.model_errors import read_model_errors

@@ -8,11 +8,13 @@ import subprocess
 import sys
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'soft_continuum'
-MODULES = [PACKAGE / 'lab' / 'recordings' / 'bag.py',  # the one module there that needs no ROS
+WITHOUT_ROS = ('bag', 'tables', 'report')
+"""Modules of the recordings that read them."""
+MODULES = [*(PACKAGE / 'lab' / 'recordings' / f'{name}.py' for name in WITHOUT_ROS),
            *(path for room in ('mechanics', 'lab/analysis')
              for path in (PACKAGE / room).rglob('*.py'))]
 ALLOWED = {*sys.stdlib_module_names, 'numpy', 'scipy', 'numba', 'tqdm'}
-OWN = ('mechanics', 'lab.analysis', 'lab.recordings.bag', 'parameters', 'planning.obstacles',
+OWN = ('mechanics', 'lab.analysis', 'lab.recordings', 'parameters', 'planning.obstacles',
        'ros.description', 'ros.parameter_table', 'colours', 'extras', 'text')
 
 

@@ -37,11 +37,6 @@ shapes: 50
 """
 
 
-@pytest.fixture(autouse=True)
-def _in_a_directory_of_its_own(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def study_file(text, name='study.yaml'):
     path = Path(name)
     path.write_text(text, encoding='utf-8')

@@ -16,7 +16,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
 from soft_continuum.estimation.sensing.layout import FRONT
-from soft_continuum.estimation.sensing.rigid import displacement, planar_pose
+from soft_continuum.mechanics.rotations import displacement, planar_pose
 from soft_continuum.nodes import camera
 from soft_continuum.ros.conversions import CHANNELS, grey_message, grey_picture, pose_from_ros
 from soft_continuum.ros.entries import LATCHED, SENSOR

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What enters a node: bounded, plain, and unable to end it."""
 
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 from geometry_msgs.msg import Pose, PoseArray
@@ -17,10 +18,11 @@ from soft_continuum.mechanics.arm import Arm, Disc, Segment, tendon_pair
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.nodes import emergency_stop
+from soft_continuum.nodes import suite_node as module
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.conflicts import TOPICS as SOLE
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.suite_node import NodeInfo
+from soft_continuum.nodes.suite_node import ERROR, NodeInfo, OK, Status, WARN
 from soft_continuum.nodes.threads import Newest
 from soft_continuum.ros.conversions import (
     equilibrium_from_ros,
@@ -29,9 +31,11 @@ from soft_continuum.ros.conversions import (
 )
 from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.entries import LATCHED, MAX_BYTES, SENSOR, serve, STREAM, subscribe
+from soft_continuum.ros.names import RECORDER, TELEOP
 from soft_continuum.ros.urdf import arm_urdf
 from soft_continuum.text import plain
-from soft_continuum_interfaces.msg import Heartbeat, JammingValvesState
+from soft_continuum_interfaces.msg import Heartbeat, JammingValvesState, RecorderState, TeleopState
+from support import ros_rig
 from support.descriptions import JAMMING
 from support.ros_rig import assert_declined
 
@@ -211,3 +215,61 @@ def test_a_state_of_the_model_predicts_the_same_after_it_was_sent():
     assert after.held == pytest.approx(expected.held, abs=1e-7)
     without = statics.solve(statics.chain.state(held.joint_angles), (0.005, -0.008), stiff)
     assert np.abs(without.joint_angles - expected.joint_angles).max() > 1e-4
+
+
+@pytest.fixture
+def logged(rig, monkeypatch):
+    """Return the list of what the observer of the rig logs."""
+    lines = []
+
+    class Logger:
+        def __getattr__(self, _):
+            return lines.append
+
+    monkeypatch.setattr(rig.observer, 'get_logger', Logger)
+    return lines
+
+
+def test_the_state_of_a_node_that_rests_is_repeated_with_the_time_of_its_change(rig):
+    states = {name: rig.record(kind, f'{name}/state', ros_rig.LATCHED) for name, kind in (
+        (RECORDER, RecorderState), (TELEOP, TeleopState))} | rig.states
+    rig.start_arm()
+    rig.start(RECORDER, TELEOP, ready=False)
+
+    def repeated(recording):
+        """Whether the last three messages are the same, stamp and all."""
+        return len(recording) > 3 and all(one == recording.last for one in list(recording)[-3:])
+
+    rig.wait_for(lambda: all(map(repeated, states.values())), 'three of each', within=20.0)
+
+
+def test_what_changes_fast_is_logged_once_it_lasts(rig, logged, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(module, 'time', SimpleNamespace(monotonic=lambda: now[0]))
+    status = rig.on_ros_thread(Status, rig.observer, 'arm')
+    for message in ('first', 'second', 'last'):
+        rig.on_ros_thread(status.set, WARN, message)
+    assert logged == ['first']
+    now[0] = 2.0 * module.LOG_PERIOD
+    rig.wait_for(lambda: len(logged) > 1, 'the last message in the log')
+    assert logged == ['first', 'last']
+
+
+def test_what_is_the_same_is_logged_once(rig, logged):
+    status = rig.on_ros_thread(Status, rig.observer, 'arm')
+    for _ in range(3):
+        rig.on_ros_thread(status.set, OK, 'idle')
+    assert logged == ['idle']
+
+
+@pytest.mark.parametrize(('texts', 'lines'), [
+    (['has 0.0 kPa', 'has -0.0 kPa', 'has 0 kPa', 'has 12.5 kPa'], 1),
+    (['silent for 0.26 s', 'silent for 3 s', 'silent for 1.2e+03 s'], 1),
+    (['servo 1: has 3 N', 'servo 2: has 3 N'], 2), (['step 1 of 3', 'step 2 of 3'], 2)])
+def test_a_fault_is_logged_once_while_only_what_is_measured_of_it_changes(
+        rig, logged, monkeypatch, texts, lines):
+    monkeypatch.setattr(module, 'LOG_PERIOD', -1.0)
+    status = rig.on_ros_thread(Status, rig.observer, 'arm')
+    for text in texts * 2:
+        rig.on_ros_thread(status.set, ERROR, text)
+    assert len(logged) == lines * (2 if lines > 1 else 1)

@@ -16,14 +16,14 @@ from rclpy.action import (
 )
 
 from soft_continuum.ros.description import load_rig
-from soft_continuum.ros.interface_tables import (
+from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP
+from soft_continuum.ui.cli.policy import (
     documented_nodes,
     interfaces,
     OF_EVERY_NODE,
     OF_LIFECYCLE_NODES,
+    policy,
 )
-from soft_continuum.ros.names import CAMERA, DISC_SENSORS, RECORDER, SERVO, TELEOP
-from soft_continuum.ui.cli.policy import policy
 from soft_continuum.user_files import description_file
 from support.policies import allowed, used
 from support.ros_rig import ALL, DEADLINE

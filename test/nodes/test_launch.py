@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from soft_continuum.hardware.drivers import families, JAMMING_DRIVERS, TENDON_DRIVERS
-from soft_continuum.nodes.runtime import check_parameter_files
 from soft_continuum.parameters.overrides import full_name_of
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.description import check_parameter_files
 from soft_continuum.ros.parameter_table import default_frame
 from soft_continuum.ui.cli import up
 from soft_continuum.ui.cli.up import check_launch, check_twin, chosen_nodes, start_parser

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from soft_continuum.nodes.measurements import MeasuredPoses, REPORT_DELAY, TensionCheck
+from soft_continuum.nodes.kinematics import MeasuredPoses, REPORT_DELAY, TensionCheck
 from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.names import MEASURED_POSE
 from soft_continuum.ros.ros_time import stamp_of
@@ -48,7 +48,7 @@ def test_the_base_is_measured_with_the_other_discs_but_alone_it_is_no_measuremen
 def test_two_cameras_that_look_at_nearly_or_exactly_the_same_time_are_both_used(monkeypatch):
     """The second of two stamps within 1/60 s used to be left out."""
     now = [0.0]
-    monkeypatch.setattr('soft_continuum.nodes.measurements.monotonic', lambda: now[0])
+    monkeypatch.setattr('soft_continuum.nodes.kinematics.monotonic', lambda: now[0])
     node = Mock()
     poses = MeasuredPoses(node, ARM, FRAME, lambda: None)
     calls = {call.args[1]: call.args[2] for call in node.create_subscription.call_args_list}

@@ -10,7 +10,8 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from soft_continuum import version
-from soft_continuum.nodes.suite_node import HeartbeatReader, NodeInfo
+from soft_continuum.nodes.conflicts import HeartbeatReader
+from soft_continuum.nodes.suite_node import NodeInfo
 from soft_continuum.parameters.arm import ARM_PARAMETERS, description_digest
 from soft_continuum.parameters.scalars import read_scalar
 from soft_continuum.ros.description import load_description

@@ -14,10 +14,9 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from soft_continuum.nodes.runtime import check_parameter_files
 from soft_continuum.parameters.overrides import full_name_of, Overrides
 from soft_continuum.parameters.parameter import ParameterError
-from soft_continuum.ros.description import load_description
+from soft_continuum.ros.description import check_parameter_files, load_description
 from support.descriptions import section
 
 NODES = (('tendon_actuation', ''), ('tendon_actuation', 'left'), ('kinematics', 'left'),

@@ -16,10 +16,9 @@ from soft_continuum.client import Arm
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import load_rig
 from soft_continuum.ros.environment import CLIENT, INPUTS, VIEWER, with_enclave
-from soft_continuum.ros.interface_tables import documented_nodes
 from soft_continuum.ros.names import RECORDER
 from soft_continuum.ui.cli.main import main
-from soft_continuum.ui.cli.policy import policy
+from soft_continuum.ui.cli.policy import documented_nodes, policy
 from soft_continuum.user_files import description_file
 from support.policies import allowed, used
 from support.ros_rig import ALL, DEADLINE

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import Imu, JointState
 
-from soft_continuum.estimation.sensing.rigid import planar_pose
+from soft_continuum.mechanics.rotations import planar_pose
 from soft_continuum.ros.conversions import poses_from_ros
 from soft_continuum.ros.names import NODES
 from soft_continuum.sim.emulators.tendon_motors import board_links, driving_parameters

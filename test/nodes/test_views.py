@@ -117,7 +117,6 @@ def test_a_ghost_stands_where_the_arm_goes_and_the_published_robot_where_the_pos
 
 CHAIN = Chain(load_arm(description_file()))
 BENT = CHAIN.uniform((0.3, -0.2, 0.25))
-CONFIG = Path(__file__).resolve().parents[2] / 'config'
 ALARM = ('left_tendon is 4.0 mm longer than its motor reports: it slipped in its clamp or left a '
          'guide')
 

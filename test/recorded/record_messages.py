@@ -22,8 +22,8 @@ from typing import Any
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from soft_continuum.hardware import tendon_controller
+from soft_continuum.lab.recordings.bag import message_class
 from soft_continuum.nodes import tendon_control
-from soft_continuum.ros.definitions import message_class
 from support.descriptions import given
 from support.rig_fixtures import domains
 from support.ros_rig import DEADLINE, Recording, Rig, SEGMENTS

@@ -10,10 +10,10 @@ import pytest
 
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
-from soft_continuum.estimation.sensing.rigid import in_plane
 from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from soft_continuum.mechanics.rotations import in_plane
 from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.estimates import (
     estimate_to_ros,

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from soft_continuum.mechanics.chain import Chain
+from soft_continuum.planning.aiming import tip_aim
 from soft_continuum.planning.obstacles import CollisionScene, Obstacle, Sphere
 from soft_continuum.planning.plan_watch import PlanWatch
 from soft_continuum.planning.planner import Planner
@@ -55,7 +56,6 @@ class TipRig(MeasuredRig):
         return plans_of([shape], [found])[0]
 
     def aim(self, shape):
-        from soft_continuum.nodes.planning import tip_aim
         return tip_aim(shape, self.arm) if shape.tips else super().aim(shape)
 
     def observe(self):

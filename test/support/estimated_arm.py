@@ -20,7 +20,7 @@ from rclpy.time import Duration
 from sensor_msgs.msg import FluidPressure, JointState
 
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.mechanics.orientations import full_poses
+from soft_continuum.mechanics.rotations import full_poses
 from soft_continuum.ros.conversions import poses_to_ros
 from soft_continuum.ros.description import load_arm
 from soft_continuum.ros.entries import make_executor

@@ -9,9 +9,9 @@ import numpy as np
 
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement
-from soft_continuum.estimation.sensing.rigid import in_plane
 from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.mechanics.plane.statics import PlaneStatics
+from soft_continuum.mechanics.rotations import in_plane
 from soft_continuum.planning.aiming import Aim, next_step, segments_worth_correcting
 from soft_continuum.planning.planner import Planner
 from soft_continuum.planning.plans import Shape

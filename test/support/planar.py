@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from soft_continuum.estimation.sensing.rigid import in_plane, planar_pose
 from soft_continuum.mechanics.arm import PLANAR_AXES
+from soft_continuum.mechanics.rotations import in_plane, planar_pose
 from soft_continuum.ros.conversions import measured_pose_from_ros, tracked_pose_to_ros
 
 IN_PLANE = np.ix_(PLANAR_AXES, PLANAR_AXES)

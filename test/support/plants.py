@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from soft_continuum.estimation.sensing.rigid import planar_pose
+from soft_continuum.mechanics.rotations import planar_pose
 from soft_continuum.ros.description import load_arm
 from soft_continuum.sim.twin.model_errors import read_model_errors
 from soft_continuum.sim.twin.plant import Plant, TIME_STEP

@@ -8,10 +8,10 @@ import numpy as np
 
 from soft_continuum.estimation.estimator import Estimator
 from soft_continuum.estimation.measuring import ActuatorState, DiscMeasurement, TensionMeasurement
-from soft_continuum.estimation.sensing.rigid import displaced, UNKNOWN
 from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.laws import Jam
+from soft_continuum.mechanics.rotations import displaced, UNKNOWN
 from soft_continuum.mechanics.statics import Statics
 from soft_continuum.ros.description import load_arm
 from soft_continuum.user_files import description_file

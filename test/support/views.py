@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from soft_continuum.estimation.sensing.layout import FRONT, layout_of
-from soft_continuum.estimation.sensing.rigid import displacement
 from soft_continuum.mechanics import Chain
+from soft_continuum.mechanics.rotations import displacement
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.ros.description import load_description
 from soft_continuum.sim.twin.camera import TwinCamera

@@ -16,15 +16,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.estimation.sensing.rigid import (
+from soft_continuum.estimation.sensing.tare import SensorError, turn_of, Window
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.rotations import (
+    cross_matrices,
     moved_by,
     rotation,
-    skew,
     turn_between,
     UNKNOWN,
 )
-from soft_continuum.estimation.sensing.tare import SensorError, turn_of, Window
-from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.parameters.parameter import ParameterError
 
 MIN_STEP = 0.0009
@@ -173,7 +173,7 @@ class UpFilter:
         if restart:
             self._restart(up, variance)
             return True
-        away = skew(turn_between(self.up, up)) @ self.up  # along the circle to it
+        away = cross_matrices(turn_between(self.up, up)) @ self.up  # along the circle to it
         weight = np.linalg.inv(self.covariance[UP, UP] + variance * EYE)
         if away @ weight @ away > GATE**2:
             if sample.time - self._last_good > MAX_OUTLIERS:
@@ -223,7 +223,7 @@ class UpFilter:
         moves = EYE6.copy()
         moves[UP, UP] = back = rotation(-turn)
         self.up = back @ self.up
-        moves[UP, BIAS] = by_rate = -step * skew(self.up)  # it turns by up x rate
+        moves[UP, BIAS] = by_rate = -step * cross_matrices(self.up)  # it turns by up x rate
         self.covariance = moves @ self.covariance @ moves.T
         # At another angle the offset of the accelerometer is another angle.
         self.covariance[UP, UP] += (noise**2 * by_rate @ by_rate.T
@@ -241,7 +241,7 @@ class UpFilter:
         if not self.is_quiet:
             gain[BIAS] = 0.0
         step = gain @ away
-        matrix = rotation(skew(self.up) @ step[UP])
+        matrix = rotation(cross_matrices(self.up) @ step[UP])
         self.up, self.bias = matrix @ self.up, self.bias + step[BIAS]
         # Joseph's form, which holds for any gain; what is known of up is turned with it.
         kept = EYE6.copy()
@@ -332,7 +332,7 @@ def pose_of_up(up: Array, covariance: Array, to: Array, unseen: float) -> tuple[
     """
     vector = turn_between(up, to)
     matrix, half = rotation(vector), max(hypot(*vector.tolist()) / 2.0, TINY)
-    lever = -skew(to) @ matrix  # what moves up turns it across
+    lever = -cross_matrices(to) @ matrix  # what moves up turns it across
     full = unseen * np.eye(6)
     full[3:, 3:] = lever @ covariance @ lever.T + unseen * np.outer(to, to)
     return np.array([0.0, 0.0, 0.0, *sin(half) / half / 2.0 * vector, cos(half)]), full

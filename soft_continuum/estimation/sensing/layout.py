@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 import scipy
 
 from soft_continuum.estimation.sensing.pictures import Picture
-from soft_continuum.estimation.sensing.rigid import IDENTITY, planar_pose
 from soft_continuum.estimation.sensing.tare import SensorError, straight_heights, tag_offset
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.mechanics.orientations import full_poses
+from soft_continuum.mechanics.rotations import full_poses, IDENTITY, planar_pose
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.parameters.scalars import as_yaml

@@ -39,10 +39,19 @@ from soft_continuum.estimation.sensing.layout import (
 )
 from soft_continuum.estimation.sensing.lens import Lens
 from soft_continuum.estimation.sensing.pictures import is_black, Picture
-from soft_continuum.estimation.sensing.rigid import compose, levers, rotate, UNKNOWN, UP
 from soft_continuum.estimation.sensing.tare import SensorError
 from soft_continuum.mechanics.arm import Array, SPATIAL_AXES
-from soft_continuum.mechanics.orientations import cross_matrices, matrices, quaternions
+from soft_continuum.mechanics.rotations import (
+    compose,
+    cross_matrices,
+    levers,
+    matrices,
+    matrix_angle,
+    quaternions,
+    rotate,
+    UNKNOWN,
+    UP,
+)
 
 CORNER_DEVIATION = 0.1  # px, of each corner of a tag
 FULL_WIDTH = 32.0  # px of such a tag
@@ -133,10 +142,11 @@ class TagGroup:
         """Return the minima that were found, the best first; none if no tag fits."""
         found: list[tuple[float, _Guess]] = []
         for start in self._starts():
-            if any(angle(start.turn, g.turn) < NEAR for _, g in found):
+            if any(matrix_angle(start.turn, g.turn) < NEAR for _, g in found):
                 continue
             misfit, guess = self._refined(start)
-            if np.isfinite(misfit) and all(angle(guess.turn, g.turn) > SAME for _, g in found):
+            if np.isfinite(misfit) and all(
+                    matrix_angle(guess.turn, g.turn) > SAME for _, g in found):
                 found.append((misfit, guess))
         return [self._fit(*minimum) for minimum in sorted(found, key=lambda one: one[0])]
 
@@ -183,8 +193,8 @@ class TagGroup:
         """Return a pose that the body can have, near another one."""
         if (base := self._base) is not None and not self._moves.all():
             place = self._moves[:3] * (base.turn.T @ (shift - base.shift))
-            turned = quaternions((base.turn.T @ turn)[None]) * [*self._moves[3:], True]
-            turn = base.turn @ matrices(turned / np.linalg.norm(turned))[0]
+            turned = quaternions(base.turn.T @ turn) * [*self._moves[3:], True]
+            turn = base.turn @ matrices(turned / np.linalg.norm(turned))
             shift = base.turn @ place + base.shift
         return _Guess(turn, shift, self._given)
 
@@ -296,11 +306,6 @@ def width(corners: Array) -> float:
     return float(max(1.0, abs(ax * by - ay * bx) / 2.0 / max(1.0, longest)))
 
 
-def angle(one: Array, other: Array) -> float:
-    """Return the angle between two rotation matrices, rad."""
-    return float(np.arccos(np.clip((np.trace(one.T @ other) - 1.0) / 2.0, -1.0, 1.0)))
-
-
 def _moved(jacobian: Array, axes: Array, arms: Array) -> Array:
     """
     Return the Jacobian of pixels by shift, then turn, along ``axes``, (tags, 8, 6).
@@ -364,7 +369,7 @@ class CameraView:
         """Return the pose (7,) in base_link of a body seen by the camera."""
         back = self.base.turn.T
         return np.concatenate([back @ (fit.shift - self.base.shift),
-                               quaternions((back @ fit.turn)[None])[0]])
+                               quaternions(back @ fit.turn)])
 
     def covariance(self, fit: PoseFit, factor: float) -> Array:
         """

@@ -9,7 +9,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from soft_continuum.estimation.sensing.rigid import (
+from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.rotations import (
     angle_between,
     compose,
     IDENTITY,
@@ -17,7 +18,6 @@ from soft_continuum.estimation.sensing.rigid import (
     mean_pose,
     turn_between,
 )
-from soft_continuum.mechanics.arm import Arm, Array
 
 WINDOW = 1.0
 """s of samples that are averaged, unless these are too few."""

@@ -10,9 +10,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from soft_continuum.estimation.sensing.rigid import compose, IDENTITY, inverse, moved_by, rotate
 from soft_continuum.estimation.sensing.tare import SensorError, straight_heights
 from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.rotations import compose, IDENTITY, inverse, moved_by, rotate
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.text import MAX_NAME, printable
 

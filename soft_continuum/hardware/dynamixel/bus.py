@@ -18,8 +18,7 @@ from soft_continuum.extras import needed
 from soft_continuum.hardware.clock import Clock, STEADY
 from soft_continuum.hardware.dynamixel.registers import Register
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_ports import close_serial, open_serial
-from soft_continuum.hardware.serial_tendons import Wakeable
+from soft_continuum.hardware.serial_tendons import SerialLink
 
 REPLY_TIME, SEARCH_TIME = 0.15, 0.03
 """Time limits of replies, s: to requests to one servo, and in searches."""
@@ -60,15 +59,17 @@ class Reply:
     alert: bool
 
 
-class DynamixelBus(Wakeable):
+class DynamixelBus(SerialLink):
     """An open port with servos behind it; for one thread, but ``wake`` and ``abort``."""
+
+    DEVICE, IS, HAS = 'the Dynamixel servos', 'are', 'have'
 
     def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY) -> None:
         """Open a port that no other program may open until it is closed."""
         with needed(HardwareError):
             from soft_continuum.hardware.dynamixel.packets import Packets, Port
-        super().__init__(port, clock)
-        self._port = Port(open_serial(port, baud_rate), clock)
+        super().__init__(port, baud_rate, clock)
+        self._port = Port(self.line, clock)
         self._packets = Packets()
         self.fast: bool | None = None
         """Whether all servos support Fast Sync Read; None: not tried."""
@@ -77,13 +78,6 @@ class DynamixelBus(Wakeable):
     def from_parameters(cls, values: Mapping[str, Any]) -> Self:
         """Open the port that the parameters of the node describe."""
         return cls(values['dynamixel.port'], values['dynamixel.baud'])
-
-    def close(self) -> None:
-        """Close the port."""
-        try:
-            close_serial(self._port.ser)
-        finally:
-            super().close()
 
     @property
     def baud_rate(self) -> int:
@@ -229,9 +223,9 @@ class DynamixelBus(Wakeable):
         try:
             result = send()
         except (OSError, ValueError, termios.error) as error:
-            raise self._lost(error) from None
+            raise self.lost(error) from None
         if result != 0:
-            raise self._lost('it takes no more data')
+            raise self.lost('it takes no more data')
 
     def _packet(self, servo: int, size: int, fast: bool = False) -> bytes:
         """Return the next packet, which must be a reply of ``size`` bytes from a servo."""
@@ -249,7 +243,7 @@ class DynamixelBus(Wakeable):
         try:
             packet, result = self._packets.rxPacket(self._port, fast)
         except (OSError, ValueError, termios.error) as error:
-            raise self._lost(error) from None
+            raise self.lost(error) from None
         return bytes(packet), result
 
     def _received(self, length: int = 64) -> bytes:
@@ -259,12 +253,8 @@ class DynamixelBus(Wakeable):
             while len(data) < length and not self._port.isPacketTimeout():
                 data += self._port.readPort(length - len(data))
         except (OSError, ValueError, termios.error) as error:
-            raise self._lost(error) from None
+            raise self.lost(error) from None
         return data
-
-    def _lost(self, reason: object) -> HardwareError:
-        return HardwareError(f'the connection to the Dynamixel servos on {self.name} is lost '
-                             f'({reason}); check the cable and the power')
 
 
 def latency_timer(port: str) -> int | None:

@@ -5,14 +5,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from soft_continuum.hardware.commissioning import (
-    Check,
-    check_reference,
-    Drive,
-    FAIL,
-    OK,
-    WARN,
-)
+from soft_continuum.hardware.commissioning import Check, check_reference, Drive, FAIL, OK, WARN
 from soft_continuum.hardware.dynamixel.bus import DynamixelBus, latency_timer
 from soft_continuum.hardware.dynamixel.reference import clear_marks, find_zeros, ZeroFile
 from soft_continuum.hardware.dynamixel.registers import (

@@ -18,16 +18,8 @@ import json
 from math import ceil, floor
 from pathlib import Path
 
-from soft_continuum.hardware.dynamixel.bus import (
-    DamagedReplyError,
-    DynamixelBus,
-    NoReplyError,
-)
-from soft_continuum.hardware.dynamixel.registers import (
-    PULSES_PER_TURN,
-    SPARE,
-    WATCHDOG_TRIGGERED,
-)
+from soft_continuum.hardware.dynamixel.bus import DamagedReplyError, DynamixelBus, NoReplyError
+from soft_continuum.hardware.dynamixel.registers import PULSES_PER_TURN, SPARE, WATCHDOG_TRIGGERED
 from soft_continuum.hardware.dynamixel.setup import ATTEMPTS, FoundServo, ServoState, Spools
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.text import read_bytes, write_whole

@@ -287,7 +287,6 @@ BUSY = MotionState.MOVING, MotionState.STOPPING, MotionState.TAKING_UP
 class DynamixelSession(Session[DynamixelBus]):
     """Servos that hold, and their known state."""
 
-    DEVICE = 'the servos have'
     CYCLE, RESTING_CYCLE = 0.01, 0.05
 
     def __init__(self, bus: DynamixelBus, servos: Sequence[FoundServo], spools: Spools,
@@ -541,7 +540,7 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
     after the other.
     """
 
-    DEVICE = 'the Dynamixel servos are'
+    LINK = DynamixelBus
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.dynamixel.commissioning'
     EMULATOR = 'soft_continuum.sim.emulators.dynamixel'
@@ -560,10 +559,9 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
     def __init__(self, port: str, baud_rate: int, spools: Spools, zeros: Path,
                  clock: Clock = STEADY) -> None:
         """Describe the devices; nothing is opened yet.  zeros: file of their zeros."""
-        super().__init__(
-            spools.tendons, spools.pull_limits, spools.take_up_tension > 0.0, clock)
-        self._port, self._baud_rate, self._spools = port, baud_rate, spools
-        self._zero_file = ZeroFile(zeros, port)
+        super().__init__(port, baud_rate, spools.tendons, spools.pull_limits,
+                         spools.take_up_tension > 0.0, clock)
+        self._spools, self._zero_file = spools, ZeroFile(zeros, port)
 
     def close(self) -> None:
         """Disconnect, and wait until the zeros are written; log if they cannot be."""
@@ -574,10 +572,6 @@ class DynamixelTendons(SerialTendons[DynamixelBus, DynamixelSession]):
             self._zero_file.check_written()
         except HardwareError as error:  # the session reports it, unless it ended before
             LOG.error(error)
-
-    def connect(self) -> DynamixelBus:
-        """Open the port."""
-        return DynamixelBus(self._port, self._baud_rate, self.clock)
 
     def start(self, link: DynamixelBus) -> DynamixelSession:
         """Take the servos over; raises HardwareError when they are not as needed."""

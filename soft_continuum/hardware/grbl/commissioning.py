@@ -5,19 +5,11 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from soft_continuum.hardware.commissioning import (
-    Check,
-    check_reference,
-    Drive,
-    FAIL,
-    OK,
-    WARN,
-)
+from soft_continuum.hardware.commissioning import Check, check_reference, Drive, FAIL, OK, WARN
 from soft_continuum.hardware.grbl.link import GrblLink, SOFT_RESET
 from soft_continuum.hardware.grbl.motion import Motors
 from soft_continuum.hardware.grbl.setup import find_controller, invalid_settings, UNLOCK
 from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_ports import open_serial
 
 PORT = 'grbl.port'
 DRIVE = Drive('grbl.signs', 'grbl.steps_per_mm', inverse=False, scale_moves_zero=True)
@@ -32,7 +24,7 @@ def checks(values: Mapping[str, Any]) -> Iterator[Check]:
 def _check(port: str, baud_rate: int, motors: Motors) -> Iterator[Check]:
     step = 'tendon port'
     try:
-        link = GrblLink(open_serial(port, baud_rate))
+        link = GrblLink(port, baud_rate)
     except HardwareError as error:
         yield Check(step, FAIL, str(error))
         return
@@ -63,7 +55,7 @@ def _check(port: str, baud_rate: int, motors: Motors) -> Iterator[Check]:
 def clear_zero(values: Mapping[str, Any]) -> None:
     """Reset all controllers, which loses their zeros; raises HardwareError if one is missing."""
     for port in values['grbl.port'].split():
-        link = GrblLink(open_serial(port, values['grbl.baud_rate']))
+        link = GrblLink(port, values['grbl.baud_rate'])
         try:
             find_controller(link)
             link.write(SOFT_RESET)

@@ -14,12 +14,8 @@ from math import ceil
 import os
 import re
 
-import serial
-
 from soft_continuum.hardware.clock import Clock, STEADY
-from soft_continuum.hardware.protocols import HardwareError
-from soft_continuum.hardware.serial_ports import close_serial
-from soft_continuum.hardware.serial_tendons import Wakeable
+from soft_continuum.hardware.serial_tendons import SerialLink
 
 STATUS_QUERY = b'?'
 FEED_HOLD = b'!'
@@ -162,13 +158,14 @@ class MessageReader:
         return [message for message in parsed if message is not None]
 
 
-class GrblLink(Wakeable):
+class GrblLink(SerialLink):
     """An open port with a controller behind it; for one thread, but ``wake`` and ``abort``."""
 
-    def __init__(self, port: serial.Serial, clock: Clock = STEADY) -> None:
-        """Use an open ``port``."""
-        super().__init__(port.port, clock)
-        self._port = port
+    DEVICE = 'the GRBL controller'
+
+    def __init__(self, port: str, baud_rate: int, clock: Clock = STEADY) -> None:
+        """Open a port that no other program may open until it is closed."""
+        super().__init__(port, baud_rate, clock)
         self._reader = MessageReader()
         self._late = 0.0  # s by which this computer went on later than it wanted to
         self.unanswered = ''
@@ -182,19 +179,16 @@ class GrblLink(Wakeable):
     def close(self) -> None:
         """Close the port; bytes not sent within LAST_BYTES_TIME are dropped."""
         self.clock.sleep(LAST_BYTES_TIME)
-        try:
-            close_serial(self._port)
-        finally:
-            super().close()
+        super().close()
 
     def write(self, data: bytes) -> None:
         """Send bytes that act at once and are not acknowledged; never waits."""
         try:
-            written = os.write(self._port.fileno(), data)
+            written = os.write(self.line.fileno(), data)
         except (OSError, ValueError) as error:
-            raise self._lost(error) from None
+            raise self.lost(error) from None
         if written < len(data):
-            raise self._lost('it takes no more data')
+            raise self.lost('it takes no more data')
 
     def send(self, line: str) -> None:
         """Send one line; only after the one before has been acknowledged."""
@@ -206,9 +200,9 @@ class GrblLink(Wakeable):
         """Return whether something was received, after ``timeout`` (s), or earlier when woken."""
         begin = self.clock()
         try:
-            ready = self._wait_for([self._port.fileno()], timeout)
+            ready = self._wait_for([self.line.fileno()], timeout)
         except (OSError, ValueError) as error:
-            raise self._lost(error) from None
+            raise self.lost(error) from None
         self._late += max(0.0, self.clock() - begin - max(0.0, timeout))
         return bool(ready)
 
@@ -217,19 +211,14 @@ class GrblLink(Wakeable):
         if not self.wait(timeout):
             return []
         try:
-            data = os.read(self._port.fileno(), 4096)
+            data = os.read(self.line.fileno(), 4096)
         except OSError as error:
-            raise self._lost(error) from None
+            raise self.lost(error) from None
         if not data:
-            raise self._lost('hung up')
+            raise self.lost('hung up')
         return self._reader.feed(data)
 
     def answered(self) -> str:
         """Note that the line was acknowledged, or never will be; return it."""
         line, self.unanswered = self.unanswered, ''
         return line
-
-    def _lost(self, reason: object) -> HardwareError:
-        return HardwareError(
-            f'the connection to the GRBL controller on {self._port.port} is lost ({reason}); '
-            'check the cable and the power')

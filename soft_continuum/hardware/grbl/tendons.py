@@ -58,7 +58,6 @@ from soft_continuum.hardware.protocols import (
     TendonDriver,
     TendonReading,
 )
-from soft_continuum.hardware.serial_ports import open_serial
 from soft_continuum.hardware.serial_tendons import (
     POLL_INTERVAL,
     SerialTendons,
@@ -161,7 +160,6 @@ class ProgressTimer:
 class GrblSession(Session[GrblLink]):
     """The session of a controller that was found at rest."""
 
-    DEVICE = 'the GRBL controller has'
     CYCLE, RESTING_CYCLE = JOG_TIME / 4, RESTING_QUERY_INTERVAL / 2
 
     def __init__(self, link: GrblLink, found: Controller, motors: Motors) -> None:
@@ -501,7 +499,7 @@ class GrblTendons(SerialTendons[GrblLink, GrblSession]):
     switches and pulls them to zero, to be just taut on the straight arm.
     """
 
-    DEVICE = 'the GRBL controller is'
+    LINK = GrblLink
     PARAMETERS: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     COMMISSIONING = 'soft_continuum.hardware.grbl.commissioning'
     EMULATOR = 'soft_continuum.sim.emulators.grbl'
@@ -521,12 +519,9 @@ class GrblTendons(SerialTendons[GrblLink, GrblSession]):
 
     def __init__(self, port: str, baud_rate: int, motors: Motors, clock: Clock = STEADY) -> None:
         """Describe the device; nothing is opened yet."""
-        super().__init__(motors.tendons, motors.pull_limits, motors.homes, clock)
-        self._port, self._baud_rate, self._motors = port, baud_rate, motors
-
-    def connect(self) -> GrblLink:
-        """Open the port."""
-        return GrblLink(open_serial(self._port, self._baud_rate), self.clock)
+        super().__init__(
+            port, baud_rate, motors.tendons, motors.pull_limits, motors.homes, clock)
+        self._motors = motors
 
     def start(self, link: GrblLink) -> GrblSession:
         """Take the controller over; raises HardwareError when its settings are not as needed."""

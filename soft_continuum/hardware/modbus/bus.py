@@ -125,13 +125,13 @@ class ModbusBus:
 
     def read_coils(self, unit: int, first: int, count: int) -> tuple[bool, ...]:
         """Return ``count`` coils from ``first`` on (function 01)."""
-        frame = self._frames.read_coils(unit, first, count)
+        frame = self._frames.read(1, unit, first, count)
         reply = self._request(frame, OVERHEAD + (count + 7) // 8)
         return tuple(bool(bit) for bit in reply.bits[:count])
 
     def read_input_registers(self, unit: int, first: int, count: int) -> tuple[int, ...]:
         """Return ``count`` input registers from ``first`` on (function 04)."""
-        frame = self._frames.read_input_registers(unit, first, count)
+        frame = self._frames.read(4, unit, first, count)
         return tuple(self._request(frame, OVERHEAD + 2 * count).registers)
 
     def write_coil(self, unit: int, coil: int, on: bool) -> None:
@@ -143,7 +143,7 @@ class ModbusBus:
 
     def read_holding_registers(self, unit: int, first: int, count: int) -> tuple[int, ...]:
         """Return ``count`` holding registers from ``first`` on (function 03)."""
-        frame = self._frames.read_holding_registers(unit, first, count)
+        frame = self._frames.read(3, unit, first, count)
         return tuple(self._request(frame, OVERHEAD + 2 * count).registers)
 
     def write_register(self, unit: int, register: int, value: int) -> None:

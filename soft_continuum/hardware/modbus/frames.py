@@ -15,6 +15,9 @@ from pymodbus.pdu.register_message import (
     WriteSingleRegisterRequest,
 )
 
+READS = {1: ReadCoilsRequest, 3: ReadHoldingRegistersRequest, 4: ReadInputRegistersRequest}
+"""By their functions."""
+
 
 class Frames:
     """Makes the frames of requests and reads those of replies."""
@@ -22,17 +25,9 @@ class Frames:
     def __init__(self) -> None:
         self._framer = FramerRTU(DecodePDU(is_server=False))
 
-    def read_coils(self, unit: int, first: int, count: int) -> bytes:
-        """Ask for ``count`` coils from ``first`` on (function 01)."""
-        return self._built(ReadCoilsRequest(address=first, count=count, dev_id=unit))
-
-    def read_holding_registers(self, unit: int, first: int, count: int) -> bytes:
-        """Ask for ``count`` holding registers from ``first`` on (function 03)."""
-        return self._built(ReadHoldingRegistersRequest(address=first, count=count, dev_id=unit))
-
-    def read_input_registers(self, unit: int, first: int, count: int) -> bytes:
-        """Ask for ``count`` input registers from ``first`` on (function 04)."""
-        return self._built(ReadInputRegistersRequest(address=first, count=count, dev_id=unit))
+    def read(self, function: int, unit: int, first: int, count: int) -> bytes:
+        """Ask for ``count`` coils or registers from ``first`` on; function: one of READS."""
+        return self._built(READS[function](address=first, count=count, dev_id=unit))
 
     def write_coil(self, unit: int, coil: int, on: bool) -> bytes:
         """Switch one coil (function 05)."""

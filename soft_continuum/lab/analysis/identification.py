@@ -15,7 +15,7 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import inf, nan, pi
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ from soft_continuum.lab.analysis.verbs import (
 )
 from soft_continuum.mechanics import SECOND_ORDER, Statics, StaticsError
 from soft_continuum.mechanics.arm import Arm, Array
+from soft_continuum.mechanics.rotations import wrapped
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import Value
@@ -226,7 +227,7 @@ def _turned(values: Values, which: Sequence[int], angle: float) -> Values:
     angles = list(_numbers(values, 'arm.tendon_angles'))
     more = angle - angles[which[0]]
     for i in which:
-        angles[i] = (angles[i] + more + pi) % (2.0 * pi) - pi
+        angles[i] = wrapped(angles[i] + more)
     return {**values, 'arm.tendon_angles': tuple(angles)}
 
 

@@ -23,8 +23,15 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 import yaml
 
-from soft_continuum.lab.recordings.bag import BagError, BagReader, PARAMETERS, PICTURES, Topic
-from soft_continuum.ros.definitions import DefinitionError, message_class
+from soft_continuum.lab.recordings.bag import (
+    BagError,
+    BagReader,
+    DefinitionError,
+    message_class,
+    PARAMETERS,
+    PICTURES,
+    Topic,
+)
 from soft_continuum.ros.entries import EVERY_STATE, make_executor, STREAM
 from soft_continuum.ros.environment import choose_own_network
 from soft_continuum.ros.names import KINEMATICS, NODES

@@ -28,7 +28,9 @@ from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.lab.recordings.bag import (
     BagError,
     BagWriter,
+    definition,
     DESCRIPTION,
+    message_class,
     PARAMETERS,
     PICTURES,
     Topic,
@@ -36,7 +38,6 @@ from soft_continuum.lab.recordings.bag import (
 from soft_continuum.nodes.suite_node import ERROR, OK, StatePublisher, SuiteNode, WARN
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.files import parameters_text
-from soft_continuum.ros.definitions import definition, message_class
 from soft_continuum.ros.entries import LOG_PERIOD, repeat, serve_later
 from soft_continuum.ros.names import (
     CAMERA,

@@ -29,7 +29,7 @@ from soft_continuum.lab.analysis.verbs import ResultError
 from soft_continuum.lab.study.design import Design, Study
 from soft_continuum.mechanics import Arm, set_shape, Statics, StaticsError
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.directions import hinged
+from soft_continuum.mechanics.directions import bending_towards, hinged
 from soft_continuum.planning.obstacles import CollisionScene
 from soft_continuum.planning.planner import Planner, PlanSettings
 from soft_continuum.planning.plans import Shape, TipGoal
@@ -163,7 +163,7 @@ def drawn(arm: Arm, draw: np.random.Generator, jamming: bool) -> Array:
         # Even over the disc of rotation vectors.
         sizes = arm.bending_angle_limits * np.sqrt(draw.random(count))
         ways = draw.uniform(-np.pi, np.pi, count)
-        bending = sizes[:, None] * np.column_stack([-np.sin(ways), np.cos(ways)])
+        bending = sizes[:, None] * bending_towards(ways)
     return np.where(arm.bending_axes & chosen[:, None], bending, 0.0)
 
 

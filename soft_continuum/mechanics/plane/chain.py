@@ -6,7 +6,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Arm, ArmError, Array
 from soft_continuum.mechanics.chain import Chain, RIGHT
-from soft_continuum.mechanics.orientations import full_poses
+from soft_continuum.mechanics.rotations import full_poses
 
 
 class PlaneChain(Chain):

@@ -14,7 +14,7 @@ from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.mechanics.directions import own_axes
-from soft_continuum.mechanics.orientations import (
+from soft_continuum.mechanics.rotations import (
     angles_about_axes,
     rotation_vectors,
     turned_about_axes,

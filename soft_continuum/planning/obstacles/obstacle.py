@@ -9,7 +9,7 @@ import numpy as np
 
 from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.orientations import matrices
+from soft_continuum.mechanics.rotations import matrices
 from soft_continuum.planning.obstacles.mesh import Mesh
 from soft_continuum.planning.obstacles.shapes import Box, Capsule, Cylinder, ObstacleError, Sphere
 from soft_continuum.text import MAX_NAME, printable
@@ -61,7 +61,7 @@ class Obstacle:
     def rotation(self) -> Array:
         """Rotation matrix of the shape's frame in base_link, (3, 3)."""
         turn = np.array(self.orientation, dtype=float)
-        found: Array = matrices((turn / np.linalg.norm(turn))[None])[0]
+        found: Array = matrices(turn / np.linalg.norm(turn))
         return found
 
 

@@ -163,9 +163,9 @@ def replay(argv: Sequence[str] | None = None) -> int:
     add_view_options(parser)
     options = parser.parse_args(argv)
     from soft_continuum.lab.analysis.delimited import MeasurementError
-    from soft_continuum.lab.analysis.recording import bag_in
     from soft_continuum.lab.recordings.playback import Playback
-    signal.signal(signal.SIGTERM, interrupt)
+    from soft_continuum.lab.recordings.tables import bag_in
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         path = bag_in(options.recording)
         playback = Playback(path, options.namespace)
@@ -192,7 +192,7 @@ def run(parser: Parser, nodes: Sequence[str], options: Namespace,
 
     starting: gives their ROS arguments, and runs while they do.
     """
-    signal.signal(signal.SIGTERM, interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         with ExitStack() as running, starting as arguments, NodeProcesses(nodes, arguments):
             serve_view(running, options, 'The arm', arguments=arguments,
@@ -229,8 +229,3 @@ async def _show(server: viser.ViserServer, requests: Requests, bar: Bar,
                 playback: 'Playback | None', title: str) -> View:
     """Start to show the arm, on the thread of the node."""
     return View(server, PageSession(requests), bar, playback, title)
-
-
-def interrupt(*_: Any) -> None:
-    """Handler of SIGTERM: exit as on Ctrl-C."""
-    raise KeyboardInterrupt

@@ -11,8 +11,8 @@ import viser
 from soft_continuum.client.state import ArmState
 from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER
 from soft_continuum.ui.browser import html
-from soft_continuum.ui.browser.charts import History
 from soft_continuum.ui.browser.controls import Controls, is_there, on_change, runs
+from soft_continuum.ui.browser.html import History
 from soft_continuum.ui.browser.scene import viewpoint, views_of
 from soft_continuum.ui.browser.session import Description, PageSession
 from soft_continuum.ui.browser.shapes_panel import ShapesPanel

@@ -29,7 +29,7 @@ from soft_continuum.colours import (
 )
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
-from soft_continuum.mechanics.orientations import matrices, orientation
+from soft_continuum.mechanics.rotations import matrices, orientation
 from soft_continuum.planning.obstacles import Box, Capsule, Cylinder, Mesh, Obstacle, Sphere
 from soft_continuum.ros.obstacles import Key
 from soft_continuum.ui.browser.meshes import (

@@ -18,7 +18,7 @@ from soft_continuum.client import own_file, Tip
 from soft_continuum.client.state import ArmState, Pose
 from soft_continuum.colours import GHOST
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.orientations import matrices
+from soft_continuum.mechanics.rotations import matrices
 from soft_continuum.ui.browser import html
 from soft_continuum.ui.browser.controls import Controls, may_run, number_of, on_change, runs
 from soft_continuum.ui.browser.limits import TIP_HANDLE
@@ -216,5 +216,5 @@ class TipPanel:
 
 def _matrix(quaternion: Sequence[float]) -> Array:
     """Return the rotation (3, 3) of a quaternion x, y, z, w of any length."""
-    found: Array = matrices(np.array([quaternion]) / max(hypot(*quaternion), 1e-9))[0]
+    found: Array = matrices(np.array(quaternion) / max(hypot(*quaternion), 1e-9))
     return found

@@ -27,7 +27,7 @@ from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.drawing import draw_arm, projection_of
-from soft_continuum.mechanics.orientations import quaternions
+from soft_continuum.mechanics.rotations import quaternions
 from soft_continuum.parameters.arguments import given_path, Parser, WRONG_USAGE
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.names import JAMMING_VALVES
@@ -155,7 +155,7 @@ def _show_poses(description: mechanics.Arm, bending: Array, state: ArmState,
     if state.tip is not None:
         poses.append(('tip, rigid chain', state.tip))
     poses.append(('tip, constant curvature', _pose(
-        np.concatenate([arcs[-1], quaternions(turns[-1:])[0]]))))
+        np.concatenate([arcs[-1], quaternions(turns[-1])]))))
     print(' ' * 31 + ''.join(f'{axis} in mm   ' for axis in description.axes)
           + ('tangent in degrees' if signed else 'degrees from z'))
     for label, pose in poses:

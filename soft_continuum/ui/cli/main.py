@@ -97,10 +97,10 @@ GROUPS: Mapping[str, tuple[Verb, ...]] = {
         Verb('workspace', 'sample the positions that the tip reaches',
              'lab.analysis.workspace:main'),
         Verb('study', 'compare designs of arms', 'lab.study.summary:main'),
-        Verb('report', 'write a one-page report of a recording', 'lab.analysis.report:main'),
+        Verb('report', 'write a one-page report of a recording', 'lab.recordings.report:main'),
         Verb('replay', 'play a recording in a browser', 'ui.browser.main:replay'),
         Verb('export', 'export a recording as CSV, MATLAB or Parquet',
-             'lab.analysis.recording:export'),
+             'lab.recordings.tables:export'),
     ),
     'single nodes and devices, as `ros2 run soft_continuum` names them': (
         _node('tendon_actuation', 'moves the tendons'),

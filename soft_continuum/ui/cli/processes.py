@@ -15,14 +15,9 @@ import rclpy
 from rclpy.context import Context
 
 from soft_continuum.extras import remedy
-from soft_continuum.nodes.runtime import (
-    argument_error,
-    check_parameter_files,
-    end_with,
-    ROS_ARGUMENT_ERRORS,
-    run,
-)
+from soft_continuum.nodes.runtime import argument_error, end_with, ROS_ARGUMENT_ERRORS, run
 from soft_continuum.parameters.parameter import ParameterError
+from soft_continuum.ros.description import check_parameter_files
 from soft_continuum.ros.environment import CLIENT, require_log_folder, SAID, with_enclave
 from soft_continuum.ros.names import TWIN, TWIN_CAMERA
 

@@ -12,7 +12,7 @@ import sys
 from tempfile import NamedTemporaryFile, TemporaryDirectory
 from textwrap import wrap
 from time import monotonic, sleep
-from typing import Any, NoReturn, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
 from soft_continuum.parameters.arguments import DONE, FAILED, NO_NODES, Parser, WRONG_USAGE
 from soft_continuum.parameters.files import write_parameters
@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return parser.fail('this needs the keyboard of a terminal; for a joystick start the nodes '
                            'with: up --teleop', WRONG_USAGE)
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, _interrupt)
+        signal.signal(number, signal.default_int_handler)
     from soft_continuum.client.connection import Connection
     from soft_continuum.client.errors import ClientError, NodesMissingError
     try:
@@ -90,10 +90,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return DONE
     finally:
         connection.close()
-
-
-def _interrupt(*_: object) -> NoReturn:
-    raise KeyboardInterrupt
 
 
 @contextmanager

@@ -21,14 +21,14 @@ from rclpy.validate_namespace import validate_namespace
 
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.constant_curvature import fully_actuated
-from soft_continuum.nodes.runtime import check_parameter_files, Signals
+from soft_continuum.nodes.runtime import Signals
 from soft_continuum.parameters.arguments import DONE, FAILED, Parser, WRONG_USAGE
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import parameters_text
 from soft_continuum.parameters.overrides import Overrides
 from soft_continuum.parameters.parameter import ParameterError, Value
 from soft_continuum.parameters.scalars import EXACT
-from soft_continuum.ros.description import load_arm, load_description
+from soft_continuum.ros.description import check_parameter_files, load_arm, load_description
 from soft_continuum.ros.names import (
     CAMERA,
     HARDWARE,

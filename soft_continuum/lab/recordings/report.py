@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from soft_continuum import version
-from soft_continuum.lab.analysis.recording import (
-    given_recording,
-    HeldShape,
-    Recording,
-    recording_parser,
-)
 from soft_continuum.lab.analysis.verbs import (
     new_figure,
     new_panels,
     reserve_outputs,
     run_verb,
     text_table,
+)
+from soft_continuum.lab.recordings.tables import (
+    given_recording,
+    HeldShape,
+    Recording,
+    recording_parser,
 )
 from soft_continuum.parameters.arm import ARM_PARAMETERS
 from soft_continuum.parameters.parameter import ParameterError, Value

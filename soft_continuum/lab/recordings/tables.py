@@ -24,6 +24,7 @@ from soft_continuum.extras import require
 from soft_continuum.lab.analysis.delimited import Array, MeasurementError
 from soft_continuum.lab.analysis.verbs import reserve_outputs, run_verb, write_rows
 from soft_continuum.lab.recordings.bag import BAG, BagError, BagReader, DESCRIPTION
+from soft_continuum.mechanics.rotations import matrices
 from soft_continuum.parameters.arguments import given_path, Parser
 from soft_continuum.text import MAX_NAME, printable
 
@@ -80,9 +81,8 @@ class HeldShape:
     @property
     def tangents(self) -> Array:
         """Return the angles (k,) of the tangents from z towards x, degrees."""
-        x, y, z, w = self.points[:, 3:].T
-        angles: Array = np.degrees(np.arctan2(2.0 * (x * z + w * y), 1.0 - 2.0 * (x * x + y * y)))
-        return angles
+        along = matrices(self.points[:, 3:])[:, :, 2]
+        return np.asarray(np.degrees(np.arctan2(along[:, 0], along[:, 2])))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from soft_continuum.mechanics.chain import Chain
-from soft_continuum.nodes.planning import PlanGuard
+from soft_continuum.planning.plan_watch import PlanGuard
 from soft_continuum.planning.plans import PlannedStep, Shape, ShapePlan
 from soft_continuum.ros.description import load_arm
 

@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP files: read as they were written, damaged ones as far as they go, by others too."""
+"""MCAP files, whole or damaged, ours or of others; their tables and reports."""
 
 import re
 import struct
@@ -15,10 +15,19 @@ import numpy as np
 import pytest
 
 from soft_continuum.lab.analysis.delimited import MeasurementError
-from soft_continuum.lab.analysis.recording import _fields, export, read_recording
-from soft_continuum.lab.analysis.report import main as report
+from soft_continuum.lab.recordings import report
 from soft_continuum.lab.recordings.bag import BagError, BagReader, BagWriter, Topic
-from test.support.bags import JOINTS, other_run
+from soft_continuum.lab.recordings.report import report_html
+from soft_continuum.lab.recordings.tables import (
+    _fields,
+    export,
+    read_recording,
+    Recording,
+    TABLES,
+    write_tables,
+)
+from soft_continuum.ros.description import load_description
+from support.bags import JOINTS, other_run
 
 TEXT = Topic('/arm/said', 'std_msgs/msg/String', 'string data\n', '')
 ABOUT = {'version': '9.9', 'namespace': '/arm', 'begun': '2026-01-02T03:04:05'}
@@ -120,7 +129,7 @@ def test_a_damaged_byte_is_said_or_does_no_harm(tmp_path_factory, data):
 def test_what_is_no_bag_is_called_so(tmp_path, content, capsys):
     path = tmp_path / 'a.mcap'
     path.write_bytes(content)
-    for verb in (report, export):
+    for verb in (report.main, export):
         assert verb([str(path)]) == 2
         said = capsys.readouterr().err
         assert str(path) in said and len(said.splitlines()) == 1
@@ -204,7 +213,7 @@ def test_a_bag_of_another_program_is_reported_and_exported(tmp_path, capsys):
     recording = read_recording(path)
     assert recording.tendon_names == ('b', 'a')
     assert recording.tendons == pytest.approx(np.array([[0, 0, 0], [1, 1, -2], [2, 2, -4]]))
-    assert report([str(path)]) == 0
+    assert report.main([str(path)]) == 0
     assert 'does not contain the parameters' in (tmp_path / 'report.html').read_text()
     assert export([str(path)]) == 0
     assert (tmp_path / 'tendons.csv').read_text().splitlines()[2] == '1.0000,1,-2'
@@ -294,3 +303,60 @@ def test_a_recording_that_was_cut_off_is_exported_with_a_warning(tmp_path, capsy
     path.write_bytes(path.read_bytes()[:-20])
     assert export([str(path)]) == 0
     assert 'its end is missing' in capsys.readouterr().err
+
+
+THREE = ('front', 'rear_left', 'rear_right')
+TILTED = (0.0, np.sin(0.3), 0.0, np.cos(0.3))  # 0.6 rad about +y
+
+
+def run(tendons=THREE):
+    """Return a run that holds one shape."""
+    times = np.array([[1.0], [2.0]])
+    points = [[time, n, 1.5, 0.25, 10.0 * n, *TILTED] for time in (1.0, 2.0) for n in range(1, 5)]
+    return Recording(
+        tuple(tendons), np.hstack([times, [range(1, len(tendons) + 1)] * 2]),
+        np.hstack([times, np.full((2, len(tendons)), np.nan)]), np.array(points),
+        np.array([[1.0, 1, 20.0], [2.0, 1, 20.0]]), np.array([[1.0, 1, 1.0], [2.0, 1, 1.0]]),
+        [(1.9, 'progress', 'lean: holding')])
+
+
+def test_any_number_of_tendons_is_recorded_under_their_names_and_points_are_full_poses(tmp_path):
+    paths = [tmp_path / f'{name}.csv' for name in TABLES]
+    write_tables(run(), paths)
+    tendons, _, points, *_ = (path.read_text().splitlines() for path in paths)
+    assert tendons[0] == ','.join(('time [s]', *(f'{name} pull [mm]' for name in THREE)))
+    assert tendons[1:] == ['1.0000,1,2,3', '2.0000,1,2,3']
+    assert points[1] == f'1.0000,1,1.5,0.25,10,0,{np.sin(0.3):.6g},0,{np.cos(0.3):.6g}'
+    held, = run().held_shapes()
+    assert held.points[:, :3].tolist() == [[1.5, 0.25, 10.0 * n] for n in range(1, 5)]
+    assert held.tangents == pytest.approx([np.degrees(0.6)] * 4, abs=1e-4)
+    assert held.pulls.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_a_report_of_hundreds_of_shapes_shows_the_first_and_says_so(monkeypatch):
+    monkeypatch.setattr(report, '_image', lambda figure, _: f'{len(figure.axes)} panels')
+    found = run()
+    found.events.extend((2.0, 'progress', f's{k}: holding') for k in range(1100))
+    page = report_html(found, 'many', {})
+    assert all(f'{name} pull, mm' in page for name in THREE)
+    assert 'The first 200 of 1101 shapes' in page and '12 panels' in page
+    assert 'The first 1000 of 1101 events' in page
+
+
+@pytest.mark.parametrize(('side', 'views'), [(0.0, 1), (30.0, 2)])
+def test_a_report_of_an_arm_in_space_shows_it_from_two_sides(monkeypatch, side, views):
+    shown = []
+    monkeypatch.setattr(report, '_image', lambda figure, _: shown.append(figure) or '')
+    found = run()
+    found.points[:, 3] = side
+    report_html(found, 'one', {})
+    assert len(shown[0].axes[0].get_lines()) == views
+
+
+def test_a_report_says_which_arm_was_recorded_when_and_by_which_version(monkeypatch):
+    monkeypatch.setattr(report, '_image', lambda *_: '')
+    found = run()
+    found.events.append((2.0, 'recording', 'soft_continuum 9.9, namespace /left, 2026-01-02'))
+    page = report_html(found, 'one', load_description())
+    assert 'soft_continuum 9.9, namespace /left, 2026-01-02' in page
+    assert 'arm.segment_lengths</td><td>[0.07, 0.07, 0.07]</td><td>m<' in page
