@@ -187,6 +187,15 @@ class PendingGoal:
     stops: int | None = None
 
 
+@dataclass(frozen=True)
+class Goal:
+    """An accepted goal; stops: their number before it."""
+
+    handle: Any
+    shapes: Sequence[Shape]
+    stops: int
+
+
 class ShapeSequencer(SuiteNode):
     """
     Sets the arm to one shape after another.
@@ -213,12 +222,9 @@ class ShapeSequencer(SuiteNode):
         self._library = shape_library(self.parameters, self._arm)
         self._check: PendingGoal | None = None
         self._accepted: Sequence[Shape] = ()  # of the goal that is accepted last
-        self._next: Any = None  # the goal that waits for the running one to be wound down
-        self._next_shapes: Sequence[Shape] = ()
-        self._next_stops = 0  # how many stops there had been before it
-        self._handle: Any = None  # the goal that runs
-        self._runner: Runner | None = None
-        self._shapes: Sequence[Shape] = ()  # of the goal that runs
+        self._next: Goal | None = None  # that waits for the running one to be wound down
+        self._goal: Goal | None = None  # that runs, or ran last
+        self._runner: Runner | None = None  # while it runs
         self._failed = False  # whether the goal that runs ends because a callback failed
         self._rejected = ''  # why the last goal was, until one is accepted
         self._last: dict[str, str] = {}  # how the last goal ended, for ~/status
@@ -266,8 +272,8 @@ class ShapeSequencer(SuiteNode):
         if self._check is not None:
             check, self._check = self._check, None
             self._reject(check.request, text)
-        runner = self._runner
-        if runner is None:
+        goal, runner = self._goal, self._runner
+        if goal is None or runner is None:
             return
         if not self._failed:  # wind down, which may fail as well
             self._failed = True
@@ -276,7 +282,7 @@ class ShapeSequencer(SuiteNode):
             self._runner = None
             self._commander.end()
             self._planning.abandon()
-            self._end(self._handle, Outcome(Code.HARDWARE_FAULT, text, 0))
+            self._end(goal, Outcome(Code.HARDWARE_FAULT, text, 0))
 
     # Goals before they run.
 
@@ -368,12 +374,11 @@ class ShapeSequencer(SuiteNode):
         """Run now, or when the present run has been wound down; only the newest goal waits."""
         handle.execute()
         if self._next is not None:
-            self._server.finish(self._next, Outcome(
+            self._server.finish(self._next.handle, Outcome(
                 Code.PREEMPTED, 'superseded by a newer goal before it started', 0))
         if self._runner is not None:
             self._runner.cancel(Code.PREEMPTED, 'superseded by a newer goal')
-        self._next, self._next_shapes = handle, self._accepted
-        self._next_stops = self._observed.tendons.stops
+        self._next = Goal(handle, self._accepted, self._observed.tendons.stops)
         wake(self._ticks)
 
     # The goal that runs.
@@ -387,34 +392,33 @@ class ShapeSequencer(SuiteNode):
     def _tick(self) -> None:
         if self._check is not None:
             self._go_on_checking(self._check)
-        if self._runner is not None:
-            self._go_on(self._runner)
+        if self._goal is not None and self._runner is not None:
+            self._go_on(self._goal, self._runner)
         if self._next is not None:
             self._go_on_waiting(self._next)
         if self._check is None and self._runner is None and self._next is None:
             self._ticks.cancel()
 
-    def _go_on_waiting(self, handle: Any) -> None:
+    def _go_on_waiting(self, goal: Goal) -> None:
         outcome = None
-        if handle.is_cancel_requested:
+        if goal.handle.is_cancel_requested:
             outcome = Outcome(Code.CANCELED, 'canceled by the client before it started', 0)
         elif self._observed.stopped:
             outcome = Outcome(Code.STOPPED, f'stopped: {self._observed.stopped}', 0)
-        elif self._observed.tendons.stops != self._next_stops:
+        elif self._observed.tendons.stops != goal.stops:
             outcome = Outcome(
                 Code.STOPPED, 'the tendons were stopped and resumed before it started', 0)
         elif self._runner is not None:
             return
         self._next = None
         if outcome is None:
-            self._begin(handle)
+            self._begin(goal)
         else:
-            self._end(handle, outcome)
+            self._end(goal, outcome)
 
-    def _begin(self, handle: Any) -> None:
-        self._handle, self._failed = handle, False
+    def _begin(self, goal: Goal) -> None:
+        self._goal, self._failed = goal, False
         self._commander.begin()
-        shapes = self._shapes = self._next_shapes
         settings = RunnerSettings(
             jamming=self.parameters['arm.jamming'],
             piece_period=PIECE_PERIOD,
@@ -425,17 +429,17 @@ class ShapeSequencer(SuiteNode):
                     'full_vacuum', 'vacuum_tolerance')})
         if self.parameters['closed_loop']:
             self._runner = ClosedLoopRunner(
-                shapes, self._planning.plan, self._planning.loop(handle.request.aim),
+                goal.shapes, self._planning.plan, self._planning.loop(goal.handle.request.aim),
                 self._commander, settings, loop_from_parameters(self.parameters),
                 self._arm.tendon_names)
         else:
-            self._runner = Runner(shapes, self._planning.plan, self._commander, settings,
+            self._runner = Runner(goal.shapes, self._planning.plan, self._commander, settings,
                                   self._arm.tendon_names)
-        self._state.goal_id = handle.goal_id
-        self._go_on(self._runner)
+        self._state.goal_id = goal.handle.goal_id
+        self._go_on(goal, self._runner)
 
-    def _go_on(self, runner: Runner) -> None:
-        if self._handle.is_cancel_requested:
+    def _go_on(self, goal: Goal, runner: Runner) -> None:
+        if goal.handle.is_cancel_requested:
             runner.cancel(Code.CANCELED, 'canceled by the client')
         if isinstance(runner, ClosedLoopRunner):
             runner.loop_settings = loop_from_parameters(self.parameters)
@@ -445,9 +449,9 @@ class ShapeSequencer(SuiteNode):
             self._commander.motion_failure, self._commander.switch_failure),
             obstructed=obstructed, departed=departed, unseen=unseen))
         progress, outcome, self._warning = runner.progress, runner.outcome, runner.warning
-        shape = self._shapes[progress.shape_index]
-        aim = RunShapeSequence.Goal.TIP if shape.tips else self._handle.request.aim
-        self._handle.publish_feedback(RunShapeSequence.Feedback(
+        shape = goal.shapes[progress.shape_index]
+        aim = RunShapeSequence.Goal.TIP if shape.tips else goal.handle.request.aim
+        goal.handle.publish_feedback(RunShapeSequence.Feedback(
             shape_index=progress.shape_index, shape=progress.shape,
             segment=progress.segment, phase=progress.phase, progress=progress.fraction,
             correction=progress.correction, aim=aim,
@@ -461,7 +465,7 @@ class ShapeSequencer(SuiteNode):
         self._runner = None
         self._commander.end()
         self._planning.abandon()
-        self._end(self._handle, outcome, self._reached(runner, outcome))
+        self._end(goal, outcome, self._reached(runner, outcome))
 
     def _reached(self, runner: Runner, outcome: Outcome) -> FinalState:
         shape, known = self._observed.shape, self._observed.kinematics
@@ -480,18 +484,18 @@ class ShapeSequencer(SuiteNode):
                 covariance=stddevs and known.tip_covariance or [0.0] * 36),
             aim.tip_error(shape) if aim is not None else nan)
 
-    def _end(self, handle: Any, outcome: Outcome, reached: FinalState = NOWHERE) -> None:
+    def _end(self, goal: Goal, outcome: Outcome, reached: FinalState = NOWHERE) -> None:
         if outcome.code is Code.SUCCESSFUL:
             self.get_logger().info(f'sequence done, {outcome.shapes_completed} shapes')
         else:
             self.get_logger().warning(f'sequence ended: {outcome.code.name}: {outcome.message}')
         self._last = {'last': outcome.code.name, 'reason': outcome.message}
-        self._state.goal_id = handle.goal_id
+        self._state.goal_id = goal.handle.goal_id
         self._state.error_code = error_code(outcome.code)
         self._state.error_string = outcome.message
         self._state.shapes_completed = outcome.shapes_completed
         self._report()
-        self._server.finish(handle, outcome, reached)
+        self._server.finish(goal.handle, outcome, reached)
 
     # What is published.
 

@@ -193,7 +193,7 @@ def test_a_motion_that_is_replaced_by_others_ends_the_goal(arm):
 
 
 def test_a_callback_that_fails_in_mid_motion_ends_the_goal_and_nothing_else(arm, monkeypatch):
-    def fail(self, runner):
+    def fail(*_):
         raise ZeroDivisionError('half a shape')
 
     goal = in_motion(arm)
