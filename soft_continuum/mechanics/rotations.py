@@ -119,6 +119,11 @@ def wrapped(angle: float) -> float:
     return (angle + pi) % (2.0 * pi) - pi
 
 
+def matrix_angle(one: Array, other: Array) -> float:
+    """Return the angle between two rotation matrices (3, 3), rad."""
+    return float(np.arccos(np.clip((np.trace(one.T @ other) - 1.0) / 2.0, -1.0, 1.0)))
+
+
 def turn_between(one: Array, other: Array) -> Array:
     """Return the rotation vector (3,), rad, of the smallest turn from a direction to another."""
     across, along = cross_matrices(one) @ other, one @ other

@@ -46,6 +46,7 @@ from soft_continuum.mechanics.rotations import (
     cross_matrices,
     levers,
     matrices,
+    matrix_angle,
     quaternions,
     rotate,
     UNKNOWN,
@@ -141,10 +142,11 @@ class TagGroup:
         """Return the minima that were found, the best first; none if no tag fits."""
         found: list[tuple[float, _Guess]] = []
         for start in self._starts():
-            if any(angle(start.turn, g.turn) < NEAR for _, g in found):
+            if any(matrix_angle(start.turn, g.turn) < NEAR for _, g in found):
                 continue
             misfit, guess = self._refined(start)
-            if np.isfinite(misfit) and all(angle(guess.turn, g.turn) > SAME for _, g in found):
+            if np.isfinite(misfit) and all(
+                    matrix_angle(guess.turn, g.turn) > SAME for _, g in found):
                 found.append((misfit, guess))
         return [self._fit(*minimum) for minimum in sorted(found, key=lambda one: one[0])]
 
@@ -302,11 +304,6 @@ def width(corners: Array) -> float:
     (ax, ay), (bx, by) = corners[2] - corners[0], corners[3] - corners[1]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
     return float(max(1.0, abs(ax * by - ay * bx) / 2.0 / max(1.0, longest)))
-
-
-def angle(one: Array, other: Array) -> float:
-    """Return the angle between two rotation matrices, rad."""
-    return float(np.arccos(np.clip((np.trace(one.T @ other) - 1.0) / 2.0, -1.0, 1.0)))
 
 
 def _moved(jacobian: Array, axes: Array, arms: Array) -> Array:
