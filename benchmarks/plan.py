@@ -15,8 +15,8 @@ from benchmarks.queries import AROUND, check, MARGIN, nearest, Query, random_que
 from benchmarks.tables import machine, Section, table
 from benchmarks.timing import progress
 from soft_continuum.mechanics.arm import Arm, Array, mounted
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.rotations import planar_pose
+from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.planning.plans import Move, PlanError
 from soft_continuum.sim.twin.model_errors import read_model_errors
 from soft_continuum.user_files import description_file

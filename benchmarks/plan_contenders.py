@@ -12,7 +12,7 @@ from benchmarks.lab import Description
 from benchmarks.queries import MARGIN, Query
 from soft_continuum.mechanics import bending_for_tip, set_shape
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.planning.obstacles import CollisionScene
 from soft_continuum.planning.planner import Planner
 from soft_continuum.planning.plans import Move, PlanError, Shape

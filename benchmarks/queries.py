@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.lab import Description
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.planning.obstacles import Box, Capsule, Cylinder, Obstacle, Sphere
 from soft_continuum.planning.planner import Planner, soft_segments
 from soft_continuum.planning.plans import Move, PlanError, TipGoal

@@ -297,7 +297,7 @@ class Requests(Tasks):
         """
         from trajectory_msgs.msg import JointTrajectoryPoint
 
-        from soft_continuum.ros.motion_tracker import MotionTracker
+        from soft_continuum.ros.motion_tracker import MotionTracker, NOT_REFERENCED
         from soft_continuum.ros.ros_time import duration_to_ros
         from soft_continuum_interfaces.msg import MotionRequest
         observed = self.observed
@@ -306,7 +306,6 @@ class Requests(Tasks):
             observed.pulls() or not state.referenced), 'tendon_states', TENDON_ACTUATION)
         names, pulls = observed.tendons, observed.pulls()
         if pulls is None:
-            from soft_continuum.nodes.reported_arm import NOT_REFERENCED
             raise RefusedError(f'{TENDON_ACTUATION}: {NOT_REFERENCED}')
         now = dict(zip(names, pulls, strict=True))
         steps = {name if name in now else f'{name}_tendon': m for name, m in changes.items()}

@@ -34,10 +34,9 @@ from soft_continuum.estimation.measuring import (
 )
 from soft_continuum.estimation.unknowns import UnknownIndices
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.rotations import mean_pose
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 MOVED = 1e-5  # m of a motor
 SETTLING, SWITCHING = 0.6, 1.2  # s after a motion, or after a valve, until the arm rests

@@ -41,9 +41,8 @@ from soft_continuum.estimation.unknowns import (
     UnknownIndices,
 )
 from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import LawError
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 HISTORY = 2.0  # s for which pulls are kept: a measurement may be that late
 LAG = 0.15  # s by which a moving arm is behind its statics

@@ -29,9 +29,8 @@ from soft_continuum.estimation.unknowns import (
     Prior,
 )
 from soft_continuum.mechanics.arm import Arm, Array
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.rotations import bending_between, IDENTITY, matrices
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 STRAIGHT_PULLS = 1e-5
 """m: pulls of an arm that is still where it was referenced: those of opposite bends cancel."""

@@ -29,13 +29,12 @@ if TYPE_CHECKING:
     from soft_continuum.mechanics.batch import solve_batch, solve_path
     from soft_continuum.mechanics.chain import Batch, Chain, Equilibrium, LEFT, RIGHT, SLACK
     from soft_continuum.mechanics.directions import bending_directions, bending_vectors
-    from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
     from soft_continuum.mechanics.grid import set_on_grid, workspace
     from soft_continuum.mechanics.inverse import BendingFit, pulls_for_bending, set_shape
     from soft_continuum.mechanics.laws import Jam, LawError, MomentCurvature
     from soft_continuum.mechanics.self_contact import exceeds_pi, self_intersections
     from soft_continuum.mechanics.sensitivity import Linearisation, Sensitivity
-    from soft_continuum.mechanics.statics import Statics
+    from soft_continuum.mechanics.statics import OverconstrainedError, Statics, StaticsError
     from soft_continuum.mechanics.tip import bending_for_tip, TipFit
 
 __all__ = [
@@ -50,7 +49,7 @@ __all__ = [
 
 # Cheap imports first: an Arm does not load the solver, and solving does not load SciPy.
 __getattr__ = names_from(__name__, __all__, (
-    'arm', 'laws', 'chain', 'errors', 'stiffness', 'statics', 'sensitivity', 'batch',
+    'arm', 'laws', 'chain', 'stiffness', 'statics', 'sensitivity', 'batch',
     'constant_curvature', 'directions', 'inverse', 'grid', 'tip', 'self_contact'))
 
 

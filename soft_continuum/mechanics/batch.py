@@ -17,8 +17,7 @@ from soft_continuum.mechanics._checks import (
 )
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Batch, check_start, Equilibrium
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import Problems, Statics
+from soft_continuum.mechanics.statics import Problems, Statics, StaticsError
 
 Masks = Sequence[bool] | Sequence[Sequence[bool]] | NDArray[np.bool_]
 Parts = Sequence[float] | Sequence[Sequence[float]] | Array

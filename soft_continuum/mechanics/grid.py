@@ -10,9 +10,8 @@ import numpy as np
 from soft_continuum.mechanics._checks import segment_order, whole
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.directions import bending_towards
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 Bent: TypeAlias = tuple[Any, Array]
 """A state, and the bending (segments, 2), rad, that was commanded."""

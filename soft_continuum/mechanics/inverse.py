@@ -27,9 +27,8 @@ from soft_continuum.mechanics._checks import (
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import check_start, Equilibrium, SLACK
 from soft_continuum.mechanics.directions import ONE_PLANE
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.sensitivity import Linearisation
-from soft_continuum.mechanics.statics import Booleans, SLACK_ALLOWANCE, Statics
+from soft_continuum.mechanics.statics import Booleans, SLACK_ALLOWANCE, Statics, StaticsError
 
 SAME_BENDING, HELD = Statics.precision
 STEP = 0.3  # rad of bending at first

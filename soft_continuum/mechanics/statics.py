@@ -30,7 +30,6 @@ from soft_continuum.mechanics._checks import (
 )
 from soft_continuum.mechanics.arm import Arm, Array, check_arm
 from soft_continuum.mechanics.chain import Batch, Chain, check_start, Equilibrium, SLACK
-from soft_continuum.mechanics.errors import OverconstrainedError
 
 Booleans = NDArray[np.bool_]
 LOCKED_TOLERANCE = 1e-6  # m: rounding of a pull against a locked arm
@@ -39,6 +38,23 @@ SLACK_ALLOWANCE = 1e-4
 
 PRETENSIONS = (0.0, 0.3)
 """Pretensions, N, tried in order to hold a bending of a spatial arm."""
+
+
+class StaticsError(RuntimeError):
+    """
+    No equilibrium was found.
+
+    ``state`` is the last accepted Equilibrium on the path.
+    """
+
+    def __init__(self, message: str, state: Equilibrium) -> None:
+        """Keep the state at which the search ended."""
+        super().__init__(message)
+        self.state = state
+
+
+class OverconstrainedError(StaticsError):
+    """The tendons are pulled in farther than any shape of the soft segments allows."""
 
 
 @dataclass(frozen=True, eq=False)

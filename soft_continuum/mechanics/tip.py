@@ -24,9 +24,8 @@ from soft_continuum.mechanics._checks import real_array
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import check_start, Equilibrium
 from soft_continuum.mechanics.directions import own_axes, STRAIGHT, within_limits
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import SAME_BENDING, set_shape
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 METRES_PER_RADIAN = 0.1  # what an orientation that is wanted as well counts
 REACHED = 1e-6  # m: a tip this close is where it was wanted

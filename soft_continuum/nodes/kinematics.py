@@ -39,11 +39,11 @@ from soft_continuum.estimation.unknowns import estimation_from_parameters
 from soft_continuum.hardware.protocols import Accuracy
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.rotations import UNKNOWN
+from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.nodes.conflicts import Conflicts, SharedJoints
 from soft_continuum.nodes.markers import alarm_marker, prediction_marker, shape_markers
-from soft_continuum.nodes.reported_arm import bent, NOT_REFERENCED
+from soft_continuum.nodes.reported_arm import bent
 from soft_continuum.nodes.suite_node import ERROR, OK, SuiteNode, WARN
 from soft_continuum.nodes.threads import load_model, loading
 from soft_continuum.parameters.arm import arm_from_parameters
@@ -70,6 +70,7 @@ from soft_continuum.ros.entries import (
     wake,
 )
 from soft_continuum.ros.estimates import anomaly_to_ros, estimate_to_ros, parameters_to_ros
+from soft_continuum.ros.motion_tracker import NOT_REFERENCED
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, MEASURED_POSE, TENDON_ACTUATION
 from soft_continuum.ros.ros_time import FRESH
 from soft_continuum.ros.urdf import arm_urdf, joint_names

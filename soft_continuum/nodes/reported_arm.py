@@ -33,6 +33,7 @@ from soft_continuum.ros.conversions import (
 )
 from soft_continuum.ros.entries import EVERY_STATE, SENSOR, subscribe
 from soft_continuum.ros.estimates import Model, model_from_ros
+from soft_continuum.ros.motion_tracker import NOT_REFERENCED
 from soft_continuum.ros.names import JAMMING_VALVES, KINEMATICS, TENDON_ACTUATION
 from soft_continuum.ros.ros_time import Age, RosTime
 from soft_continuum.text import plain
@@ -48,8 +49,6 @@ if TYPE_CHECKING:  # tendon_actuation does without the state machines
 MAX_DISAGREEMENT = 1.0  # s for which kinematics may not know yet what jamming_valves reported
 STRAIGHT = 0.02  # rad: largest bending angle of a segment that counts as straight
 UNPULLED = 1e-3  # m: largest pull of a tendon that counts as that of a straight arm
-NOT_REFERENCED = ('the position of the tendons is not referenced; straighten the arm and call '
-                  'tendon_actuation/reference')
 POSITIONS = f'{TENDON_ACTUATION} (tendon_states)'
 SHAPES = f'{KINEMATICS} (~/state)'
 PRESSURES = f'{JAMMING_VALVES} (segment_N/pressure)'

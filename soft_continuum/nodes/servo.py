@@ -14,8 +14,7 @@ from std_msgs.msg import Bool, Empty, Float64
 from std_srvs.srv import SetBool
 
 from soft_continuum.hardware.clock import STEADY
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.nodes.arm_commander import MotionCommander
 from soft_continuum.nodes.reported_arm import ArmObserver, TimedShape
 from soft_continuum.nodes.suite_node import OK, SuiteNode, WARN

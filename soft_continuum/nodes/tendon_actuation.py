@@ -28,8 +28,7 @@ from soft_continuum.hardware.tendon_controller import (
 )
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, Statics, StaticsError
 from soft_continuum.nodes.emergency_stop import EmergencyStop
 from soft_continuum.nodes.managed_node import CLOSE_TIMEOUT, ManagedNode
 from soft_continuum.nodes.reported_arm import ReportedArm

@@ -19,8 +19,7 @@ import numpy as np
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors, within_limits
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import PRETENSIONS
+from soft_continuum.mechanics.statics import PRETENSIONS, StaticsError
 from soft_continuum.planning.planner import Planner, PlanSettings, soft_segments
 from soft_continuum.planning.plans import Move, PlanError, Shape, WHOLE_ARM
 from soft_continuum.planning.shape_plans import plans_to

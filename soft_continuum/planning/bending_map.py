@@ -19,8 +19,7 @@ import scipy
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium, SLACK
-from soft_continuum.mechanics.errors import StaticsError
-from soft_continuum.mechanics.statics import SLACK_ALLOWANCE
+from soft_continuum.mechanics.statics import SLACK_ALLOWANCE, StaticsError
 from soft_continuum.planning.settings import MotionLimits
 
 WAYS = np.round(np.exp(2j * pi * np.arange(16) / 16), 15)

@@ -13,7 +13,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.directions import bending_vectors
-from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.parameters.shapes import angles_problem
 from soft_continuum.planning.held_shapes import compensate_relaxation, reach_held
 from soft_continuum.planning.obstacles import CollisionScene

@@ -1,8 +1,12 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""What happened to a motion that was sent to tendon_actuation."""
+"""What happened to a motion that was sent to tendon_actuation, and why none is possible."""
 
 from soft_continuum_interfaces.msg import MotionRequest, TendonActuationState
+
+NOT_REFERENCED = ('the position of the tendons is not referenced; straighten the arm and call '
+                  'tendon_actuation/reference')
+"""Why no motion is possible, and what to do."""
 
 
 def replaced_by(request_id: str) -> str:

@@ -12,8 +12,8 @@ from soft_continuum.estimation.estimator import FORGOTTEN, HISTORY, OWN_SHARE, P
 from soft_continuum.estimation.measuring import MODEL_ERROR
 from soft_continuum.estimation.unknowns import Drift, Prior
 from soft_continuum.mechanics.arm import mounted
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam, MomentCurvature
+from soft_continuum.mechanics.statics import StaticsError
 from support import spatial_truth
 from support.paper_arm import plane_points
 from support.planar import IN_PLANE

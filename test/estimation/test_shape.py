@@ -18,9 +18,9 @@ from soft_continuum.estimation.shape import (
     UnknownShapeError,
 )
 from soft_continuum.mechanics import Statics
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import Jam
 from soft_continuum.mechanics.rotations import in_plane
+from soft_continuum.mechanics.statics import StaticsError
 from support.flat_arm import made_of
 from support.paper_arm import plane_points
 from support.spatial_arms import in_space

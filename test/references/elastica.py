@@ -25,9 +25,8 @@ from scipy.integrate import solve_bvp
 
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium, SLACK
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.plane.chain import PlaneChain
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics.statics import Statics, StaticsError
 
 TOLERANCE = 1e-9  # residual, relative; lengths and angles come out about 1e-13 of themselves
 JUST_TAUT = 1e-10  # m by which a slack tendon may come out too short

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.space.chain import SpaceChain
+from soft_continuum.mechanics.statics import StaticsError
 
 INTERVALS = 32  # of each rod from guide to guide, by the classical method of Runge and Kutta
 MAX_ITERATIONS = 30

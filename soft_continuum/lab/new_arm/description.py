@@ -37,9 +37,8 @@ from soft_continuum.mechanics.arm import Arm, SECOND_ORDER
 from soft_continuum.mechanics.chain import Chain, Equilibrium
 from soft_continuum.mechanics.directions import bending_vectors
 from soft_continuum.mechanics.drawing import draw_arm, rim
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.inverse import set_shape
-from soft_continuum.mechanics.statics import Statics
+from soft_continuum.mechanics.statics import Statics, StaticsError
 from soft_continuum.parameters.arguments import ask, command_name, DeclinedError, one_of, Parser
 from soft_continuum.parameters.arm import arm_from_parameters
 from soft_continuum.parameters.files import write_parameters

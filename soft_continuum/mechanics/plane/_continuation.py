@@ -18,10 +18,8 @@ from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics._linear_algebra import NO_TENSION
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium, LEFT, RIGHT, SLACK
-from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.plane import _newton
-from soft_continuum.mechanics.plane._active_set import LENGTH_TOLERANCE, TAUT_TOLERANCE
-from soft_continuum.mechanics.plane._arrays import (
+from soft_continuum.mechanics.plane._assembly import (
     ANGLE,
     LENGTH,
     State,
@@ -29,8 +27,10 @@ from soft_continuum.mechanics.plane._arrays import (
     TendonDrive,
     TENSION,
 )
+from soft_continuum.mechanics.plane._newton import LENGTH_TOLERANCE, TAUT_TOLERANCE
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.mechanics.plane.joints import compliances, JointLaws, tension_ratios
+from soft_continuum.mechanics.statics import OverconstrainedError, StaticsError
 
 # How far a segment may turn in one solve, rad; beyond, the path is followed in smaller steps.
 TURN_LIMIT = 2.0

@@ -16,19 +16,16 @@ from numpy.typing import NDArray
 
 from soft_continuum.mechanics._compile import borrowing, compiled, inlined
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.mechanics.plane._active_set import (
-    active_set_step,
-    held_tendons,
-    negative_curvature,
-)
-from soft_continuum.mechanics.plane._arrays import Indices, TendonDrive, work_arrays
-from soft_continuum.mechanics.plane._assembly import turn
+from soft_continuum.mechanics.plane._assembly import Indices, TendonDrive, turn, work_arrays
 from soft_continuum.mechanics.plane._newton import (
     accept,
+    active_set_step,
     Change,
     FAILED,
+    held_tendons,
     largest_turning,
     MAX_ITERATIONS,
+    negative_curvature,
     SETTLED_ANGLE,
     STEP_LIMIT,
     UNSETTLED,

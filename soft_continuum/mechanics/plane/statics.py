@@ -21,10 +21,9 @@ from soft_continuum.mechanics._checks import (
 from soft_continuum.mechanics._linear_algebra import NO_TENSION
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Batch, check_start, Equilibrium, LEFT, RIGHT, SLACK
-from soft_continuum.mechanics.errors import StaticsError
 from soft_continuum.mechanics.laws import outweigh
 from soft_continuum.mechanics.plane import _newton
-from soft_continuum.mechanics.plane._arrays import (
+from soft_continuum.mechanics.plane._assembly import (
     ANGLE,
     BOTH_LENGTHS,
     Indices,
@@ -43,7 +42,13 @@ from soft_continuum.mechanics.plane._continuation import (
 )
 from soft_continuum.mechanics.plane.chain import PlaneChain
 from soft_continuum.mechanics.plane.joints import compliances, JointLaws
-from soft_continuum.mechanics.statics import HeldBending, PRETENSIONS, Problems, Statics
+from soft_continuum.mechanics.statics import (
+    HeldBending,
+    PRETENSIONS,
+    Problems,
+    Statics,
+    StaticsError,
+)
 
 
 class PlaneStatics(Statics):

@@ -14,8 +14,7 @@ import numpy as np
 
 from soft_continuum.mechanics._compile import borrowing, compiled
 from soft_continuum.mechanics._linear_algebra import NO_TENSION
-from soft_continuum.mechanics.space._arrays import System, work_arrays
-from soft_continuum.mechanics.space._assembly import assemble, span_lengths
+from soft_continuum.mechanics.space._assembly import assemble, span_lengths, System, work_arrays
 from soft_continuum.mechanics.space._newton import (
     CONVERGED,
     least_stiffness,

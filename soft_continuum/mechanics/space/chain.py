@@ -9,7 +9,6 @@ As in PlaneChain a segment is n bodies between n + 1 springs, and a disc is a bo
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from soft_continuum.mechanics import _kernel
 from soft_continuum.mechanics.arm import Arm, Array
@@ -20,10 +19,10 @@ from soft_continuum.mechanics.rotations import (
     rotation_vectors,
     turned_about_axes,
 )
+from soft_continuum.mechanics.space._assembly import Integers
 from soft_continuum.mechanics.space._rotations import rotate
 from soft_continuum.mechanics.space.joints import SpaceLaws
 
-Integers = NDArray[np.int64]
 System = tuple[Any, ...]
 """The arrays of _newton."""
 

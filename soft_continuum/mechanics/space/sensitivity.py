@@ -267,7 +267,7 @@ def _factored_band(lower: Array, moments: Array) -> tuple[Array, NDArray[np.int3
     """
     Return the LU factors of a band as LAPACK has bands.
 
-    lower: (rows, half + 1), of its symmetric part, as _arrays.Work has it.  moments: (links, 3),
+    lower: (rows, half + 1), of its symmetric part, as _assembly.Work has it.  moments: (links, 3),
     N m, dead ones in the frames of the links: the other part is -[m] / 2.
     """
     rows, half = len(lower), lower.shape[1] - 1

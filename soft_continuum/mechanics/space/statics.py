@@ -21,19 +21,21 @@ from soft_continuum.mechanics._checks import (
 )
 from soft_continuum.mechanics.arm import Arm, Array
 from soft_continuum.mechanics.chain import Batch, check_start, Equilibrium
-from soft_continuum.mechanics.errors import OverconstrainedError, StaticsError
 from soft_continuum.mechanics.laws import outweigh, refuse_parts
+from soft_continuum.mechanics.space._assembly import Integers
 from soft_continuum.mechanics.space._laws import HELD, LAW, YIELD
-from soft_continuum.mechanics.space.chain import Integers, SpaceChain, sums
+from soft_continuum.mechanics.space.chain import SpaceChain, sums
 from soft_continuum.mechanics.space.friction import Friction
 from soft_continuum.mechanics.statics import (
     Booleans,
     driven,
     HeldBending,
     LOCKED_TOLERANCE,
+    OverconstrainedError,
     PRETENSIONS,
     Problems,
     Statics,
+    StaticsError,
 )
 
 MAX_FRICTION_ITERATIONS = 100

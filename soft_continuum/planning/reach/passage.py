@@ -16,7 +16,7 @@ import numpy as np
 
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.chain import Equilibrium
-from soft_continuum.mechanics.errors import StaticsError
+from soft_continuum.mechanics.statics import StaticsError
 from soft_continuum.planning.obstacles import Clearance, CollisionScene
 from soft_continuum.planning.planner import Planner
 from soft_continuum.planning.plans import (
