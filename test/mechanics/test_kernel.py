@@ -198,9 +198,6 @@ def test_a_numba_without_the_private_option_for_reference_counts_compiles_as_wel
     assert made(np.arange(4.0)) == 6.0
 
 
-DTYPES = {'f': np.float64, 'i': np.int64}
-
-
 def fits(value, kind):
     """Return whether an argument is what the extension, which does not check, takes it for."""
     types = pytest.importorskip('numba').types
