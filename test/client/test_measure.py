@@ -45,7 +45,7 @@ class Tracker:
         if spoil is None:
             return
         # More often than the poses come, of which few may come in the time of a measurement.
-        for publisher, pose in 4 * list(zip(self._publishers, poses, strict=True)):
+        for publisher, pose in 4 * list(zip(self._publishers, poses, strict=False)):
             measured = tracked_pose_to_ros(pose + self._offset, DEVIATION**2 * np.eye(6))
             measured.header.frame_id = 'base_link'
             measured.header.stamp = self._rig.observer.get_clock().now().to_msg()
@@ -124,8 +124,8 @@ def test_a_disc_of_which_only_the_angle_is_measured_has_no_position(client, trac
 
 def test_an_angle_beside_a_pose_takes_no_position_away(client, tracker, arm):
     count = iter(range(10**6))
-    tracker.spoil = lambda message: _angle_only(message) if next(count) // 4 % 2 else None
-    for disc in client.measure(0.7).values():
+    tracker.spoil = lambda message: None if next(count) // 4 % 4 else _angle_only(message)
+    for disc in client.measure(1.5).values():
         assert disc.has_position
         assert disc.stddev[[0, 2]] == pytest.approx(DEVIATION, rel=1e-3)
     assert all(disc is not None and np.isfinite(disc.x) for disc in client.state.measured_discs)
@@ -151,8 +151,18 @@ def test_without_a_sensor_nothing_moves_and_the_remedy_is_said(call, arm, tmp_pa
     assert not list(tmp_path.iterdir())
 
 
+def test_a_shape_of_which_only_the_base_disc_is_seen_is_not_written(
+        call, arm, tracker, monkeypatch, tmp_path):
+    monkeypatch.setattr(tracker, '_publishers', tracker._publishers[:1])
+    status, _, error = call('measure', 's_form', '--output', str(tmp_path), '--duration', '1.5')
+    assert status == 1
+    assert 'only the base disc is measured' in error
+    arm.assert_rests(5)
+    assert not list(tmp_path.iterdir())
+
+
 def test_measured_shapes_are_read_by_identify_as_they_were(call, arm, tracker, tmp_path):
-    status, _, error = call('measure', 's_form', '--output', str(tmp_path), '--duration', '0.5')
+    status, _, error = call('measure', 's_form', '--output', str(tmp_path), '--duration', '1.5')
     assert status == 0, error
     description = load_arm(description_file())
     shape, = read_shapes(tmp_path / 'points.csv', tmp_path / 'pulls.csv', description)

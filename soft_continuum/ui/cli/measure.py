@@ -119,11 +119,14 @@ def _set_and_measure(arm: 'Arm', name: str, duration: float, jamming: bool
 
 
 def _with_position(discs: 'dict[int, MeasuredDisc]') -> 'dict[int, MeasuredDisc]':
-    """Return the discs with measured positions; raises ClientError without any."""
+    """Return the discs with measured positions; raises ClientError without one that moves."""
     found = {n: disc for n, disc in discs.items() if disc.has_position}
     if not found:
         raise ClientError('only angles of the discs are measured; points need positions from a '
                           'camera or a tracker')
+    if not any(found):
+        raise ClientError('only the base disc is measured, which does not move; see camera/status '
+                          'and disc_sensors/status')
     return found
 
 
