@@ -108,7 +108,7 @@ def _scale(requests: 'Requests', tendon: str, slack: Shown, mass: float | None) 
 
 def _read(requests: 'Requests', tendons: Sequence[str]) -> dict[str, Shown]:
     """Return the readings of some tendons' cells; raises NoAnswerError, HardwareError."""
-    from soft_continuum.client.errors import NoAnswerError
+    from soft_continuum.client import NoAnswerError
     samples = requests.start(_listen(requests, tendons)).result()
     if few := [tendon for tendon in tendons if len(samples[tendon]) < MIN_SAMPLES]:
         raise NoAnswerError(

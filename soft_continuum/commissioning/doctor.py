@@ -91,8 +91,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _running_checks(what: str, namespace: str, *given: float) -> Iterator[Check]:
     """Yield the checks of ``doctor_sensors`` or ``doctor_network`` of a running arm."""
     try:
+        from soft_continuum.client import ClientError
         from soft_continuum.client.connection import Connection
-        from soft_continuum.client.errors import ClientError
         module = import_module(f'soft_continuum.commissioning.doctor_{what}')
     except ImportError as error:
         yield Check(what, FAIL, remedy(error) or str(error))

@@ -12,8 +12,8 @@ from statistics import median
 from typing import Any
 
 from soft_continuum import version
+from soft_continuum.client import ClientError
 from soft_continuum.client.connection import Connection
-from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.hardware.commissioning import Check, FAIL, OK, WARN

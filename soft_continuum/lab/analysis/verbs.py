@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeVar
 from tqdm import tqdm
 
 from soft_continuum import version
-from soft_continuum.client.errors import ClientError, NodesMissingError
+from soft_continuum.client import ClientError, NodesMissingError
 from soft_continuum.estimation.sensing.lens import LensError
 from soft_continuum.estimation.sensing.pictures import SourceError
 from soft_continuum.extras import require

@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool
 import yaml
 
 from soft_continuum import version
-from soft_continuum.client.errors import ClientError
+from soft_continuum.client import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.client.tasks import ATTEMPTS, until
 from soft_continuum.lab.recordings.bag import (

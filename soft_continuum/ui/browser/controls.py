@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import viser
 
-from soft_continuum.client.state import ArmState
+from soft_continuum.client import ArmState
 from soft_continuum.ros.names import SHAPE_SEQUENCER
 
 T = TypeVar('T')

@@ -20,8 +20,8 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 import viser
 
+from soft_continuum.client import ClientError
 from soft_continuum.client.connection import Connection
-from soft_continuum.client.errors import ClientError
 from soft_continuum.client.requests import Requests
 from soft_continuum.nodes.runtime import limit_memory
 from soft_continuum.parameters.arguments import DONE, given_path, Parser, WRONG_USAGE

@@ -8,7 +8,7 @@ from typing import Any, TYPE_CHECKING
 
 import viser
 
-from soft_continuum.client.state import ArmState
+from soft_continuum.client import ArmState
 from soft_continuum.ros.names import JAMMING_VALVES, SHAPE_SEQUENCER
 from soft_continuum.ui.browser import html
 from soft_continuum.ui.browser.controls import Controls, is_there, on_change, runs

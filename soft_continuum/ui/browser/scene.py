@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from soft_continuum.client.state import ArmState, Pose
+from soft_continuum.client import ArmState, Pose
 from soft_continuum.colours import (
     AXES,
     DISC,

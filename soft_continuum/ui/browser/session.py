@@ -17,7 +17,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import CompressedImage
 from visualization_msgs.msg import MarkerArray
 
-from soft_continuum.client.errors import (
+from soft_continuum.client import (
     ClientError,
     MotionEndedError,
     NoAnswerError,

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from soft_continuum.client import own_file, Tip
-from soft_continuum.client.state import ArmState, Pose
+from soft_continuum.client import ArmState, own_file, Pose, Tip
 from soft_continuum.colours import GHOST
 from soft_continuum.mechanics.arm import Array
 from soft_continuum.mechanics.rotations import matrices

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from math import isfinite, pi
 from time import monotonic
 
-from soft_continuum.client import ClientError, Tip
+from soft_continuum.client import ClientError, Plan, PlanStep, Tip
 from soft_continuum.client.requests import Requests
-from soft_continuum.client.sequence import Plan, PlanStep
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain

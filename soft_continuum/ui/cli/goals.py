@@ -7,7 +7,7 @@ from math import degrees, inf, isfinite, pi, radians
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from soft_continuum.client.tip import Tip
+from soft_continuum.client import Tip
 from soft_continuum.parameters.arguments import number_in, Parser
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from soft_continuum.client.errors import ClientError
+from soft_continuum.client import ClientError
 from soft_continuum.lab.analysis.verbs import (
     origin,
     reserve_outputs,
@@ -26,7 +26,7 @@ from soft_continuum.lab.analysis.verbs import (
 from soft_continuum.parameters.arguments import FOR_ANALYSIS, number_in, Parser
 
 if TYPE_CHECKING:
-    from soft_continuum.client.arm import Arm
+    from soft_continuum.client import Arm
     from soft_continuum.client.measured import MeasuredDisc
     from soft_continuum.mechanics import arm as mechanics
 
@@ -53,7 +53,7 @@ def _run(options: argparse.Namespace) -> None:
     if twice := [name for name, times in Counter(options.shapes).items() if times > 1]:
         raise ResultError(f'{twice[0]} is given twice; each shape is measured once')
     paths = reserve_outputs(options.output, FILES, options.force)
-    from soft_continuum.client.arm import Arm
+    from soft_continuum.client import Arm
     with Arm(options.namespace, timeout=options.timeout) as arm:
         known = arm.shapes
         for name in options.shapes:

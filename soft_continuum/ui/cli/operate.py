@@ -44,9 +44,8 @@ from soft_continuum.ui.cli.goals import (
 from soft_continuum.user_files import saved_shapes, shape_names
 
 if TYPE_CHECKING:
-    from soft_continuum.client.arm import Arm
+    from soft_continuum.client import Arm, Progress
     from soft_continuum.client.sequence import RunningSequence, ShapeLike
-    from soft_continuum.client.state import Progress
 
 WATCH_PERIOD = 0.5  # s
 CANCEL_TIMEOUT = 60.0  # s for a canceled sequence to come to rest
@@ -83,8 +82,7 @@ def main(verb: str, argv: Sequence[str] | None = None) -> int:
     for number in INTERRUPTS:
         signal.signal(number, _interrupt)
     try:
-        from soft_continuum.client.arm import Arm
-        from soft_continuum.client.errors import ClientError, NodesMissingError
+        from soft_continuum.client import Arm, ClientError, NodesMissingError
     except ImportError as error:
         from soft_continuum.extras import remedy
         return output.fail(remedy(error) or error)
@@ -238,13 +236,13 @@ def _held(shapes: Sequence[Any], options: Namespace) -> 'Sequence[ShapeLike]':
     """Return the shapes, to be held at the vacuums that were given, if any."""
     if options.vacuums is None:
         return shapes
-    from soft_continuum.client.sequence import Held
+    from soft_continuum.client import Held
     return [Held(shape, options.vacuums) for shape in shapes]
 
 
 def _watch_sequence(sequence: 'RunningSequence', output: Output) -> int:
     """Show a sequence; the first Ctrl-C cancels it and waits for the arm to come to rest."""
-    from soft_continuum.client.errors import SequenceError
+    from soft_continuum.client import SequenceError
     from soft_continuum.client.state import reached_text
     before: Progress | None = None
     interrupted = False

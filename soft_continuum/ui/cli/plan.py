@@ -14,7 +14,7 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 import scipy
 
-from soft_continuum.client.tip import Tip
+from soft_continuum.client import Tip
 from soft_continuum.extras import require
 from soft_continuum.lab.analysis.verbs import (
     described_arm,

@@ -10,7 +10,7 @@ from math import inf
 import sys
 from typing import TYPE_CHECKING
 
-from soft_continuum.client.errors import ClientError
+from soft_continuum.client import ClientError
 from soft_continuum.client.estimate import LearnedParameter, parameter_text, ParameterText
 from soft_continuum.lab.analysis.verbs import origin, reserve_outputs, run_verb, text_table
 from soft_continuum.parameters.arguments import Parser
@@ -19,7 +19,7 @@ from soft_continuum.parameters.files import write_parameters
 from soft_continuum.parameters.parameter import ParameterError, Value
 
 if TYPE_CHECKING:
-    from soft_continuum.client.estimate import Estimate
+    from soft_continuum.client import Estimate
     from soft_continuum.mechanics.arm import Arm
 
 NAME = 'save-estimate'

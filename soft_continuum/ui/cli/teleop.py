@@ -69,8 +69,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                            'with: up --teleop', WRONG_USAGE)
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.default_int_handler)
+    from soft_continuum.client import ClientError, NodesMissingError
     from soft_continuum.client.connection import Connection
-    from soft_continuum.client.errors import ClientError, NodesMissingError
     try:
         connection = Connection(f'keyboard_{os.getpid()}', options.namespace, options.timeout)
     except ClientError as error:
@@ -123,7 +123,7 @@ def _steering(connection: 'Connection', files: Sequence[Path]) -> Iterator[Path]
 
 def _steer(parser: Parser, connection: 'Connection', log: Path) -> int:
     """Steer until q; return the exit status."""
-    from soft_continuum.client.errors import ClientError
+    from soft_continuum.client import ClientError
     requests = connection.requests
     begin = monotonic()
     while not connection.node.count_publishers(f'{TELEOP}/state'):
@@ -209,7 +209,7 @@ class _Screen:
 
     def _stop(self) -> None:
         """Request a stop like any client; it does not need teleop."""
-        from soft_continuum.client.errors import ClientError
+        from soft_continuum.client import ClientError
 
         def stopped(future: 'Future[str]') -> None:
             try:

@@ -46,7 +46,7 @@ def chosen_model_errors(options: Namespace) -> ModelErrors:
 
 def run_until_interrupted(parser: Parser, begin: Callable[[ExitStack], None]) -> int:
     """Start something on an ExitStack, wait for Ctrl-C; return the exit status."""
-    from soft_continuum.client.errors import ClientError
+    from soft_continuum.client import ClientError
     try:
         with ExitStack() as running:
             begin(running)

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from std_msgs.msg import Bool, Empty
 from std_srvs.srv import SetBool, Trigger
 
-from soft_continuum.client.errors import (
+from soft_continuum.client import (
     ClientError,
     NoAnswerError,
     NodesMissingError,
