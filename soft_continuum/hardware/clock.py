@@ -31,29 +31,5 @@ class Clock:
         self.wait((), seconds)
 
 
-class Looks:
-    """
-    Time for detecting stale peers; it stands still while this program does not look.
-
-    At most GAP counts between two looks: a program that was delayed cannot know that nothing was
-    received.
-    """
-
-    GAP = 0.1  # s
-
-    def __init__(self, clock: Clock) -> None:
-        """Begin with a look at time 0."""
-        self._clock, self._last, self._time = clock, clock(), 0.0
-
-    def look(self) -> None:
-        """Add the time since the last look, at most GAP."""
-        last, self._last = self._last, self._clock()
-        self._time += min(self._last - last, self.GAP)
-
-    def __call__(self) -> float:
-        """Return the time of the last look, s."""
-        return self._time
-
-
 STEADY = Clock()
 """Real time, which is never set."""

@@ -18,9 +18,9 @@ from soft_continuum.hardware.jamming_controller import JammingController
 from soft_continuum.hardware.protocols import HardwareError, JammingDriver, RegulatorDriver
 from soft_continuum.nodes.conflicts import Conflicts
 from soft_continuum.nodes.emergency_stop import EmergencyStop
-from soft_continuum.nodes.managed_node import DeviceControl, ManagedNode
+from soft_continuum.nodes.managed_node import DeviceControl, ManagedNode, RestingStream
 from soft_continuum.nodes.suite_node import ERROR, OK, StatePublisher
-from soft_continuum.nodes.threads import Newest, RestingStream
+from soft_continuum.nodes.threads import Newest
 from soft_continuum.parameters.arm import arm_from_parameters, require_jamming
 from soft_continuum.ros.entries import LATCHED, serve, STREAM
 from soft_continuum.ros.names import JAMMING_VALVES

@@ -14,9 +14,8 @@ from soft_continuum.hardware.tendon_controller import (
     TensionGuard,
 )
 from soft_continuum.mechanics.arm import Array
-from soft_continuum.nodes.managed_node import DeviceControl
+from soft_continuum.nodes.managed_node import DeviceControl, RestingStream
 from soft_continuum.nodes.reported_arm import Interlock, ReportedArm, UNPULLED
-from soft_continuum.nodes.threads import RestingStream
 from soft_continuum.ros.conversions import accuracy_to_ros, Stiffness
 from soft_continuum.ros.entries import Confirmation
 from soft_continuum.ros.motion_tracker import replaced_by

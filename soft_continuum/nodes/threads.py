@@ -25,8 +25,6 @@ CALL_TIMEOUT = 3.0
 """Time (s) that a caller waits for a thread; drivers must be much faster."""
 SWITCH_INTERVAL = 0.001
 """Switch interval of Python threads, s: the longest delay of control by another thread."""
-REST_PERIOD = 0.095
-"""Period of readings at rest, s: every fifth at 50 Hz, every second one at 20 Hz."""
 
 
 def on_ros_thread(node: Node, function: Callable[..., None], *arguments: Any) -> bool:
@@ -66,30 +64,6 @@ class Newest:
         with self._lock:
             value, self._value = self._value, None
         self._function(value)
-
-
-class RestingStream:
-    """
-    Chooses the readings of a device that are published: all in motion, ten a second at rest.
-
-    Converting and sending a reading costs far more than making it.
-    """
-
-    def __init__(self, resolution: float) -> None:
-        """Start with a reading that is due; resolution: smallest change that counts as motion."""
-        self._resolution = resolution
-        self._published: tuple[Any, Sequence[float], float] | None = None
-
-    def due(self, now: float, state: Any, values: Sequence[float]) -> bool:
-        """Return whether a reading goes out at ``now``, s: it changed, or 0.1 s passed."""
-        if self._published is not None:
-            last_state, last_values, last = self._published
-            if now - last < REST_PERIOD and state == last_state and all(
-                    abs(value - before) <= self._resolution
-                    for value, before in zip(values, last_values, strict=True)):
-                return False
-        self._published = state, values, now
-        return True
 
 
 class _Request:

@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 
-from soft_continuum.hardware.clock import Clock, Looks
+from soft_continuum.hardware.clock import Clock
 from soft_continuum.hardware.protocols import HardwareError
 from soft_continuum.ros.entries import MAX_BYTES
 from soft_continuum.ros.names import UNKNOWN_NODE
@@ -204,6 +204,30 @@ class CommandPublisher:
             return (f'{names(found)} subscribes to {where} with an incompatible QoS: durability '
                     'must be volatile')
         return ''
+
+
+class Looks:
+    """
+    Time for detecting stale peers; it stands still while this program does not look.
+
+    At most GAP counts between two looks: a program that was delayed cannot know that nothing was
+    received.
+    """
+
+    GAP = 0.1  # s
+
+    def __init__(self, clock: Clock) -> None:
+        """Begin with a look at time 0."""
+        self._clock, self._last, self._time = clock, clock(), 0.0
+
+    def look(self) -> None:
+        """Add the time since the last look, at most GAP."""
+        last, self._last = self._last, self._clock()
+        self._time += min(self._last - last, self.GAP)
+
+    def __call__(self) -> float:
+        """Return the time of the last look, s."""
+        return self._time
 
 
 class RosLink:

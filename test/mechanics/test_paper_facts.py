@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The paper's results, its equations 1 to 8, and the figures of MECHANICS.md, facts 1 to 4."""
+"""The paper's results, its equations 1 to 8, and the numbers of docs/explanation/mechanics.md."""
 
 from dataclasses import replace
 
@@ -127,7 +127,7 @@ def test_the_tendon_of_segment_2_goes_slack_in_the_c_form_and_the_segment_sags()
 
 def test_the_error_of_the_c_form_under_gravity():
     _, _, over_distance, over_length = compare('C')
-    # MECHANICS.md says 12.7 %; 12.63 % comes out with the rounded masses that it gives.
+    # 12.63 % with the rounded masses of docs/explanation/mechanics.md.
     assert over_distance == pytest.approx(0.127, abs=0.001)
     assert over_length == pytest.approx(0.104, abs=0.0005)
 

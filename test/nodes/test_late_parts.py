@@ -23,9 +23,9 @@ from soft_continuum.hardware.tendon_controller import (
     TendonLimits,
 )
 from soft_continuum.nodes import tendon_actuation, tendon_control
+from soft_continuum.nodes.managed_node import RestingStream
 from soft_continuum.nodes.tendon_actuation import TendonActuation
 from soft_continuum.nodes.tendon_control import Request, TendonControl
-from soft_continuum.nodes.threads import RestingStream
 from soft_continuum_interfaces.msg import MotionRequest
 from support.ros_rig import DEADLINE
 

@@ -258,7 +258,7 @@ def test_without_gravity_the_tendon_on_the_inside_carries_every_segment():
     plans, planner = planned(C_FORM, arm=ARM.without_gravity())
     for _, states in followed(planner, plans):
         assert states[-1].tensions[LEFT] == 0.0 < states[-1].tensions[RIGHT]
-    # MECHANICS.md: pulls of 16.496, 14.191 and 11.890 mm.
+    # docs/explanation/mechanics.md: pulls of 16.496, 14.191 and 11.890 mm.
     ends = [move.pulls[-1][RIGHT] for move in plans[0].moves]
     assert np.diff(ends, prepend=0.0) == pytest.approx([16.496e-3, 14.191e-3, 11.890e-3], abs=1e-6)
 

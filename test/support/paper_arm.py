@@ -14,7 +14,7 @@ LEAF_WIDTH = 0.0127  # m
 LEAF_THICKNESS = (0.50e-3, 0.35e-3, 0.25e-3)  # m
 OUTER_DIAMETER = (0.050, 0.0425, 0.035)  # m
 
-# Not published: estimated from the geometry (MECHANICS.md, fact 4).
+# Not published: estimated from the geometry (docs/explanation/mechanics.md).
 SEGMENT_MASS = (0.069, 0.050, 0.034)  # kg
 DISC_MASS = (0.060, 0.060, 0.045, 0.033)  # kg, base first
 

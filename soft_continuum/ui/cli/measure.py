@@ -1,7 +1,7 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
 """
-``tags``: prints what the camera measures.  ``measure``: sets shapes and measures the discs.
+``measure``: sets shapes and measures the discs.  ``tags``: writes printable tags.
 
 ``measure`` writes the input of identify and validate.
 """

@@ -453,14 +453,7 @@ def _obstacles(arm: 'Arm', options: Namespace, output: Output) -> int:
     return DONE
 
 
-def _tare(arm: 'Arm', _: Namespace, output: Output) -> int:
-    answers = arm.tare()
-    output.print('\n'.join(f'{node}: {answer}' for node, answer in answers.items()),
-                 result='done', answers=answers)
-    return DONE
-
-
-# The state, and what takes no options.
+# The whole arm.
 
 
 def _status(arm: 'Arm', _: Namespace, output: Output) -> int:
@@ -478,6 +471,13 @@ def _watch(arm: 'Arm', _: Namespace, output: Output) -> int:
             sleep(WATCH_PERIOD)
     except KeyboardInterrupt:
         return DONE
+
+
+def _tare(arm: 'Arm', _: Namespace, output: Output) -> int:
+    answers = arm.tare()
+    output.print('\n'.join(f'{node}: {answer}' for node, answer in answers.items()),
+                 result='done', answers=answers)
+    return DONE
 
 
 def _sure_options(parser: Parser) -> None:

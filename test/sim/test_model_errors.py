@@ -1,6 +1,6 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""The file of what a twin differs in is read, or refused with what is allowed."""
+"""The file of model errors of a twin is read, or refused with what is allowed."""
 
 import pytest
 import yaml
