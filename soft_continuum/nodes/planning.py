@@ -91,14 +91,17 @@ class Planning:
         """
         around, situation = self._scene(), self._situation
         kept = self._planned_before(situation, shapes, first)
+        going_on = any(one.found.better for one in kept)
 
         def known() -> list[ShapePlan]:
-            found = self._warned(shapes, (one.found.best() for one in kept))
+            found = [one.found for one in kept]  # who was shown it was warned
+            if going_on:
+                found = list(self._warned(shapes, (one.best() for one in found)))
             return [replace(plan, shape=replace(
                 plan.shape, name=shape.name, hold_time=shape.hold_time))
                 for plan, shape in zip(plans_of(shapes, found), shapes, strict=True)]
 
-        if any(one.found.better for one in kept):
+        if going_on:
             self._wanted = kept[0].search
             return self._thread.submit(known)
         if kept:

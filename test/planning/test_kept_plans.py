@@ -123,6 +123,19 @@ def test_a_shape_by_angles_is_planned_once_to_be_accepted_and_run(planning):
     assert moves_of(planning.plan([BOW])) is not accepted  # on its way it is planned again
 
 
+def test_whoever_was_shown_a_plan_is_not_warned_again_when_it_is_run(planning, monkeypatch):
+    def cut_short(*_):
+        yield replace(next(plan_shapes(*_)), cut_short=True)
+
+    plan_shapes, warnings = nodes_planning.plan_shapes, []
+    monkeypatch.setattr(nodes_planning, 'plan_shapes', cut_short)
+    monkeypatch.setattr(planning, '_warn', warnings.append)
+    planning.explain([BOW], 0.0, 0).result()
+    planning.plan([BOW], first=True).result()
+    planning.plan([BOW]).result()
+    assert len(warnings) == 1
+
+
 def test_each_goal_is_checked_by_a_plan_of_its_own(planning):
     accepted = moves_of(planning.plan([BOW], first=True))
     assert moves_of(planning.plan([BOW], first=True)) is not accepted
