@@ -1,8 +1,10 @@
 # Copyright 2026 The soft_continuum authors
 # SPDX-License-Identifier: Apache-2.0
-"""Plans that were shown are run, as long as nothing has changed since."""
+"""Plans that were shown are run unless something has changed, and are watched while they run."""
 
 from dataclasses import replace
+from math import inf
+from threading import Event
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,9 +14,9 @@ from soft_continuum.mechanics.chain import Chain
 from soft_continuum.nodes import planning as nodes_planning
 from soft_continuum.nodes.planning import Planning
 from soft_continuum.planning.obstacles import Box, CollisionScene, Obstacle
-from soft_continuum.planning.plan_watch import KeptPlans
+from soft_continuum.planning.plan_watch import KeptPlans, PlanGuard
 from soft_continuum.planning.planner import Planner
-from soft_continuum.planning.plans import PlanError, Shape, TipGoal
+from soft_continuum.planning.plans import PlanError, PlannedStep, Shape, ShapePlan, TipGoal
 from soft_continuum.planning.reach import ReachSettings
 from soft_continuum.planning.shape_plans import plan_shapes
 from soft_continuum.ros.estimates import Model
@@ -172,3 +174,37 @@ def test_a_search_is_given_up_when_something_has_changed_since_the_goal_was_acce
     planning.parameters['reach.states'] = 10
     with pytest.raises(PlanError, match='too small'):
         planning.plan([TIP]).result()
+
+
+# While a plan runs.
+
+STATE = Chain(ARM).straight()
+PLAN = ShapePlan(Shape('straight', (0.0,) * 3), (), STATE,
+                 (PlannedStep((STATE,), inf, '', 0.0, 0.0),))
+
+
+def guard(clearances):
+    around = SimpleNamespace(obstacles=('one',), clearances=clearances)
+    return PlanGuard({'obstacles.margin': 0.005, 'reach.max_deviation': 0.02}, lambda: around)
+
+
+def test_a_look_that_fails_is_told_once_so_that_the_run_can_be_wound_down():
+    def fail(states):
+        raise MemoryError
+
+    watching = guard(fail)
+    watching.problems(PLAN, 0, STATE)
+    watching.close()  # waits for the look
+    with pytest.raises(MemoryError):
+        watching.problems(PLAN, 0, STATE)
+    assert watching.problems(PLAN, 0, STATE)[:2] == ('', '')
+
+
+def test_a_plan_is_unseen_until_its_states_were_looked_at():
+    go = Event()
+    watching = guard(lambda states: go.wait() and [SimpleNamespace(distance=1.0, obstacle='one')])
+    assert watching.problems(PLAN, 0, STATE) == ('', '', True)
+    go.set()
+    watching.close()
+    assert watching.problems(PLAN, 0, STATE) == ('', '', False)
+    assert watching.problems(None, 0, STATE) == ('', '', False)
