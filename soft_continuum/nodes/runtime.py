@@ -23,9 +23,11 @@ from rclpy.exceptions import NameValidationException
 from rclpy.executors import Executor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
 
 from soft_continuum.hardware.real_time import ask_for_a_larger_share
 from soft_continuum.nodes.managed_node import ManagedNode
+from soft_continuum.parameters.arguments import Parser
 from soft_continuum.parameters.parameter import ParameterError
 from soft_continuum.ros.description import check_parameter_files
 from soft_continuum.ros.entries import make_executor
@@ -122,6 +124,9 @@ def run(name: str, args: Sequence[str] | None = None) -> int:
         if parent := os.environ.pop(PARENT, ''):
             end_with(int(parent))
         check_parameter_files(arguments, [name])
+        # rclpy ignores what is no ROS argument, such as --params-file without --ros-args.
+        Parser(name, f'Run the node {name}. It takes ROS arguments only, such as --ros-args '
+               '--params-file FILE -r __ns:=/NAME.').parse_args(remove_ros_args(arguments)[1:])
         require_log_folder(os.environ)
         discard_old_logs(os.environ)
         wait_until_up()

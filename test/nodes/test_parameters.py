@@ -68,6 +68,16 @@ def file(tmp_path):
     return write
 
 
+@pytest.mark.parametrize('node', ['kinematics', 'tendon_actuation'])
+def test_what_is_no_argument_of_ros_is_refused_and_help_is_given(start, node, capfd):
+    with pytest.raises(SystemExit, match='2'):
+        start(node, '--', '--params-file', 'rig.yaml')
+    assert 'unknown option --params-file' in capfd.readouterr().err
+    with pytest.raises(SystemExit, match='0'):
+        start(node, '--', '--help')
+    assert '--ros-args --params-file FILE' in ' '.join(capfd.readouterr().out.split())
+
+
 def assert_refused(answer, *reasons):
     """Claim that a node ended with status 2 and one line with all of the reasons."""
     status, text = answer

@@ -18,6 +18,7 @@ from typing import Any, TYPE_CHECKING
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.utilities import remove_ros_args
 import viser
 
 from soft_continuum.client import ClientError
@@ -150,7 +151,8 @@ def browser() -> int:
     parser = Parser('browser', 'Show the arm in a browser. All other arguments are those of a ROS '
                     'node.')
     add_view_options(parser)
-    options, rest = parser.parse_known_args()
+    options = parser.parse_args(remove_ros_args(sys.argv)[1:])
+    rest = parser.parse_known_args()[1]
     return run(parser, (), options, nullcontext(['browser', *rest]))
 
 
