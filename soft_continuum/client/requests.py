@@ -55,6 +55,7 @@ LOST_TIMEOUT = 10.0  # s without messages from the shape_sequencer until a seque
 ANSWER_PAUSE = 1.0
 """s to wait for a response once the state of the sequencer shows that it was sent."""
 REASON_TIMEOUT = 1.0  # s between the answer to a goal and the reason of its rejection
+PLAN_SHAPES = f'{SHAPE_SEQUENCER}/plan_shapes'
 
 
 class Requests(Tasks):
@@ -385,7 +386,7 @@ class Requests(Tasks):
             raise ValueError(f'states is {states}; allowed: 0 to {2**32 - 1}')
         messages = goal(shapes, 0.0).shapes
         return plan_from_ros(await self.call(
-            PlanShapes, f'{SHAPE_SEQUENCER}/plan_shapes', shapes=messages, time_limit=time_limit,
+            PlanShapes, PLAN_SHAPES, shapes=messages, time_limit=time_limit,
             states=states, within=PLANNING_TIMEOUT + TIP_TIMEOUT * len(messages)
             + 2.0 * time_limit * len(messages)))
 

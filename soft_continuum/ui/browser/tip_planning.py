@@ -7,11 +7,12 @@ from math import isfinite, pi
 from time import monotonic
 
 from soft_continuum.client import ClientError, Plan, PlanStep, Tip
-from soft_continuum.client.requests import Requests
+from soft_continuum.client.requests import PLAN_SHAPES, Requests
 from soft_continuum.client.tasks import until
 from soft_continuum.mechanics.arm import Arm
 from soft_continuum.mechanics.chain import Chain
 from soft_continuum.ui.browser.meshes import Points, points_of
+from soft_continuum_interfaces.srv import PlanShapes
 
 WHILE_DRAGGED, AT_REST = 1000, 0  # states evaluated for a plan; 0: as many as for Go
 LATE = 1.0  # s without an answer
@@ -51,6 +52,7 @@ class TipPlanning:
     def __init__(self, requests: Requests) -> None:
         """Start without a goal."""
         self._requests = requests
+        requests.client(PlanShapes, PLAN_SHAPES)  # a new one's first answer may get lost
         self._wanted: tuple[Tip, Arm, int] | None = None
         self._asked: tuple[Tip, Arm, int] | None = None
         self._awaited: object = None  # a quick request without an answer
