@@ -8,6 +8,7 @@ import subprocess
 from playwright.sync_api import expect
 import pytest
 from std_srvs.srv import SetBool
+from viser.infra._infra import WebsockServer
 
 from soft_continuum.ui.browser import limits
 from support.page import address_of, DEADLINE, Page, SLOW, start_view
@@ -67,6 +68,16 @@ def _long_log(monkeypatch):
     monkeypatch.setattr(limits, 'LINES', 1000)
     for each in (limits.LOG, limits.SERVER_LOG):
         monkeypatch.setattr(each, 'filters', [limits._RateLimit()])
+
+
+@pytest.fixture(autouse=True)
+def _ended_servers(monkeypatch):
+    """Wait until stopped servers have ended: they print it, into whatever test runs by then."""
+    start, servers = WebsockServer.start, []
+    monkeypatch.setattr(WebsockServer, 'start', lambda one: (servers.append(one), start(one))[1])
+    yield
+    for server in servers:
+        server._server_thread.join(DEADLINE)
 
 
 @pytest.fixture(scope='module')

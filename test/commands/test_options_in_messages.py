@@ -25,7 +25,7 @@ PACKAGE = Path(__file__).parents[2] / 'soft_continuum'
 OPTION = re.compile(r'(?<![\w-])--[a-z][a-z-]*')
 OF_A_VERB = re.compile(r'(?:^|[\s`"])(?P<verb>[a-z][a-z_-]+) (?P<option>--[a-z-]+)')
 """Such as: `soft_continuum doctor --network`."""
-OF_OTHERS = ('systemctl', 'udevadm', 'journalctl', 'pip', 'for a container')
+OF_OTHERS = ('systemctl', 'udevadm', 'journalctl', 'pip', 'for a container', '--ros-args')
 ADDED_BY = ('add_argument', 'Parser')
 GROUPS_OF_OPTIONS = ('FOR_ANALYSIS', 'FOR_NODES')
 
