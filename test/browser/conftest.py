@@ -57,6 +57,15 @@ for (const name of ['drawArrays', 'drawElements', 'drawArraysInstanced',
 """
 
 
+def _stop(server, stop=WebsockServer.stop):
+    """Stop, and wait: a server prints that it ended, into whatever test runs by then."""
+    stop(server)  # this waits for a second only
+    server._server_thread.join(DEADLINE)
+
+
+WebsockServer.stop = _stop
+
+
 def runs(browser):
     """Tell whether it is there, and not only the script of Ubuntu that asks for a snap."""
     return subprocess.run([browser, '--version'], capture_output=True).returncode == 0
@@ -68,16 +77,6 @@ def _long_log(monkeypatch):
     monkeypatch.setattr(limits, 'LINES', 1000)
     for each in (limits.LOG, limits.SERVER_LOG):
         monkeypatch.setattr(each, 'filters', [limits._RateLimit()])
-
-
-@pytest.fixture(autouse=True)
-def _ended_servers(monkeypatch):
-    """Wait until stopped servers have ended: they print it, into whatever test runs by then."""
-    start, servers = WebsockServer.start, []
-    monkeypatch.setattr(WebsockServer, 'start', lambda one: (servers.append(one), start(one))[1])
-    yield
-    for server in servers:
-        server._server_thread.join(DEADLINE)
 
 
 @pytest.fixture(scope='module')
