@@ -14,7 +14,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from soft_continuum.ui.browser.access import AccessError, open_server, page_address
-from soft_continuum.ui.browser.main import ui
+from soft_continuum.ui.browser.main import browser, ui
 
 TOKEN = 'a-token-of-this-test'
 PROTOCOL = f'viser-v{viser.__version__}'
@@ -175,4 +175,15 @@ def test_bad_arguments_are_named(arguments, reason, monkeypatch, capsys):
     with pytest.raises(SystemExit) as end:
         sys.exit(ui())
     assert end.value.code == 2
+    assert reason in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('arguments', 'reason'), [
+    (('--nonsense',), "unknown argument '--nonsense'"),
+    (('--ros-args', '-r', 'bad'), 'ROS rejects these arguments: --ros-args -r bad'),
+    (('--ros-args', '--params-file', '/nowhere.yaml'), '/nowhere.yaml: cannot be read')])
+def test_the_view_alone_takes_arguments_of_ros_and_names_others(
+        arguments, reason, monkeypatch, capsys):
+    monkeypatch.setattr(sys, 'argv', ['soft_continuum', '--port', '0', *arguments])
+    assert browser() == 2
     assert reason in capsys.readouterr().err

@@ -18,7 +18,6 @@ from typing import Any, TYPE_CHECKING
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.utilities import remove_ros_args
 import viser
 
 from soft_continuum.client import ClientError
@@ -151,8 +150,7 @@ def browser() -> int:
     parser = Parser('browser', 'Show the arm in a browser. All other arguments are those of a ROS '
                     'node.')
     add_view_options(parser)
-    options = parser.parse_args(remove_ros_args(sys.argv)[1:])
-    rest = parser.parse_known_args()[1]
+    options, rest = parser.parse_known_args()
     return run(parser, (), options, nullcontext(['browser', *rest]))
 
 

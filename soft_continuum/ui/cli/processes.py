@@ -13,6 +13,7 @@ from typing import Self
 
 import rclpy
 from rclpy.context import Context
+from rclpy.utilities import remove_ros_args
 
 from soft_continuum.extras import remedy
 from soft_continuum.nodes.runtime import argument_error, end_with, ROS_ARGUMENT_ERRORS, run
@@ -52,6 +53,8 @@ class NodeProcesses:
         except ROS_ARGUMENT_ERRORS as error:
             raise ParameterError(argument_error(arguments, error)) from None
         context.shutdown()
+        if other := remove_ros_args(arguments)[1:]:  # rclpy ignores it
+            raise ParameterError(f'unknown argument {other[0]!r}; those of ROS follow --ros-args')
         self._names, self._arguments = tuple(names), list(arguments[1:])
         self._output = output
         self._children: list[Child] = []
